@@ -1,0 +1,1 @@
+//! What the programs do, as calls: build, info, verify, render.

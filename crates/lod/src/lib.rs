@@ -1,0 +1,1 @@
+//! What to draw for a view: frustum, prefixes, budget; pure, without threads, files or GPU.

@@ -1,0 +1,24 @@
+//! What every part of Esker agrees on: the integer lattice of all coordinates, attributes and
+//! columnar batches of points, Morton codes, cells of the octree, the node-table type and the
+//! multiset hash. Knows no file format, no thread and no device.
+
+pub mod attribute;
+pub mod batch;
+pub mod cell;
+pub mod hash;
+pub mod lattice;
+pub mod morton;
+pub mod node;
+pub mod quant;
+pub mod schema;
+pub mod strata;
+pub mod task;
+
+pub use attribute::{AttrType, Attribute};
+pub use batch::{Batch, Column};
+pub use cell::Cell;
+pub use hash::MultisetHash;
+pub use lattice::{Grid, InputGrid, Lattice};
+pub use node::{Contour, Node, NodeTable};
+pub use schema::{ColourDepth, PointClass, Schema};
+pub use task::{Cancelled, Task};

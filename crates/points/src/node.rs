@@ -1,0 +1,214 @@
+//! The node table: one fixed-size record a node with everything that choosing, culling and reading need,
+//! and nothing else. 144 bytes a node (kanzok2015 has up to 184).
+
+use crate::cell::Cell;
+use bytemuck::{Pod, Zeroable};
+
+/// Levels a node can have; what is deeper in its n-tree joins the last.
+pub const LEVELS_MAX: usize = 16;
+/// "No node": the parent of the root.
+pub const NONE: u32 = u32::MAX;
+
+/// What a node stores for its cell. Little-endian on disk, in this order, without padding.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Node {
+    /// Corner of its cell.
+    pub corner: [u32; 3],
+    /// Log2 of the cell's edge in steps.
+    pub cell_log2: u8,
+    /// Bits 0-1: dimension of its n-tree (n = 2^dimension; 0 is a single point, 1 a line, 2 a plane,
+    /// 3 a volume). Bit 2: the contour is oriented (else axis-parallel). Bit 3: it continues its parent
+    /// (same cell, more coincident points).
+    pub shape: u8,
+    /// Number of children, which stand one after the other in the table, in Morton order.
+    pub child_count: u8,
+    /// Number of levels.
+    pub level_count: u8,
+    /// Index of its parent, [`NONE`] for the root.
+    pub parent: u32,
+    /// Index of the first child; 0 where there is none.
+    pub first_child: u32,
+    /// Points of each level, three bytes each, little-endian.
+    pub level_counts: [[u8; 3]; LEVELS_MAX],
+    /// Centre of its contour, from the cell's corner, in the file's unit.
+    pub contour_centre: [f32; 3],
+    /// Half the contour's edges along its own axes, in the file's unit; the third is the shortest.
+    pub contour_half: [f32; 3],
+    /// The contour's axes as a unit quaternion x, y, z, w, times 32767: turns its axes into the world's.
+    pub contour_rotation: [i16; 4],
+    /// Where its points lie on the contour's plane (first and second axis), 8 x 8: bit `v * 8 + u`.
+    pub occupancy: u64,
+    /// Typical distance of points when all of this node and its ancestors' are drawn, in the file's unit.
+    pub spacing: f32,
+    /// Lowest corner of the integer box of its own points: the base of hot positions.
+    pub box_min: [u32; 3],
+    /// Bits a hot position drops.
+    pub hot_shift: u8,
+    /// Zero.
+    pub reserved: [u8; 3],
+    /// Bytes of its page.
+    pub page_bytes: u32,
+    /// Place of its page in the file.
+    pub page_offset: u64,
+}
+
+const _: () = assert!(size_of::<Node>() == 144 && size_of::<Node>() <= 184);
+
+/// Set in [`Node::shape`] where the contour is oriented.
+pub const SHAPE_ORIENTED: u8 = 4;
+/// Set in [`Node::shape`] of a continuation.
+pub const SHAPE_CONTINUATION: u8 = 8;
+
+impl Node {
+    /// Its cell.
+    pub fn cell(&self) -> Cell {
+        Cell { corner: self.corner, log2: self.cell_log2 }
+    }
+
+    /// Dimension of its n-tree: 0 to 3.
+    pub fn dimension(&self) -> u32 {
+        u32::from(self.shape & 3)
+    }
+
+    /// Whether it continues its parent.
+    pub fn is_continuation(&self) -> bool {
+        self.shape & SHAPE_CONTINUATION != 0
+    }
+
+    /// Points of each of its levels.
+    pub fn levels(&self) -> impl Iterator<Item = usize> + '_ {
+        self.level_counts[..usize::from(self.level_count).min(LEVELS_MAX)]
+            .iter()
+            .map(|c| c[0] as usize | (c[1] as usize) << 8 | (c[2] as usize) << 16)
+    }
+
+    /// Sets the points of each level.
+    ///
+    /// # Panics
+    /// If there are more than [`LEVELS_MAX`] levels, or one of 2^24 points or more.
+    pub fn set_levels(&mut self, counts: &[usize]) {
+        assert!(counts.len() <= LEVELS_MAX);
+        self.level_counts = [[0; 3]; LEVELS_MAX];
+        self.level_count = counts.len() as u8;
+        for (slot, &n) in self.level_counts.iter_mut().zip(counts) {
+            assert!(n < 1 << 24);
+            *slot = [n as u8, (n >> 8) as u8, (n >> 16) as u8];
+        }
+    }
+
+    /// Number of its own points.
+    pub fn points(&self) -> usize {
+        self.levels().sum()
+    }
+
+    /// Indices of its children.
+    pub fn children(&self) -> std::ops::Range<u32> {
+        self.first_child..self.first_child.saturating_add(u32::from(self.child_count))
+    }
+
+    /// The contour in numbers.
+    pub fn contour(&self) -> Contour {
+        let q = self.contour_rotation.map(|c| f64::from(c) / 32767.0);
+        Contour {
+            centre: self.contour_centre.map(f64::from),
+            half: self.contour_half.map(f64::from),
+            axes: axes_of(q),
+        }
+    }
+}
+
+/// A box around all of a node's own points; the third axis is the shortest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contour {
+    /// Centre, from the cell's corner, in the file's unit.
+    pub centre: [f64; 3],
+    /// Half its edges.
+    pub half: [f64; 3],
+    /// Its axes in the world, unit vectors.
+    pub axes: [[f64; 3]; 3],
+}
+
+/// The axes (columns of the rotation matrix) of a quaternion x, y, z, w, which is normalised first.
+fn axes_of(q: [f64; 4]) -> [[f64; 3]; 3] {
+    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let [x, y, z, w] = if norm > 1e-6 { q.map(|c| c / norm) } else { [0.0, 0.0, 0.0, 1.0] };
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)],
+        [2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * w)],
+        [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+/// The stored quaternion of a right-handed orthonormal frame given by its axes, and the axes that the
+/// stored, rounded quaternion stands for (bounds must be taken in those).
+pub fn pack_rotation(axes: [[f64; 3]; 3]) -> ([i16; 4], [[f64; 3]; 3]) {
+    let [a, b, c] = axes;
+    let trace = a[0] + b[1] + c[2];
+    // The largest of the four components is computed first, so that nothing divides by a small number.
+    let q = if trace > 0.0 {
+        let s = 2.0 * (trace + 1.0).sqrt();
+        [(b[2] - c[1]) / s, (c[0] - a[2]) / s, (a[1] - b[0]) / s, s / 4.0]
+    } else if a[0] >= b[1] && a[0] >= c[2] {
+        let s = 2.0 * (1.0 + a[0] - b[1] - c[2]).sqrt();
+        [s / 4.0, (b[0] + a[1]) / s, (c[0] + a[2]) / s, (b[2] - c[1]) / s]
+    } else if b[1] >= c[2] {
+        let s = 2.0 * (1.0 + b[1] - a[0] - c[2]).sqrt();
+        [(b[0] + a[1]) / s, s / 4.0, (c[1] + b[2]) / s, (c[0] - a[2]) / s]
+    } else {
+        let s = 2.0 * (1.0 + c[2] - a[0] - b[1]).sqrt();
+        [(c[0] + a[2]) / s, (c[1] + b[2]) / s, s / 4.0, (a[1] - b[0]) / s]
+    };
+    let packed = q.map(|c| (c * 32767.0).round().clamp(-32767.0, 32767.0) as i16);
+    (packed, axes_of(packed.map(|c| f64::from(c) / 32767.0)))
+}
+
+/// All nodes of a tree; the root is first, parents stand before their children.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NodeTable {
+    /// The records.
+    pub nodes: Vec<Node>,
+}
+
+impl NodeTable {
+    /// The root, where there is any node.
+    pub fn root(&self) -> Option<&Node> {
+        self.nodes.first()
+    }
+
+    /// Depth of each node: 0 for the root.
+    pub fn depths(&self) -> Vec<u32> {
+        let mut depths = vec![0u32; self.nodes.len()];
+        for (i, node) in self.nodes.iter().enumerate().skip(1) {
+            let above = depths.get(node.parent as usize).copied().unwrap_or(0);
+            depths[i] = above + 1;
+        }
+        depths
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn level_counts_survive() {
+        let mut node = Node::zeroed();
+        node.set_levels(&[33, 0, 70_000, 1]);
+        assert_eq!(node.levels().collect::<Vec<_>>(), [33, 0, 70_000, 1]);
+        assert_eq!(node.points(), 70_034);
+    }
+
+    proptest! {
+        #[test]
+        fn packed_rotations_turn_axes_by_less_than_a_ten_thousandth(q in [-1.0f64..1.0, -1.0f64..1.0, -1.0f64..1.0, -1.0f64..1.0]) {
+            prop_assume!(q.iter().map(|c| c * c).sum::<f64>() > 1e-3);
+            let axes = axes_of(q);
+            let (_, again) = pack_rotation(axes);
+            for (a, b) in axes.iter().flatten().zip(again.iter().flatten()) {
+                prop_assert!((a - b).abs() < 1e-4, "{axes:?} {again:?}");
+            }
+        }
+    }
+}

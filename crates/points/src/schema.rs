@@ -1,0 +1,103 @@
+//! The attribute schema of a source or a file, the classes of points in a file whose sources
+//! differ, and the question whether 16-bit colour fields hold 8-bit values.
+
+use crate::attribute::{AttrType, Attribute, names};
+use crate::hash::layout_seed;
+use serde::{Deserialize, Serialize};
+
+/// Attributes in canonical order: by name, then type; no two alike.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Schema {
+    /// The attributes.
+    pub attributes: Vec<Attribute>,
+}
+
+impl Schema {
+    /// Sorts into canonical order. Of two attributes of equal name and type the later one gets a
+    /// number behind its name, so that nothing is lost.
+    pub fn new(mut attributes: Vec<Attribute>) -> Self {
+        let mut seen = std::collections::HashSet::new();
+        for a in &mut attributes {
+            let base = a.name.clone();
+            let mut n = 2;
+            while !seen.insert((a.name.clone(), a.ty)) {
+                a.name = format!("{base}#{n}");
+                n += 1;
+            }
+        }
+        attributes.sort_by(|a, b| a.key().cmp(&b.key()));
+        Self { attributes }
+    }
+
+    /// Index of the attribute of this name, of the first type where there are several.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.attributes.iter().position(|a| a.name == name)
+    }
+
+    /// Index of the attribute of this name and type.
+    pub fn find_typed(&self, name: &str, ty: AttrType) -> Option<usize> {
+        self.attributes.iter().position(|a| a.name == name && a.ty == ty)
+    }
+
+    /// Bytes of all attribute values of one point.
+    pub fn record_bytes(&self) -> usize {
+        self.attributes.iter().map(|a| a.ty.size()).sum()
+    }
+
+    /// The union with another schema, in canonical order.
+    pub fn union(&self, other: &Self) -> Self {
+        let mut all = self.attributes.clone();
+        all.extend(
+            other.attributes.iter().filter(|a| self.find_typed(&a.name, a.ty).is_none()).cloned(),
+        );
+        Self::new(all)
+    }
+
+    /// Indices of red, green, blue where all three are there with one type, `u8` or `u16`
+    /// (16-bit first where both are).
+    pub fn rgb(&self) -> Option<[usize; 3]> {
+        [AttrType::U16, AttrType::U8].into_iter().find_map(|ty| {
+            Some([
+                self.find_typed(names::RED, ty)?,
+                self.find_typed(names::GREEN, ty)?,
+                self.find_typed(names::BLUE, ty)?,
+            ])
+        })
+    }
+
+    /// Indices of nx, ny, nz where all three are there as `f32`.
+    pub fn normals(&self) -> Option<[usize; 3]> {
+        Some([
+            self.find_typed(names::NX, AttrType::F32)?,
+            self.find_typed(names::NY, AttrType::F32)?,
+            self.find_typed(names::NZ, AttrType::F32)?,
+        ])
+    }
+}
+
+/// What the 16-bit colour fields of a source hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColourDepth {
+    /// Values over the full 16 bits (or 8 bits in the high byte): the high byte is drawn.
+    Sixteen,
+    /// Values of 0 to 255 in 16-bit fields: the low byte is drawn.
+    Eight,
+}
+
+/// Points of one set of attributes. A file whose sources all have the same has one class; else a
+/// plane tells the class of each point, and absent values are known as absent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointClass {
+    /// Which attributes of the file's schema its points have, ascending indices.
+    pub present: Vec<u16>,
+    /// What its 16-bit colour fields hold.
+    pub colour_depth: ColourDepth,
+}
+
+impl PointClass {
+    /// Seed of the multiset hash for points of this class (see [`crate::hash`]).
+    pub fn seed(&self, schema: &Schema) -> u64 {
+        layout_seed(self.present.iter().map(|&i| schema.attributes[usize::from(i)].key()))
+    }
+}

@@ -1,0 +1,1 @@
+//! Passes from points to a picture: project, pull, push, shade.

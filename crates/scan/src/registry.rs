@@ -1,0 +1,42 @@
+//! The formats that are read, in the order in which they are tried.
+
+use crate::error::ScanError;
+use crate::source::{Format, OpenOptions, Source};
+use esker_points::Task;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// All formats; text comes last, since nearly anything could be text.
+pub static FORMATS: &[Format] = &[];
+
+/// Bytes of a file's beginning by which its format is told.
+const HEAD_BYTES: u64 = 4096;
+
+/// Opens a scan, its format told by its content.
+///
+/// # Errors
+/// Where the file cannot be read, is of no known format, or is damaged.
+pub fn open(
+    path: &Path,
+    options: &OpenOptions,
+    task: &dyn Task,
+) -> Result<Box<dyn Source>, ScanError> {
+    let io = |source| ScanError::io(path, source);
+    let file = File::open(path).map_err(io)?;
+    if file.metadata().map_err(io)?.is_dir() {
+        return Err(ScanError::unsupported(path, "is a folder; name the scan files in it"));
+    }
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
+    if head.is_empty() {
+        return Err(ScanError::damaged(path, "the file is empty"));
+    }
+    match FORMATS.iter().find(|f| (f.recognises)(&head)) {
+        Some(format) => (format.open)(path, options, task),
+        None => {
+            let known: Vec<_> = FORMATS.iter().map(|f| f.name).collect();
+            Err(ScanError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })
+        }
+    }
+}
