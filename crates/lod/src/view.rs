@@ -1,0 +1,252 @@
+//! The view: a pinhole camera in world coordinates (the file's unit, `f64`) and the picture's size.
+//! View space has x to the right, y up, and looks along -z; pixels count from the top left corner.
+//! Made here from eye and target, or fitted to a box; consumed by the choice and by the renderer.
+
+use glam::{DMat3, DVec2, DVec3};
+
+/// Least and greatest vertical field of view, radians: what is outside is clamped.
+const FOVY_MIN_RAD: f64 = 1e-4;
+const FOVY_MAX_RAD: f64 = 3.1;
+/// The near plane's distance over the distance of what is looked at.
+const NEAR_SHARE: f64 = 1e-4;
+/// Room left around a fitted box, as a factor on the distance.
+const FIT_MARGIN: f64 = 1.02;
+
+/// A pinhole camera and the size of its picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where it stands, world, the file's unit.
+    pub eye: DVec3,
+    /// Its axes in the world, orthonormal: right, up, back (it looks along -z).
+    pub world_from_view: DMat3,
+    /// Vertical field of view, radians, in (0, pi).
+    pub fovy_rad: f64,
+    /// Width of the picture, pixels, at least 1.
+    pub width: u32,
+    /// Height of the picture, pixels, at least 1.
+    pub height: u32,
+    /// What is nearer along the view direction than this is not drawn; positive, the file's unit.
+    pub near: f64,
+}
+
+impl View {
+    /// Looks from `eye` at `target`, with `up` as far upwards as can be. A target at the eye is looked
+    /// at along the world's y; an `up` that is zero or along the view is
+    /// replaced by the world's z, or y where that is along the view too.
+    pub fn look_at(
+        eye: DVec3,
+        target: DVec3,
+        up: DVec3,
+        fovy_rad: f64,
+        width: u32,
+        height: u32,
+    ) -> Self {
+        let towards = target - eye;
+        let forward = direction_or(towards, DVec3::Y);
+        let distance = towards.length();
+        let distance = if distance.is_finite() && distance > 0.0 { distance } else { 1.0 };
+        Self {
+            eye,
+            world_from_view: axes(forward, up),
+            fovy_rad: clamp_fovy(fovy_rad),
+            width: width.max(1),
+            height: height.max(1),
+            near: (distance * NEAR_SHARE).max(f64::MIN_POSITIVE),
+        }
+    }
+
+    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of
+    /// it. Up is the world's z where that can be. A box without extent is looked at from distance 1.
+    pub fn fit(
+        bounds_min: DVec3,
+        bounds_max: DVec3,
+        direction: DVec3,
+        fovy_rad: f64,
+        width: u32,
+        height: u32,
+    ) -> Self {
+        let centre = bounds_min.midpoint(bounds_max);
+        let half = (bounds_max - bounds_min) * 0.5;
+        let forward = direction_or(direction, DVec3::NEG_Z);
+        let world_from_view = axes(forward, DVec3::Z);
+        let fovy_rad = clamp_fovy(fovy_rad);
+        let tan_y = (fovy_rad * 0.5).tan();
+        let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
+        let mut distance = 0.0f64;
+        for corner in 0..8 {
+            let sign = |bit: u32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            let offset = DVec3::new(sign(0), sign(1), sign(2)) * half;
+            let v = world_from_view.transpose() * offset;
+            distance = distance.max(v.z + (v.x.abs() / tan_x).max(v.y.abs() / tan_y));
+        }
+        distance *= FIT_MARGIN;
+        if !(distance.is_finite() && distance > 0.0) {
+            distance = 1.0;
+        }
+        Self::look_at(centre - forward * distance, centre, DVec3::Z, fovy_rad, width, height)
+    }
+
+    /// Half the tangent span of the picture: horizontal, vertical.
+    pub fn tan_half(&self) -> DVec2 {
+        let y = (self.fovy_rad * 0.5).tan();
+        DVec2::new(y * f64::from(self.width) / f64::from(self.height), y)
+    }
+
+    /// Pixels that a unit of length takes at unit eye depth; pixels are square.
+    pub fn focal_px(&self) -> f64 {
+        f64::from(self.height) * 0.5 / (self.fovy_rad * 0.5).tan()
+    }
+
+    /// The direction it looks along, unit length.
+    pub fn forward(&self) -> DVec3 {
+        -self.world_from_view.z_axis
+    }
+
+    /// Rotation from the world's axes to the view's.
+    pub fn view_from_world(&self) -> DMat3 {
+        self.world_from_view.transpose()
+    }
+
+    /// A world point in view space: right, up, back.
+    pub fn to_view(&self, world: DVec3) -> DVec3 {
+        self.view_from_world() * (world - self.eye)
+    }
+
+    /// Eye depth of a world point: its distance along the view direction, the file's unit.
+    pub fn depth(&self, world: DVec3) -> f64 {
+        self.forward().dot(world - self.eye)
+    }
+
+    /// A point of view space on the picture: x, y in pixels from the top left corner (pixel centres
+    /// at one half), z its eye depth. `None` where it is nearer than the near plane.
+    pub fn project_view(&self, v: DVec3) -> Option<DVec3> {
+        let depth = -v.z;
+        if !(depth >= self.near) {
+            return None;
+        }
+        let scale = self.focal_px() / depth;
+        Some(DVec3::new(
+            f64::from(self.width) * 0.5 + v.x * scale,
+            f64::from(self.height) * 0.5 - v.y * scale,
+            depth,
+        ))
+    }
+
+    /// A world point on the picture, as [`View::project_view`].
+    pub fn project(&self, world: DVec3) -> Option<DVec3> {
+        self.project_view(self.to_view(world))
+    }
+
+    /// Whether a projected point lies on the picture.
+    pub fn is_on_picture(&self, projected: DVec3) -> bool {
+        (0.0..f64::from(self.width)).contains(&projected.x)
+            && (0.0..f64::from(self.height)).contains(&projected.y)
+    }
+}
+
+/// Right, up and back for a view along `forward` (unit).
+fn axes(forward: DVec3, up: DVec3) -> DMat3 {
+    let back = -forward;
+    let right = [up, DVec3::Z, DVec3::Y]
+        .into_iter()
+        .find_map(|up| sideways(forward, up))
+        .unwrap_or(DVec3::X);
+    DMat3::from_cols(right, back.cross(right), back)
+}
+
+/// The direction to the right, `None` where `up` is (nearly) along the view or not a direction.
+fn sideways(forward: DVec3, up: DVec3) -> Option<DVec3> {
+    let up = unit(up)?;
+    let right = forward.cross(up);
+    if right.length() < 1e-6 { None } else { unit(right) }
+}
+
+fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
+    unit(v).unwrap_or(fallback)
+}
+
+/// Unit vector, also of very short and very long ones; `None` for zero and what is not finite.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let greatest = v.abs().max_element();
+    if !(greatest.is_finite() && greatest > 0.0) || !v.is_finite() {
+        return None;
+    }
+    (v / greatest).try_normalize()
+}
+
+fn clamp_fovy(fovy_rad: f64) -> f64 {
+    if fovy_rad.is_finite() { fovy_rad.clamp(FOVY_MIN_RAD, FOVY_MAX_RAD) } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector(range: f64) -> impl Strategy<Value = DVec3> {
+        (-range..range, -range..range, -range..range).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+    }
+
+    fn assert_orthonormal(m: DMat3) {
+        assert!((m.determinant() - 1.0).abs() < 1e-9, "{m}");
+        let identity = m.transpose() * m;
+        assert!(identity.abs_diff_eq(DMat3::IDENTITY, 1e-9), "{identity}");
+    }
+
+    #[test]
+    fn degenerate_directions_still_give_a_camera() {
+        let ups = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::splat(f64::NAN)];
+        let targets = [DVec3::ZERO, DVec3::X, DVec3::Y, -DVec3::Z, DVec3::X * 1e-300];
+        for up in ups {
+            for target in targets {
+                let view = View::look_at(DVec3::ZERO, target, up, 1.0, 64, 64);
+                assert_orthonormal(view.world_from_view);
+                assert!(view.near > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn the_target_is_in_the_middle_and_up_is_up() {
+        let view = View::look_at(DVec3::new(0.0, -10.0, 0.0), DVec3::ZERO, DVec3::Z, 1.0, 200, 100);
+        let middle = view.project(DVec3::ZERO).unwrap();
+        assert!(middle.abs_diff_eq(DVec3::new(100.0, 50.0, 10.0), 1e-9));
+        assert!(view.project(DVec3::Z).unwrap().y < 50.0, "the world's up is up in the picture");
+        assert!(view.project(DVec3::X).unwrap().x > 100.0, "the world's x is to the right");
+        assert_eq!(view.project(DVec3::new(0.0, -10.0, 0.0)), None);
+    }
+
+    #[test]
+    fn a_box_without_extent_can_be_fitted() {
+        let p = DVec3::new(1e7, 2e7, 3.0);
+        let view = View::fit(p, p, -DVec3::Z, 1.0, 10, 10);
+        assert_orthonormal(view.world_from_view);
+        assert!(view.is_on_picture(view.project(p).unwrap()));
+    }
+
+    proptest! {
+        #[test]
+        fn a_fitted_box_is_wholly_on_the_picture(
+            a in vector(1e4), extent in vector(1e3), direction in vector(1.0),
+            fovy in 0.1f64..2.5, width in 1u32..500, height in 1u32..500,
+        ) {
+            let b = a + extent.abs();
+            let view = View::fit(a, b, direction, fovy, width, height);
+            assert_orthonormal(view.world_from_view);
+            for corner in 0..8u32 {
+                let pick = |bit: u32, axis: usize| if corner >> bit & 1 == 1 { b[axis] } else { a[axis] };
+                let p = DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2));
+                let on = view.project(p);
+                prop_assert!(on.is_some_and(|on| view.is_on_picture(on)), "{:?}", on);
+            }
+        }
+
+        #[test]
+        fn to_view_keeps_lengths_and_depth_is_minus_z(eye in vector(1e6), target in vector(1e6), p in vector(1e6)) {
+            let view = View::look_at(eye, target, DVec3::Z, 1.0, 640, 480);
+            let v = view.to_view(p);
+            prop_assert!((v.length() - (p - eye).length()).abs() < 1e-6);
+            prop_assert!((view.depth(p) + v.z).abs() < 1e-6);
+        }
+    }
+}
