@@ -1,1 +1,31 @@
-//! The bytes of the .esker file: writer, reader, verify; the only crate that knows them.
+//! The bytes of the .esker file: writer, reader, verify; the only crate that knows them. A node's points
+//! go in as [`PagePoints`] and come out again to the bit; in between stand pages of planes, the node
+//! table, statistics, metadata and a footer, specified to the byte in `data-format/SPEC.md`.
+
+#[cfg(target_endian = "big")]
+compile_error!("the node table is used as it lies on disk, little-endian");
+
+pub mod columns;
+pub mod directory;
+pub mod error;
+pub mod footer;
+pub mod layout;
+pub mod metadata;
+pub mod page;
+pub mod read_at;
+pub mod reader;
+pub mod statistics;
+pub mod table;
+pub mod verify;
+pub mod writer;
+
+pub use error::FormatError;
+pub use footer::{Footer, VERSION};
+pub use layout::{PageLayout, PlaneKind};
+pub use metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
+pub use page::{Page, PagePoints, encode_page};
+pub use read_at::{FileSource, ReadAt};
+pub use reader::{EskerFile, Planes};
+pub use statistics::{Histograms, NodeStatistics, Ranges, Statistics};
+pub use verify::{VerifyReport, verify};
+pub use writer::FileWriter;

@@ -1,0 +1,158 @@
+//! A page's directory: one entry a plane with its kind, encoding, place, length and checksum. Entries
+//! stand in the file's order of planes; what is not as computed is damage.
+
+use crate::error::Fault;
+use crate::layout::{
+    ALIGNMENT, DIRECTORY_ENTRY_BYTES, DIRECTORY_HEAD_BYTES, PageLayout, PlaneKind, PlaneSpec,
+};
+use std::ops::Range;
+
+/// First bytes of every page.
+pub const PAGE_MAGIC: [u8; 4] = *b"ESPG";
+
+/// How a plane's values are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// One value a point.
+    Raw,
+    /// One value for all points; cold planes only.
+    Constant,
+}
+
+/// One plane of one page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// How it is stored; `None` for an encoding of an unknown kind of plane.
+    pub encoding: Option<Encoding>,
+    /// Place from the start of the page.
+    pub offset: u32,
+    /// Length on disk.
+    pub bytes: u32,
+    /// CRC-32 of those bytes.
+    pub crc: u32,
+}
+
+impl Entry {
+    /// Its place as indices into the page.
+    pub fn range(&self) -> Range<usize> {
+        self.offset as usize..self.offset as usize + self.bytes as usize
+    }
+}
+
+/// The directory of one page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Directory {
+    /// One entry a plane, in the layout's order.
+    pub entries: Vec<Entry>,
+}
+
+impl Directory {
+    /// Its bytes for a page of so many points.
+    pub(crate) fn encode(&self, layout: &PageLayout, points: usize) -> Vec<u8> {
+        let mut out = Vec::with_capacity(layout.directory_bytes());
+        out.extend_from_slice(&PAGE_MAGIC);
+        out.extend_from_slice(&(points as u32).to_le_bytes());
+        out.extend_from_slice(&(self.entries.len() as u16).to_le_bytes());
+        out.extend_from_slice(&[0; 2]);
+        for (plane, entry) in layout.planes().iter().zip(&self.entries) {
+            out.extend_from_slice(&plane.kind.number().to_le_bytes());
+            out.extend_from_slice(&plane.kind.attribute().to_le_bytes());
+            out.push(u8::from(entry.encoding == Some(Encoding::Constant)));
+            out.extend_from_slice(&[0; 3]);
+            for field in [entry.offset, entry.bytes, entry.crc] {
+                out.extend_from_slice(&field.to_le_bytes());
+            }
+        }
+        let crc = crc32fast::hash(&out);
+        out.extend_from_slice(&crc.to_le_bytes());
+        out
+    }
+
+    /// Reads and checks the directory at the start of `page` (at least [`PageLayout::directory_bytes`]
+    /// long) of a node with so many points, whose page has `page_bytes`.
+    pub(crate) fn decode(
+        layout: &PageLayout,
+        page: &[u8],
+        points: usize,
+        hot_shift: u8,
+        page_bytes: u32,
+    ) -> Result<Self, Fault> {
+        let fault = |what: &str| Err(Fault::new("directory", what));
+        let Some(bytes) = page.get(..layout.directory_bytes()) else {
+            return fault("the page is shorter than its directory");
+        };
+        let (body, crc) = bytes.split_at(bytes.len() - 4);
+        if u32_at(crc, 0) != crc32fast::hash(body) {
+            return fault("its checksum does not match");
+        }
+        let count = usize::from(u16_at(body, 8));
+        if body[..4] != PAGE_MAGIC || u16_at(body, 10) != 0 || count != layout.planes().len() {
+            return fault("it is not that of a page of this file");
+        }
+        if u32_at(body, 4) as usize != points {
+            return fault("its count of points is not that of the node");
+        }
+        let mut end = layout.directory_bytes() as u64;
+        let mut entries = Vec::with_capacity(count);
+        let records = body[DIRECTORY_HEAD_BYTES..].chunks_exact(DIRECTORY_ENTRY_BYTES);
+        for (plane, record) in layout.planes().iter().zip(records) {
+            let entry = decode_entry(plane, record, points, hot_shift)?;
+            if u64::from(entry.offset) != end.next_multiple_of(ALIGNMENT) {
+                return fault("a plane is not where it should be");
+            }
+            end = u64::from(entry.offset) + u64::from(entry.bytes);
+            entries.push(entry);
+        }
+        if end.next_multiple_of(ALIGNMENT) != u64::from(page_bytes) {
+            return fault("the planes do not fill the page");
+        }
+        Ok(Self { entries })
+    }
+}
+
+fn decode_entry(
+    plane: &PlaneSpec,
+    record: &[u8],
+    points: usize,
+    hot_shift: u8,
+) -> Result<Entry, Fault> {
+    let fault = |what: &str| Err(Fault::new("directory", what));
+    if u16_at(record, 0) != plane.kind.number() || u16_at(record, 2) != plane.kind.attribute() {
+        return fault("a plane is not of the kind that the metadata lists");
+    }
+    if record[5..8] != [0; 3] {
+        return fault("reserved bytes are not zero");
+    }
+    let mut entry = Entry {
+        encoding: None,
+        offset: u32_at(record, 8),
+        bytes: u32_at(record, 12),
+        crc: u32_at(record, 16),
+    };
+    let raw_bytes = PageLayout::raw_bytes(plane, points, hot_shift);
+    if !plane.hot && matches!(plane.kind, PlaneKind::Unknown(_)) {
+        return Ok(entry);
+    }
+    let (encoding, expected) = match record[4] {
+        0 => (Encoding::Raw, raw_bytes),
+        1 if !plane.hot => (Encoding::Constant, u64::from(plane.value_bytes)),
+        _ => return fault("a plane's encoding is unknown"),
+    };
+    if u64::from(entry.bytes) != expected {
+        return fault("a plane's length does not suit the node's points");
+    }
+    entry.encoding = Some(encoding);
+    Ok(entry)
+}
+
+pub(crate) fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([bytes[at], bytes[at + 1]])
+}
+
+pub(crate) fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+pub(crate) fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
+}

@@ -1,0 +1,312 @@
+//! Which planes the pages of a file have, and where: derived from schema and classes, stored in the
+//! metadata. Hot planes are raw and stand first, so that their places follow from a node's record alone;
+//! cold planes are found through the page's directory.
+
+use crate::error::Fault;
+use esker_points::attribute::names;
+use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
+use esker_points::{AttrType, ColourDepth, PointClass, Schema};
+use std::ops::Range;
+
+/// Pages, and planes in their page, start at multiples of this.
+pub const ALIGNMENT: u64 = 64;
+/// Bytes of a page's directory before its entries.
+pub const DIRECTORY_HEAD_BYTES: usize = 12;
+/// Bytes of one entry of a page's directory.
+pub const DIRECTORY_ENTRY_BYTES: usize = 20;
+/// "No attribute" in a directory entry.
+pub const NO_ATTRIBUTE: u16 = u16::MAX;
+/// Attributes or classes a file can have.
+pub const ATTRIBUTES_MAX: usize = 65_000;
+
+/// What a plane holds. Numbers on disk in [`PlaneKind::number`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PlaneKind {
+    /// Hot: three `u16` of [`esker_points::quant::hot`], the log-u8 radius, a zero byte.
+    Position,
+    /// The bits that hot positions drop, as [`esker_points::quant::push_residual`] lays them out.
+    Residual,
+    /// Hot: red, green, blue, 255; all zero for a point without colour.
+    Colour,
+    /// Hot: `u16`.
+    Intensity,
+    /// Hot: two `i16` of [`esker_points::quant::oct_encode`].
+    Normal,
+    /// Reserved: tangents of splats.
+    Tangents,
+    /// Reserved: clip lines of splats.
+    ClipLines,
+    /// Index of each point's class, `u16`; only where the file has several.
+    Class,
+    /// The byte of each 16-bit red, green, blue that the colour plane does not hold.
+    ColourRemainder,
+    /// Exact values of one attribute, given by its index in the schema.
+    Attribute(u16),
+    /// A kind that this version does not know; skipped.
+    Unknown(u16),
+}
+
+impl PlaneKind {
+    /// Its number on disk.
+    pub fn number(self) -> u16 {
+        match self {
+            Self::Position => 1,
+            Self::Residual => 2,
+            Self::Colour => 3,
+            Self::Intensity => 4,
+            Self::Normal => 5,
+            Self::Tangents => 6,
+            Self::ClipLines => 7,
+            Self::Class => 8,
+            Self::ColourRemainder => 9,
+            Self::Attribute(_) => 10,
+            Self::Unknown(number) => number,
+        }
+    }
+
+    /// The attribute it belongs to, [`NO_ATTRIBUTE`] for most.
+    pub fn attribute(self) -> u16 {
+        if let Self::Attribute(index) = self { index } else { NO_ATTRIBUTE }
+    }
+
+    /// The kind of this number and attribute.
+    pub fn from_number(number: u16, attribute: u16) -> Self {
+        match number {
+            1 => Self::Position,
+            2 => Self::Residual,
+            3 => Self::Colour,
+            4 => Self::Intensity,
+            5 => Self::Normal,
+            6 => Self::Tangents,
+            7 => Self::ClipLines,
+            8 => Self::Class,
+            9 => Self::ColourRemainder,
+            10 => Self::Attribute(attribute),
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+/// One plane of every page of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlaneSpec {
+    /// What it holds.
+    pub kind: PlaneKind,
+    /// Whether it is always raw, so that its place follows from the node's record.
+    pub hot: bool,
+    /// Bytes of a point's value; 0 for the residual, whose size follows from the node's hot shift.
+    pub value_bytes: u32,
+}
+
+/// Where a class of points has its colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ColourSource {
+    /// Attributes red, green, blue.
+    pub rgb: [usize; 3],
+    /// `None` for 8-bit attributes.
+    pub depth: Option<ColourDepth>,
+}
+
+/// Where an attribute's values are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Home {
+    /// In a plane of its own.
+    Own,
+    /// In the hot intensity plane.
+    Intensity,
+    /// In the colour plane and, for 16 bits, the remainder plane.
+    Colour,
+}
+
+/// The planes of every page of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PageLayout {
+    schema: Schema,
+    classes: Vec<PointClass>,
+    planes: Vec<PlaneSpec>,
+    colours: Vec<Option<ColourSource>>,
+    homes: Vec<Home>,
+}
+
+impl PageLayout {
+    /// The layout that this version writes for a schema and its classes.
+    pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
+        let colours: Vec<_> = classes.iter().map(|class| colour_source(schema, class)).collect();
+        let intensity = schema.find_typed(names::INTENSITY, AttrType::U16);
+        let homes = (0..schema.attributes.len())
+            .map(|a| match intensity {
+                Some(i) if i == a => Home::Intensity,
+                _ if lives_in_colour(a, classes, &colours) => Home::Colour,
+                _ => Home::Own,
+            })
+            .collect();
+        let mut layout = Self {
+            schema: schema.clone(),
+            classes: classes.to_vec(),
+            planes: Vec::new(),
+            colours,
+            homes,
+        };
+        layout.planes = layout.derive_planes();
+        layout
+    }
+
+    fn derive_planes(&self) -> Vec<PlaneSpec> {
+        let hot = |kind, value_bytes| PlaneSpec { kind, hot: true, value_bytes };
+        let cold = |kind, value_bytes| PlaneSpec { kind, hot: false, value_bytes };
+        let mut planes = vec![hot(PlaneKind::Position, HOT_POSITION_BYTES as u32)];
+        if self.colours.iter().any(Option::is_some) {
+            planes.push(hot(PlaneKind::Colour, 4));
+        }
+        if self.homes.contains(&Home::Intensity) {
+            planes.push(hot(PlaneKind::Intensity, 2));
+        }
+        if self.schema.normals().is_some() {
+            planes.push(hot(PlaneKind::Normal, 4));
+        }
+        planes.push(hot(PlaneKind::Residual, 0));
+        if self.classes.len() > 1 {
+            planes.push(cold(PlaneKind::Class, 2));
+        }
+        if self.colours.iter().flatten().any(|c| c.depth.is_some()) {
+            planes.push(cold(PlaneKind::ColourRemainder, 3));
+        }
+        for (a, attribute) in self.schema.attributes.iter().enumerate() {
+            if self.homes[a] == Home::Own {
+                planes.push(cold(PlaneKind::Attribute(a as u16), attribute.ty.size() as u32));
+            }
+        }
+        planes
+    }
+
+    /// The layout of a file whose metadata lists these planes. Planes of kinds that this version does
+    /// not know may stand among those that it knows.
+    ///
+    /// # Errors
+    /// Where the planes that this version knows are not those that schema and classes ask for.
+    pub fn with_planes(
+        schema: &Schema,
+        classes: &[PointClass],
+        planes: Vec<PlaneSpec>,
+    ) -> Result<Self, Fault> {
+        let mut layout = Self::new(schema, classes);
+        let known = |p: &&PlaneSpec| {
+            !matches!(p.kind, PlaneKind::Unknown(_) | PlaneKind::Tangents | PlaneKind::ClipLines)
+        };
+        if !planes.iter().filter(known).eq(layout.planes.iter()) {
+            return Err(Fault::new("metadata", "the list of planes does not suit the attributes"));
+        }
+        let first_cold = planes.iter().position(|p| !p.hot).unwrap_or(planes.len());
+        if planes[first_cold..].iter().any(|p| p.hot) || planes.len() > ATTRIBUTES_MAX + 16 {
+            return Err(Fault::new("metadata", "a hot plane stands behind a cold one"));
+        }
+        layout.planes = planes;
+        Ok(layout)
+    }
+
+    /// The attributes of the file.
+    pub fn schema(&self) -> &Schema {
+        &self.schema
+    }
+
+    /// The classes of points of the file.
+    pub fn classes(&self) -> &[PointClass] {
+        &self.classes
+    }
+
+    /// The planes of every page, in their order.
+    pub fn planes(&self) -> &[PlaneSpec] {
+        &self.planes
+    }
+
+    /// Whether the file's pages have this plane.
+    pub fn has(&self, kind: PlaneKind) -> bool {
+        self.planes.iter().any(|p| p.kind == kind)
+    }
+
+    /// Index of this plane in the page's directory.
+    pub fn plane_index(&self, kind: PlaneKind) -> Option<usize> {
+        self.planes.iter().position(|p| p.kind == kind)
+    }
+
+    /// Bytes of the directory of every page.
+    pub fn directory_bytes(&self) -> usize {
+        DIRECTORY_HEAD_BYTES + self.planes.len() * DIRECTORY_ENTRY_BYTES + 4
+    }
+
+    /// Raw bytes of a plane of `points` points.
+    pub(crate) fn raw_bytes(plane: &PlaneSpec, points: usize, hot_shift: u8) -> u64 {
+        let value = match plane.kind {
+            PlaneKind::Residual => residual_bytes(hot_shift) as u64,
+            _ => u64::from(plane.value_bytes),
+        };
+        value * points as u64
+    }
+
+    /// Place of a hot plane or the residual relative to the start of the page of a node with so many
+    /// points; `None` where the file has no such plane or it is cold (then only the page's directory
+    /// tells). Empty for the residual of a node that drops no bits.
+    pub fn plane_range(
+        &self,
+        kind: PlaneKind,
+        node_points: usize,
+        hot_shift: u8,
+    ) -> Option<Range<u64>> {
+        let mut end = self.directory_bytes() as u64;
+        for plane in self.planes.iter().take_while(|p| p.hot) {
+            let start = end.next_multiple_of(ALIGNMENT);
+            end = start + Self::raw_bytes(plane, node_points, hot_shift);
+            if plane.kind == kind {
+                return Some(start..end);
+            }
+        }
+        None
+    }
+
+    /// The run of bytes from the start of the page to the end of its last hot plane (with the residual):
+    /// what one read must fetch to draw the node.
+    pub fn hot_bytes(&self, node_points: usize, hot_shift: u8) -> u64 {
+        let mut end = self.directory_bytes() as u64;
+        for plane in self.planes.iter().take_while(|p| p.hot) {
+            end = end.next_multiple_of(ALIGNMENT) + Self::raw_bytes(plane, node_points, hot_shift);
+        }
+        end
+    }
+
+    /// The greatest size of the page of a node with so many points.
+    pub fn page_bytes_max(&self, node_points: usize) -> u64 {
+        let mut end = self.directory_bytes() as u64;
+        for plane in &self.planes {
+            end = end.next_multiple_of(ALIGNMENT) + Self::raw_bytes(plane, node_points, 16);
+        }
+        end.next_multiple_of(ALIGNMENT)
+    }
+
+    pub(crate) fn colour_of_class(&self, class: usize) -> Option<ColourSource> {
+        self.colours.get(class).copied().flatten()
+    }
+
+    pub(crate) fn home(&self, attribute: usize) -> Home {
+        self.homes[attribute]
+    }
+}
+
+/// A class has its colour in 16-bit attributes where it has all three, else in 8-bit ones.
+fn colour_source(schema: &Schema, class: &PointClass) -> Option<ColourSource> {
+    [AttrType::U16, AttrType::U8].into_iter().find_map(|ty| {
+        let find = |name| {
+            let index = schema.find_typed(name, ty)?;
+            class.present.contains(&(index as u16)).then_some(index)
+        };
+        let rgb = [find(names::RED)?, find(names::GREEN)?, find(names::BLUE)?];
+        Some(ColourSource { rgb, depth: (ty == AttrType::U16).then_some(class.colour_depth) })
+    })
+}
+
+/// Whether the colour plane (with its remainder) holds every value of an attribute: each class that has
+/// the attribute has its colour there.
+fn lives_in_colour(a: usize, classes: &[PointClass], colours: &[Option<ColourSource>]) -> bool {
+    let mut having = classes.iter().zip(colours).filter(|(c, _)| c.present.contains(&(a as u16)));
+    let serves = |colour: &Option<ColourSource>| colour.is_some_and(|c| c.rgb.contains(&a));
+    having.next().is_some_and(|(_, c)| serves(c)) && having.all(|(_, c)| serves(c))
+}

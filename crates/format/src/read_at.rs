@@ -1,0 +1,83 @@
+//! Positioned reads: the one way in which the bytes of a finished file are got. A file today; ranges over
+//! HTTP and object storage can implement the same trait later. Nothing is ever mapped, so a file that is
+//! cut short while it is read gives an error, not a signal.
+
+use std::fs::File;
+use std::io;
+
+/// A source of bytes that is read by position, from any thread.
+pub trait ReadAt: Send + Sync {
+    /// Fills `buf` from `offset` on.
+    ///
+    /// # Errors
+    /// Where the source ends before `buf` is full, or cannot be read.
+    fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()>;
+
+    /// Bytes of the whole source.
+    ///
+    /// # Errors
+    /// Where the source does not tell.
+    fn bytes(&self) -> io::Result<u64>;
+}
+
+/// An open file.
+#[derive(Debug)]
+pub struct FileSource(pub File);
+
+impl ReadAt for FileSource {
+    fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
+        system::read_exact_at(&self.0, buf, offset)
+    }
+
+    fn bytes(&self) -> io::Result<u64> {
+        Ok(self.0.metadata()?.len())
+    }
+}
+
+/// A file in memory.
+impl ReadAt for Vec<u8> {
+    fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
+        let start = usize::try_from(offset).unwrap_or(usize::MAX);
+        let bytes = start.checked_add(buf.len()).and_then(|end| self.get(start..end));
+        buf.copy_from_slice(bytes.ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    }
+
+    fn bytes(&self) -> io::Result<u64> {
+        Ok(self.len() as u64)
+    }
+}
+
+#[cfg(unix)]
+mod system {
+    use std::os::unix::fs::FileExt;
+
+    pub fn read_exact_at(file: &std::fs::File, buf: &mut [u8], offset: u64) -> std::io::Result<()> {
+        file.read_exact_at(buf, offset)
+    }
+}
+
+#[cfg(windows)]
+mod system {
+    use std::io::{Error, ErrorKind};
+    use std::os::windows::fs::FileExt;
+
+    pub fn read_exact_at(
+        file: &std::fs::File,
+        mut buf: &mut [u8],
+        mut offset: u64,
+    ) -> std::io::Result<()> {
+        while !buf.is_empty() {
+            match file.seek_read(buf, offset) {
+                Ok(0) => return Err(Error::from(ErrorKind::UnexpectedEof)),
+                Ok(n) => {
+                    buf = &mut buf[n..];
+                    offset += n as u64;
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}

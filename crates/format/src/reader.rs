@@ -1,0 +1,343 @@
+//! Reading a file: footer, metadata and table are read, copied and checked when it is opened; pages, planes
+//! and statistics by positioned reads when asked for, each against its checksum.
+
+use crate::directory::Directory;
+use crate::error::{Fault, FormatError, io_error};
+use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, Section, header};
+use crate::layout::{PageLayout, PlaneKind};
+use crate::metadata::{BlockPlace, Metadata};
+use crate::page::{Page, expand};
+use crate::read_at::{FileSource, ReadAt};
+use crate::statistics::Statistics;
+use crate::table;
+use esker_points::{Node, NodeTable};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Bytes of JSON that are read at most.
+const METADATA_BYTES_MAX: u64 = 1 << 30;
+
+/// An opened .esker file. Reading takes `&self`, from any thread.
+pub struct EskerFile {
+    path: PathBuf,
+    source: Box<dyn ReadAt>,
+    footer: Footer,
+    metadata: Metadata,
+    layout: PageLayout,
+    blocks: Vec<Vec<BlockPlace>>,
+    table: NodeTable,
+}
+
+/// Some planes of one node.
+#[derive(Clone, Debug, Default)]
+pub struct Planes {
+    planes: Vec<(PlaneKind, Vec<u8>)>,
+}
+
+impl Planes {
+    /// A plane's values, one a point; `None` where the file has no such plane or it was not asked for.
+    pub fn get(&self, kind: PlaneKind) -> Option<&[u8]> {
+        self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
+    }
+}
+
+impl EskerFile {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read, has no valid footer, another version, or is damaged.
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
+        let file = File::open(path).map_err(io_error(path, "open it"))?;
+        Self::from_source(path, Box::new(FileSource(file)))
+    }
+
+    /// Opens a file behind any positioned reads; `name` stands in messages.
+    ///
+    /// # Errors
+    /// As [`EskerFile::open`].
+    pub fn from_source(name: &Path, source: Box<dyn ReadAt>) -> Result<Self, FormatError> {
+        let footer = read_footer(name, source.as_ref())?;
+        check_sections(&footer).map_err(|fault| fault.damaged(name))?;
+        let mut head = [0; HEADER_BYTES];
+        source.read_exact_at(&mut head, 0).map_err(io_error(name, "read its header"))?;
+        if head != header() {
+            return Err(Fault::new("header", "it is not that of this version").damaged(name));
+        }
+        let json = read_section(name, source.as_ref(), footer.metadata, "metadata")?;
+        let decoded =
+            Metadata::decode(&json, footer.verbatim.bytes).map_err(|f| f.damaged(name))?;
+        drop(json);
+        if !decoded.metadata.forest.is_empty() {
+            let what = "it is a forest, which names further files; this version reads single files \
+                        only: use a newer Esker";
+            return Err(FormatError::Unsupported { path: name.into(), what: what.into() });
+        }
+        let table = read_table(name, source.as_ref(), &footer)?;
+        table::check(&table, &decoded.layout, footer.table.offset, footer.points)
+            .and_then(|()| check_counts(&footer, &decoded.metadata))
+            .map_err(|fault| fault.damaged(name))?;
+        Ok(Self {
+            path: name.into(),
+            source,
+            footer,
+            metadata: decoded.metadata,
+            layout: decoded.layout,
+            blocks: decoded.blocks,
+            table,
+        })
+    }
+
+    /// The path it was opened by.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Counts, places, checksums.
+    pub fn footer(&self) -> &Footer {
+        &self.footer
+    }
+
+    /// What the file says of itself.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// The node table.
+    pub fn table(&self) -> &NodeTable {
+        &self.table
+    }
+
+    /// The planes of its pages.
+    pub fn layout(&self) -> &PageLayout {
+        &self.layout
+    }
+
+    /// Reads any run of its bytes, unchecked: for loaders that fetch several planes or pages at once.
+    ///
+    /// # Errors
+    /// Where the file ends before, or cannot be read.
+    pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
+        self.source.read_exact_at(buf, offset).map_err(io_error(&self.path, "read it"))
+    }
+
+    /// Reads the statistics.
+    ///
+    /// # Errors
+    /// Where they cannot be read or are damaged.
+    pub fn statistics(&self) -> Result<Statistics, FormatError> {
+        let place = self.footer.statistics;
+        let bytes = read_section(&self.path, self.source.as_ref(), place, "statistics")?;
+        Statistics::decode(&bytes, self.layout.schema(), self.table.nodes.len())
+            .map_err(|fault| fault.damaged(&self.path))
+    }
+
+    /// Reads the verbatim blocks of a source, given by its index: name and bytes.
+    ///
+    /// # Errors
+    /// Where they cannot be read. Their checksum, one for all sources, is checked by `verify`.
+    pub fn verbatim(&self, source: usize) -> Result<Vec<(String, Vec<u8>)>, FormatError> {
+        let blocks = self.blocks.get(source).map_or(&[][..], Vec::as_slice);
+        let read = |block: &BlockPlace| {
+            let mut bytes = vec![0; block.bytes as usize];
+            self.read_exact_at(&mut bytes, self.footer.verbatim.offset + block.offset)?;
+            Ok((block.name.clone(), bytes))
+        };
+        blocks.iter().map(read).collect()
+    }
+
+    /// A node's record.
+    ///
+    /// # Errors
+    /// Where there is no such node.
+    pub fn node(&self, node: u32) -> Result<&Node, FormatError> {
+        self.table.nodes.get(node as usize).ok_or_else(|| {
+            Fault::new("node table", format!("there is no node {node}")).damaged(&self.path)
+        })
+    }
+
+    fn in_node(&self, node: u32) -> impl Fn(Fault) -> FormatError + '_ {
+        move |fault| {
+            let section = format!("page of node {node}, {}", fault.section);
+            Fault { section, ..fault }.damaged(&self.path)
+        }
+    }
+
+    /// Reads a node's whole page; every plane is checked.
+    ///
+    /// # Errors
+    /// Where it cannot be read or is damaged.
+    pub fn read_page(&self, node: u32) -> Result<Page<'_>, FormatError> {
+        let record = self.node(node)?;
+        let mut bytes = vec![0; record.page_bytes as usize];
+        self.read_exact_at(&mut bytes, record.page_offset)?;
+        let directory = self.directory_of(record, &bytes).map_err(self.in_node(node))?;
+        for (plane, entry) in self.layout.planes().iter().zip(&directory.entries) {
+            if crc32fast::hash(&bytes[entry.range()]) != entry.crc {
+                let fault = Fault::new(format!("{:?}", plane.kind), "its checksum does not match");
+                return Err(self.in_node(node)(fault));
+            }
+        }
+        Ok(Page {
+            layout: &self.layout,
+            bytes,
+            directory,
+            points: record.points(),
+            box_min: record.box_min,
+            hot_shift: record.hot_shift,
+        })
+    }
+
+    fn directory_of(&self, record: &Node, bytes: &[u8]) -> Result<Directory, Fault> {
+        let points = record.points();
+        Directory::decode(&self.layout, bytes, points, record.hot_shift, record.page_bytes)
+    }
+
+    /// Reads these planes of a node, with as few reads as they need, each checked. Planes that the file
+    /// does not have are left out.
+    ///
+    /// # Errors
+    /// Where they cannot be read or are damaged.
+    pub fn read_planes(&self, node: u32, kinds: &[PlaneKind]) -> Result<Planes, FormatError> {
+        let record = self.node(node)?;
+        let points = record.points();
+        // One read from the page's start serves the directory and all hot planes that are wanted.
+        let hot_end = kinds
+            .iter()
+            .filter_map(|&kind| self.layout.plane_range(kind, points, record.hot_shift))
+            .map(|range| range.end)
+            .fold(self.layout.directory_bytes() as u64, u64::max);
+        let mut head = vec![0; hot_end as usize];
+        self.read_exact_at(&mut head, record.page_offset)?;
+        let directory = self.directory_of(record, &head).map_err(self.in_node(node))?;
+        let mut planes = Planes::default();
+        for &kind in kinds {
+            let Some(index) = self.layout.plane_index(kind) else { continue };
+            let entry = directory.entries[index];
+            let stored = match head.get(entry.range()) {
+                Some(stored) => stored.to_vec(),
+                None => {
+                    let mut stored = vec![0; entry.bytes as usize];
+                    let offset = record.page_offset + u64::from(entry.offset);
+                    self.read_exact_at(&mut stored, offset)?;
+                    stored
+                }
+            };
+            if crc32fast::hash(&stored) != entry.crc {
+                let fault = Fault::new(format!("{kind:?}"), "its checksum does not match");
+                return Err(self.in_node(node)(fault));
+            }
+            planes.planes.push((kind, expand(&entry, &stored, points)));
+        }
+        Ok(planes)
+    }
+
+    /// Reads a section in pieces and compares its checksum.
+    pub(crate) fn check_section(
+        &self,
+        section: Section,
+        name: &'static str,
+    ) -> Result<(), FormatError> {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut at = section.offset;
+        let end = section.offset + section.bytes;
+        let mut buffer = vec![0; section.bytes.min(1 << 20) as usize];
+        while at < end {
+            let length = (end - at).min(buffer.len() as u64) as usize;
+            self.read_exact_at(&mut buffer[..length], at)?;
+            hasher.update(&buffer[..length]);
+            at += length as u64;
+        }
+        if hasher.finalize() == section.crc {
+            return Ok(());
+        }
+        Err(Fault::new(name, "its checksum does not match").damaged(&self.path))
+    }
+}
+
+fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, FormatError> {
+    let not_esker =
+        |fault: &str| FormatError::NotEsker { path: path.into(), fault: fault.to_string() };
+    let file_bytes = source.bytes().map_err(io_error(path, "read its length"))?;
+    if file_bytes < (HEADER_BYTES + FOOTER_BYTES) as u64 {
+        return Err(not_esker("it is too short"));
+    }
+    let mut bytes = [0; FOOTER_BYTES];
+    let offset = file_bytes - FOOTER_BYTES as u64;
+    source.read_exact_at(&mut bytes, offset).map_err(io_error(path, "read its footer"))?;
+    let footer = Footer::decode(&bytes).map_err(|fault| match fault {
+        FooterFault::None(fault) => not_esker(fault),
+        FooterFault::Version(version) => FormatError::Unsupported {
+            path: path.into(),
+            what: format!(
+                "version {version} of the format, which this Esker does not read; use the Esker that \
+                 wrote it, or build it again"
+            ),
+        },
+    })?;
+    if footer.file_bytes != file_bytes {
+        return Err(not_esker("its length is not what the footer says"));
+    }
+    Ok(footer)
+}
+
+/// Sections follow each other without gaps, from the end of the pages to the footer.
+fn check_sections(footer: &Footer) -> Result<(), Fault> {
+    let fault = |what: &str| Err(Fault::new("footer", what));
+    let mut end = Some(footer.table.offset);
+    for section in [footer.table, footer.statistics, footer.metadata, footer.verbatim] {
+        if end != Some(section.offset) {
+            return fault("the sections do not follow each other");
+        }
+        end = section.end();
+    }
+    if end != footer.file_bytes.checked_sub(FOOTER_BYTES as u64)
+        || footer.table.offset < HEADER_BYTES as u64
+    {
+        return fault("the sections do not fill the file");
+    }
+    if footer.nodes >= u64::from(u32::MAX)
+        || footer.nodes * size_of::<Node>() as u64 != footer.table.bytes
+    {
+        return fault("the table's length does not suit its count of nodes");
+    }
+    if footer.metadata.bytes > METADATA_BYTES_MAX {
+        return fault("the metadata are longer than any that Esker writes");
+    }
+    Ok(())
+}
+
+/// Counts and numbers that stand in the footer and elsewhere.
+fn check_counts(footer: &Footer, metadata: &Metadata) -> Result<(), Fault> {
+    if footer.node_capacity != metadata.node_capacity {
+        return Err(Fault::new("metadata", "the node capacity is not the footer's"));
+    }
+    if footer.points > 0 && metadata.classes.is_empty() {
+        return Err(Fault::new("metadata", "there are points but no class of points"));
+    }
+    Ok(())
+}
+
+/// Sections lie inside the file (checked before), so this allocates no more than the file has.
+fn read_section(
+    path: &Path,
+    source: &dyn ReadAt,
+    section: Section,
+    name: &'static str,
+) -> Result<Vec<u8>, FormatError> {
+    let mut bytes = vec![0; section.bytes as usize];
+    source.read_exact_at(&mut bytes, section.offset).map_err(io_error(path, "read it"))?;
+    if crc32fast::hash(&bytes) != section.crc {
+        return Err(Fault::new(name, "its checksum does not match").damaged(path));
+    }
+    Ok(bytes)
+}
+
+fn read_table(path: &Path, source: &dyn ReadAt, footer: &Footer) -> Result<NodeTable, FormatError> {
+    let mut nodes = vec![bytemuck::Zeroable::zeroed(); footer.nodes as usize];
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut::<Node, u8>(&mut nodes);
+    source.read_exact_at(bytes, footer.table.offset).map_err(io_error(path, "read its table"))?;
+    if crc32fast::hash(bytes) != footer.table.crc {
+        return Err(Fault::new("node table", "its checksum does not match").damaged(path));
+    }
+    Ok(NodeTable { nodes })
+}

@@ -1,0 +1,361 @@
+//! Statistics: the least and greatest value of each attribute, in its own type, and the classes that occur,
+//! for each node's own points and for its subtree; and one histogram an attribute for the whole file.
+//! NaN and what a point does not have count for nothing; -0 counts as +0.
+
+use crate::layout::PageLayout;
+use crate::page::PagePoints;
+use esker_points::attribute::names;
+use esker_points::{AttrType, NodeTable, Schema};
+
+/// Bins of a histogram.
+pub const BINS: usize = 256;
+const SIGN: u64 = 1 << 63;
+
+/// An unsigned number that orders as the value does; `None` for NaN.
+pub(crate) fn key(ty: AttrType, value: &[u8]) -> Option<u64> {
+    let mut raw = [0u8; 8];
+    raw[..ty.size()].copy_from_slice(&value[..ty.size()]);
+    let bits = u64::from_le_bytes(raw);
+    let signed = |bits: u32| ((bits as i64) << (64 - 8 * ty.size()) >> (64 - 8 * ty.size())) as u64;
+    match ty {
+        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => Some(bits),
+        AttrType::I8 | AttrType::I16 | AttrType::I32 => Some(signed(bits as u32) ^ SIGN),
+        AttrType::I64 => Some(bits ^ SIGN),
+        AttrType::F32 => real_key(f64::from(f32::from_bits(bits as u32))),
+        AttrType::F64 => real_key(f64::from_bits(bits)),
+    }
+}
+
+fn real_key(v: f64) -> Option<u64> {
+    let bits = (v + 0.0).to_bits();
+    let ordered = if bits & SIGN == 0 { bits | SIGN } else { !bits };
+    (!v.is_nan()).then_some(ordered)
+}
+
+fn real(key: u64) -> f64 {
+    f64::from_bits(if key & SIGN == 0 { !key } else { key & !SIGN })
+}
+
+/// Appends the value that a key stands for.
+pub(crate) fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
+    let bits = match ty {
+        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => key,
+        AttrType::I8 | AttrType::I16 | AttrType::I32 | AttrType::I64 => key ^ SIGN,
+        AttrType::F32 => u64::from((real(key) as f32).to_bits()),
+        AttrType::F64 => real(key).to_bits(),
+    };
+    out.extend_from_slice(&bits.to_le_bytes()[..ty.size()]);
+}
+
+/// Least and greatest where there is no value: least above greatest.
+fn no_values(ty: AttrType) -> (u64, u64) {
+    let bits = 8 * ty.size() as u32;
+    match ty {
+        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => {
+            (u64::MAX >> (64 - bits), 0)
+        }
+        AttrType::I8 | AttrType::I16 | AttrType::I32 | AttrType::I64 => {
+            let max = i64::MAX >> (64 - bits);
+            (max as u64 ^ SIGN, !max as u64 ^ SIGN)
+        }
+        AttrType::F32 | AttrType::F64 => {
+            let at = |v| real_key(v).unwrap_or_default();
+            (at(f64::INFINITY), at(f64::NEG_INFINITY))
+        }
+    }
+}
+
+/// Least and greatest of each attribute and the classes of one node's own points.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodeStatistics {
+    /// Keys of least and greatest, an attribute.
+    ranges: Vec<(u64, u64)>,
+    class_bits: [u64; 4],
+}
+
+impl NodeStatistics {
+    /// Of these points.
+    pub fn of(layout: &PageLayout, points: &PagePoints) -> Self {
+        let having = Having::new(layout);
+        let attributes = &layout.schema().attributes;
+        let ranges = attributes.iter().enumerate().map(|(a, attribute)| {
+            let size = attribute.ty.size();
+            let mut range = no_values(attribute.ty);
+            for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
+                if having.has(points.class(i), a)
+                    && let Some(key) = key(attribute.ty, value)
+                {
+                    range = (range.0.min(key), range.1.max(key));
+                }
+            }
+            range
+        });
+        Self { ranges: ranges.collect(), class_bits: class_bits(layout, &having, points) }
+    }
+}
+
+fn class_bits(layout: &PageLayout, having: &Having, points: &PagePoints) -> [u64; 4] {
+    let mut bits = [0; 4];
+    if let Some(a) = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8) {
+        for (i, &class) in points.columns[a].iter().enumerate() {
+            if having.has(points.class(i), a) {
+                bits[usize::from(class >> 6)] |= 1 << (class & 63);
+            }
+        }
+    }
+    bits
+}
+
+/// Which class has which attribute, for quick asking.
+struct Having {
+    present: Vec<bool>,
+    attributes: usize,
+}
+
+impl Having {
+    fn new(layout: &PageLayout) -> Self {
+        let attributes = layout.schema().attributes.len();
+        let mut present = vec![false; attributes * layout.classes().len()];
+        for (c, class) in layout.classes().iter().enumerate() {
+            class.present.iter().for_each(|&a| present[c * attributes + usize::from(a)] = true);
+        }
+        Self { present, attributes }
+    }
+
+    fn has(&self, class: usize, attribute: usize) -> bool {
+        self.present.get(class * self.attributes + attribute).copied().unwrap_or(false)
+    }
+}
+
+/// Least and greatest finite value of each attribute over all points: the range of its histogram.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ranges {
+    ranges: Vec<(f64, f64)>,
+}
+
+impl Ranges {
+    /// Of no points.
+    pub fn new(schema: &Schema) -> Self {
+        Self { ranges: vec![(f64::INFINITY, f64::NEG_INFINITY); schema.attributes.len()] }
+    }
+
+    /// Adds raw values of one attribute, all of points that have it.
+    pub fn add_column(&mut self, attribute: usize, ty: AttrType, column: &[u8]) {
+        let range = &mut self.ranges[attribute];
+        for value in column.chunks_exact(ty.size()) {
+            let v = ty.to_f64(value) + 0.0;
+            if v.is_finite() {
+                *range = (range.0.min(v), range.1.max(v));
+            }
+        }
+    }
+
+    /// Adds all attributes of these points.
+    pub fn add(&mut self, layout: &PageLayout, points: &PagePoints) {
+        let having = Having::new(layout);
+        for (a, attribute) in layout.schema().attributes.iter().enumerate() {
+            let size = attribute.ty.size();
+            if layout.classes().len() <= 1 {
+                if having.has(0, a) {
+                    self.add_column(a, attribute.ty, &points.columns[a]);
+                }
+                continue;
+            }
+            for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
+                if having.has(points.class(i), a) {
+                    self.add_column(a, attribute.ty, value);
+                }
+            }
+        }
+    }
+
+    /// Adds those of other points.
+    pub fn merge(&mut self, other: &Self) {
+        for (range, o) in self.ranges.iter_mut().zip(&other.ranges) {
+            *range = (range.0.min(o.0), range.1.max(o.1));
+        }
+    }
+
+    /// Least and greatest of an attribute; the least is above the greatest where there is no value.
+    pub fn of(&self, attribute: usize) -> (f64, f64) {
+        self.ranges[attribute]
+    }
+}
+
+/// One histogram an attribute: [`BINS`] bins of equal width over its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Histograms {
+    pub(crate) ranges: Ranges,
+    pub(crate) counts: Vec<[u64; BINS]>,
+}
+
+impl Histograms {
+    /// Empty, over these ranges.
+    pub fn new(ranges: Ranges) -> Self {
+        let counts = vec![[0; BINS]; ranges.ranges.len()];
+        Self { ranges, counts }
+    }
+
+    /// Counts the values of these points. Values that are not finite or outside the range are not
+    /// counted.
+    pub fn add(&mut self, layout: &PageLayout, points: &PagePoints) {
+        for a in 0..layout.schema().attributes.len() {
+            let counts = self.ranges.counts_of(a, layout, points);
+            self.add_counts(a, &counts);
+        }
+    }
+
+    pub(crate) fn add_counts(&mut self, attribute: usize, counts: &[u64; BINS]) {
+        self.counts[attribute].iter_mut().zip(counts).for_each(|(sum, n)| *sum += n);
+    }
+
+    /// Adds the counts of other points over the same ranges.
+    pub fn merge(&mut self, other: &Self) {
+        for (a, counts) in other.counts.iter().enumerate() {
+            self.add_counts(a, counts);
+        }
+    }
+
+    /// The ranges.
+    pub fn ranges(&self) -> &Ranges {
+        &self.ranges
+    }
+
+    /// The bins of an attribute.
+    pub fn counts(&self, attribute: usize) -> &[u64; BINS] {
+        &self.counts[attribute]
+    }
+}
+
+impl Ranges {
+    pub(crate) fn from_pairs(ranges: Vec<(f64, f64)>) -> Self {
+        Self { ranges }
+    }
+
+    /// How many values of an attribute of these points fall into each bin.
+    pub(crate) fn counts_of(
+        &self,
+        a: usize,
+        layout: &PageLayout,
+        points: &PagePoints,
+    ) -> [u64; BINS] {
+        let having = Having::new(layout);
+        let ty = layout.schema().attributes[a].ty;
+        let (lo, hi) = self.ranges[a];
+        let mut counts = [0; BINS];
+        for (i, value) in points.columns[a].chunks_exact(ty.size()).enumerate() {
+            let v = ty.to_f64(value);
+            if having.has(points.class(i), a) && v >= lo && v <= hi && v.is_finite() {
+                counts[bin(v, lo, hi)] += 1;
+            }
+        }
+        counts
+    }
+}
+
+/// The bin of a value; halves, so that the widest range does not overflow.
+fn bin(v: f64, lo: f64, hi: f64) -> usize {
+    let width = hi / 2.0 - lo / 2.0;
+    // Zero by zero is NaN, which becomes 0.
+    (((v / 2.0 - lo / 2.0) / width * BINS as f64) as usize).min(BINS - 1)
+}
+
+/// The side table: columns over the nodes, in table order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Statistics {
+    pub(crate) types: Vec<AttrType>,
+    pub(crate) nodes: usize,
+    /// An attribute: least and greatest of own points, of the subtree's.
+    pub(crate) ranges: Vec<[Vec<u8>; 4]>,
+    /// Whether the file has a classification.
+    pub(crate) has_classes: bool,
+    /// Classes of own points, of the subtree's; empty where there is no classification.
+    pub(crate) class_bits: [Vec<[u64; 4]>; 2],
+    pub(crate) histograms: Histograms,
+}
+
+impl Statistics {
+    /// Puts the nodes' own statistics, in table order, together and sums subtrees up.
+    ///
+    /// # Panics
+    /// If `own` has not one entry for each node.
+    pub fn assemble(
+        table: &NodeTable,
+        schema: &Schema,
+        own: Vec<NodeStatistics>,
+        histograms: Histograms,
+    ) -> Self {
+        assert_eq!(own.len(), table.nodes.len(), "statistics for each node");
+        let types: Vec<_> = schema.attributes.iter().map(|a| a.ty).collect();
+        let ranges = types.iter().enumerate().map(|(a, &ty)| {
+            let mine: Vec<_> = own.iter().map(|n| n.ranges[a]).collect();
+            let below = fold_up(table, mine.clone(), |p, c| (p.0.min(c.0), p.1.max(c.1)));
+            let column = |keys: &mut dyn Iterator<Item = u64>| {
+                let mut out = Vec::with_capacity(own.len() * ty.size());
+                keys.for_each(|key| push_raw(ty, key, &mut out));
+                out
+            };
+            [
+                column(&mut mine.iter().map(|r| r.0)),
+                column(&mut mine.iter().map(|r| r.1)),
+                column(&mut below.iter().map(|r| r.0)),
+                column(&mut below.iter().map(|r| r.1)),
+            ]
+        });
+        let has_classes = schema.find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
+        let mut class_bits = [Vec::new(), Vec::new()];
+        if has_classes {
+            let mine: Vec<_> = own.iter().map(|n| n.class_bits).collect();
+            let or = |p: [u64; 4], c: [u64; 4]| [0, 1, 2, 3].map(|i| p[i] | c[i]);
+            let below = fold_up(table, mine.clone(), or);
+            class_bits = [mine, below];
+        }
+        let ranges = ranges.collect();
+        Self { types, nodes: table.nodes.len(), ranges, has_classes, class_bits, histograms }
+    }
+
+    fn range(&self, node: u32, attribute: usize, columns: [usize; 2]) -> Option<(f64, f64)> {
+        let ty = *self.types.get(attribute)?;
+        let value = |column: usize| {
+            let bytes = self.ranges[attribute][column].get(node as usize * ty.size()..)?;
+            (bytes.len() >= ty.size()).then(|| ty.to_f64(bytes))
+        };
+        let (least, greatest) = (value(columns[0])?, value(columns[1])?);
+        (least <= greatest).then_some((least, greatest))
+    }
+
+    /// Least and greatest value of an attribute among a node's own points; `None` where no point has one.
+    pub fn own(&self, node: u32, attribute: usize) -> Option<(f64, f64)> {
+        self.range(node, attribute, [0, 1])
+    }
+
+    /// The same for the node and all below it.
+    pub fn subtree(&self, node: u32, attribute: usize) -> Option<(f64, f64)> {
+        self.range(node, attribute, [2, 3])
+    }
+
+    /// A bit for each ASPRS class among a node's own points (class `c`: bit `c % 64` of word `c / 64`);
+    /// `None` where the file has no classification.
+    pub fn own_classes(&self, node: u32) -> Option<[u64; 4]> {
+        self.class_bits[0].get(node as usize).copied()
+    }
+
+    /// The same for the node and all below it.
+    pub fn subtree_classes(&self, node: u32) -> Option<[u64; 4]> {
+        self.class_bits[1].get(node as usize).copied()
+    }
+
+    /// The histograms of the file.
+    pub fn histograms(&self) -> &Histograms {
+        &self.histograms
+    }
+}
+
+/// Folds every node's value into its parent's, deepest first: parents stand before their children.
+fn fold_up<T: Copy>(table: &NodeTable, mut values: Vec<T>, join: impl Fn(T, T) -> T) -> Vec<T> {
+    for index in (1..values.len()).rev() {
+        let parent = table.nodes[index].parent as usize;
+        values[parent] = join(values[parent], values[index]);
+    }
+    values
+}
