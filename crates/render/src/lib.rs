@@ -1,1 +1,27 @@
-//! Passes from points to a picture: project, pull, push, shade.
+//! Passes from points to a picture (marroquim2007 section 3): points become single pixels
+//! ([`project`]), pixels become the base of an image pyramid ([`gather`]), the pyramid is averaged
+//! upwards ([`pull`]) and filled downwards ([`push`]), and what is filled is lit ([`shade`]).
+//!
+//! These are the passes on the CPU. They are the renderer of a machine without a GPU, and the twins
+//! that passes on a GPU are held against: `f32`, flat buffers, one file a pass. Knows no file, starts
+//! no thread (it works in the current rayon pool) and touches no device.
+
+pub mod camera;
+pub mod colour;
+pub mod ellipse;
+pub mod error;
+pub mod frame;
+pub mod gather;
+pub mod project;
+pub mod pull;
+pub mod push;
+pub mod pyramid;
+pub mod relief;
+pub mod renderer;
+pub mod resolve;
+pub mod shade;
+
+pub use colour::{ColourBy, ColourMap, Palette};
+pub use error::RenderError;
+pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stages, Stats};
+pub use renderer::{Renderer, render};

@@ -1,0 +1,168 @@
+//! The camera on the lattice: what a frame and a node give to each point's arithmetic (DESIGN
+//! section 4). The camera's lattice cell is subtracted as integers, only the difference becomes `f32`:
+//! its rounding is relative to the distance from the eye, so far coordinates do not jitter.
+//!
+//! A difference may need more than 32 bits, and a GPU has no wider integers: it is kept as
+//! `high * 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
+
+use crate::error::RenderError;
+use crate::frame::{DrawNode, SIDE_MAX};
+use esker_lod::View;
+use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
+use esker_points::{Lattice, Node};
+use glam::Vec3;
+
+/// Differences are clamped here; nothing this far away is on a picture.
+const STEPS_FAR: f64 = (1u64 << 46) as f64;
+/// Bits a hot position can drop (the lattice has 32, a hot coordinate keeps 16).
+const SHIFT_MAX: u8 = 16;
+
+/// The camera in `f32`, for a frame.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    eye_steps: [f64; 3],
+    /// Length of a lattice step, an axis, the file's unit.
+    pub step: Vec3,
+    /// Rows right, up, back of the rotation from the world's axes to the view's.
+    pub view_from_world: [Vec3; 3],
+    /// Pixels that a unit of length takes at unit depth.
+    pub focal_px: f32,
+    /// The picture's middle in pixels.
+    pub centre_px: [f32; 2],
+    /// Pixels in a row, rows.
+    pub size: [u32; 2],
+    /// What is nearer is not drawn.
+    pub near: f32,
+}
+
+impl Camera {
+    /// The camera of a view.
+    ///
+    /// # Errors
+    /// Where the view is no usable camera.
+    pub fn new(view: &View, lattice: &Lattice) -> Result<Self, RenderError> {
+        let (width, height) = (view.width, view.height);
+        if !(1..=SIDE_MAX).contains(&width) || !(1..=SIDE_MAX).contains(&height) {
+            return Err(RenderError::Size { width, height, max: SIDE_MAX });
+        }
+        let usable = |ok: bool, what| if ok { Ok(()) } else { Err(RenderError::Camera { what }) };
+        usable(view.eye.is_finite(), "eye")?;
+        usable(view.world_from_view.is_finite(), "direction")?;
+        usable(view.focal_px() > 0.0 && view.focal_px().is_finite(), "field of view")?;
+        usable(view.near > 0.0 && view.near.is_finite(), "near plane")?;
+        let rows = view.view_from_world().transpose();
+        Ok(Self {
+            eye_steps: [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i])),
+            step: Vec3::from_array(lattice.scale.map(|s| s as f32)),
+            view_from_world: [rows.x_axis, rows.y_axis, rows.z_axis].map(|r| r.as_vec3()),
+            focal_px: view.focal_px() as f32,
+            centre_px: [width as f32 * 0.5, height as f32 * 0.5],
+            size: [width, height],
+            near: (view.near as f32).max(f32::MIN_POSITIVE),
+        })
+    }
+
+    /// A direction of the world in view space.
+    pub fn to_view(&self, v: Vec3) -> Vec3 {
+        let [right, up, back] = self.view_from_world;
+        Vec3::new(right.dot(v), up.dot(v), back.dot(v))
+    }
+
+    /// Where a point at `v` in view space falls: x, y in pixels, and its eye depth.
+    pub fn project(&self, v: Vec3) -> Vec3 {
+        let depth = -v.z;
+        let scale = self.focal_px / depth;
+        Vec3::new(self.centre_px[0] + v.x * scale, self.centre_px[1] - v.y * scale, depth)
+    }
+
+    /// The constants of a node's points.
+    pub fn place(&self, node: &Node, has_residual: bool) -> NodePlace {
+        let shift = node.hot_shift.min(SHIFT_MAX);
+        // Without the dropped bits a point stands in the middle of its hot step.
+        let middle = if has_residual { 0.0 } else { ((1u32 << shift) - 1) as f64 * 0.5 };
+        let mut place =
+            NodePlace { shift, base_high: [0; 3], base_low: [0; 3], bias_steps: Vec3::ZERO };
+        for axis in 0..3 {
+            let difference = f64::from(node.box_min[axis]) - self.eye_steps[axis];
+            let whole = difference.clamp(-STEPS_FAR, STEPS_FAR).floor();
+            let whole = if whole.is_finite() { whole } else { STEPS_FAR };
+            let fraction = (difference - whole).clamp(0.0, 1.0);
+            place.base_high[axis] = (whole as i64 >> 16) as i32;
+            place.base_low[axis] = (whole as i64 & 0xffff) as i32;
+            place.bias_steps[axis] = (fraction + middle) as f32;
+        }
+        place
+    }
+}
+
+/// A node's place against the eye, for its points' arithmetic.
+#[derive(Clone, Copy, Debug)]
+pub struct NodePlace {
+    /// Bits that hot positions drop.
+    pub shift: u8,
+    /// `box_min` less the eye, in steps, rounded down: the part above 2^16 ...
+    pub base_high: [i32; 3],
+    /// ... and the part below.
+    pub base_low: [i32; 3],
+    /// What rounding down left, and half a hot step where the dropped bits are not there.
+    pub bias_steps: Vec3,
+}
+
+impl NodePlace {
+    /// A point against the eye, in steps, from its offset in the node's box.
+    #[inline(always)]
+    pub fn steps_from_eye(&self, offset: [u32; 3]) -> Vec3 {
+        let axis = |i: usize| {
+            let high = self.base_high[i].wrapping_add((offset[i] >> 16) as i32);
+            let low = self.base_low[i] + (offset[i] & 0xffff) as i32;
+            high as f32 * 65_536.0 + low as f32
+        };
+        Vec3::new(axis(0), axis(1), axis(2)) + self.bias_steps
+    }
+}
+
+/// The planes that positions are decoded from, cut to the points that they all have.
+#[derive(Clone, Copy, Debug)]
+pub struct Positions<'a> {
+    /// Number of points.
+    pub len: usize,
+    hot: &'a [u8],
+    residual: Option<&'a [u8]>,
+    shift: u8,
+}
+
+impl<'a> Positions<'a> {
+    /// The points of a node that are drawn. A residual plane that is too short serves nobody.
+    pub fn of(draw: &DrawNode<'a>) -> Self {
+        let shift = draw.node.hot_shift.min(SHIFT_MAX);
+        let len = draw.prefix.min(draw.position.len() / HOT_POSITION_BYTES);
+        let enough = |r: &&[u8]| r.len() / residual_bytes(shift).max(1) >= len;
+        let residual = if shift == 0 { Some(&[][..]) } else { draw.residual.filter(enough) };
+        Self { len, hot: draw.position, residual, shift }
+    }
+
+    /// Whether positions are exact.
+    pub fn is_exact(&self) -> bool {
+        self.residual.is_some()
+    }
+
+    /// Offset of a point in its node's box, in steps, without the dropped bits where these are not
+    /// there; and its radius code.
+    #[inline(always)]
+    pub fn offset(&self, index: usize) -> ([u32; 3], u8) {
+        let mut raw = [0; HOT_POSITION_BYTES];
+        raw.copy_from_slice(&self.hot[index * HOT_POSITION_BYTES..][..HOT_POSITION_BYTES]);
+        let raw = u64::from_le_bytes(raw);
+        let q = [raw as u16, (raw >> 16) as u16, (raw >> 32) as u16];
+        let mut offset = q.map(|q| u32::from(q) << self.shift);
+        if self.shift > 0
+            && let Some(plane) = self.residual
+        {
+            let low = read_residual(plane, index, self.shift);
+            for (o, r) in offset.iter_mut().zip(low) {
+                *o |= u32::from(r);
+            }
+        }
+        (offset, (raw >> 48) as u8)
+    }
+}

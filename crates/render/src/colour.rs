@@ -1,0 +1,245 @@
+//! Colours of points: what they come from ([`ColourBy`]), the maps from values to colours, and the
+//! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
+//! sRGB on both ends.
+
+use glam::Vec3;
+use std::sync::LazyLock;
+
+/// What gives points their colour.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum ColourBy {
+    /// One colour for all: shape by light alone.
+    #[default]
+    Plain,
+    /// The colour plane.
+    Rgb,
+    /// The scalar plane, mapped.
+    Scalar(ColourMap),
+    /// The scalar plane as ASPRS classes.
+    Classification,
+    /// World z, mapped.
+    Elevation(ColourMap),
+    /// Eye depth, mapped.
+    EyeDepth(ColourMap),
+    /// Size of the node's cell, a hue each: shows the levels of detail.
+    Cell,
+    /// The world normal, x y z as red green blue.
+    Normal,
+}
+
+/// A map from a range of values to colours. What lies outside has the colour of the nearer end, what is
+/// no number is grey.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColourMap {
+    /// Value of the first colour.
+    pub low: f64,
+    /// Value of the last colour.
+    pub high: f64,
+    /// The colours.
+    pub palette: Palette,
+}
+
+/// A sequence of colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Palette {
+    /// Perceptually even, dark blue over green to yellow, fit for the colour-blind.
+    #[default]
+    Viridis,
+    /// Black to white.
+    Grey,
+    /// Green lowlands over ochre to white peaks, for elevations.
+    Terrain,
+}
+
+/// The colour of points that have none (sRGB): a warm clay.
+pub const PLAIN: [u8; 3] = [204, 196, 184];
+/// The colour of values that are no number.
+const NO_NUMBER: [u8; 3] = [128, 128, 128];
+
+/// Colours of a palette at even distances, sRGB; between them is interpolated in linear light.
+/// Viridis after Smith and van der Walt (matplotlib, CC0).
+const VIRIDIS: [[u8; 3]; 11] = [
+    [68, 1, 84],
+    [72, 36, 117],
+    [65, 68, 135],
+    [53, 95, 141],
+    [42, 120, 142],
+    [33, 145, 140],
+    [34, 168, 132],
+    [68, 191, 112],
+    [122, 209, 81],
+    [189, 223, 38],
+    [253, 231, 37],
+];
+const GREY: [[u8; 3]; 2] = [[16, 16, 16], [255, 255, 255]];
+const TERRAIN: [[u8; 3]; 6] = [
+    [44, 92, 70],
+    [93, 140, 80],
+    [170, 172, 98],
+    [196, 160, 104],
+    [168, 134, 118],
+    [246, 244, 240],
+];
+
+/// ASPRS classes 0 to 18 (LAS 1.4), sRGB.
+const CLASSES: [[u8; 3]; 19] = [
+    [150, 150, 150], // never classified
+    [190, 190, 190], // unclassified
+    [168, 124, 82],  // ground
+    [178, 214, 130], // low vegetation
+    [104, 178, 82],  // medium vegetation
+    [40, 126, 58],   // high vegetation
+    [214, 92, 72],   // building
+    [232, 64, 196],  // low point, noise
+    [244, 214, 92],  // model key point
+    [66, 134, 222],  // water
+    [126, 96, 160],  // rail
+    [110, 116, 124], // road
+    [206, 180, 150], // overlap
+    [240, 170, 60],  // wire, guard
+    [250, 206, 90],  // wire, conductor
+    [150, 90, 50],   // transmission tower
+    [226, 140, 120], // wire connector
+    [132, 160, 190], // bridge deck
+    [250, 60, 60],   // high noise
+];
+
+/// Entries of the table from linear light to sRGB: fine enough that darks are at most one byte off.
+const ENCODE_ENTRIES: usize = 1 << 13;
+
+static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|i| {
+        let c = i as f64 / 255.0;
+        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+    })
+});
+
+static TO_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    (0..=ENCODE_ENTRIES)
+        .map(|i| {
+            let c = i as f64 / ENCODE_ENTRIES as f64;
+            let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+            (s * 255.0).round() as u8
+        })
+        .collect()
+});
+
+/// Linear light of sRGB bytes.
+#[inline]
+pub fn linear(srgb: [u8; 3]) -> Vec3 {
+    let table = &*TO_LINEAR;
+    Vec3::from_array(srgb.map(|c| table[usize::from(c)]))
+}
+
+/// From linear light to sRGB bytes, clamped; what is no number is black.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder(&'static [u8]);
+
+impl Encoder {
+    /// The table, made at the first call.
+    pub fn get() -> Self {
+        Self(&TO_SRGB)
+    }
+
+    /// sRGB bytes of a colour.
+    #[inline]
+    pub fn bytes(self, c: Vec3) -> [u8; 3] {
+        // `as` saturates and takes what is no number for zero.
+        c.to_array()
+            .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
+    }
+}
+
+/// A colour map as a table in linear light.
+#[derive(Clone, Debug)]
+pub struct MapTable {
+    low: f64,
+    per_unit: f64,
+    colours: Vec<Vec3>,
+}
+
+impl MapTable {
+    const ENTRIES: usize = 256;
+
+    /// The table of a map.
+    pub fn new(map: &ColourMap) -> Self {
+        let stops: &[[u8; 3]] = match map.palette {
+            Palette::Viridis => &VIRIDIS,
+            Palette::Grey => &GREY,
+            Palette::Terrain => &TERRAIN,
+        };
+        let last = Self::ENTRIES - 1;
+        let colours = (0..=last)
+            .map(|i| {
+                let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
+                let k = (at as usize).min(stops.len() - 2);
+                linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
+            })
+            .collect();
+        // A range without extent maps to its first colour.
+        let per_unit = last as f64 / (map.high - map.low);
+        let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
+        Self { low: map.low, per_unit, colours }
+    }
+
+    /// Colour of a value, linear light.
+    #[inline]
+    pub fn at(&self, value: f64) -> Vec3 {
+        let i = (value - self.low) * self.per_unit + 0.5;
+        if i.is_nan() {
+            return linear(NO_NUMBER);
+        }
+        self.colours[(i.max(0.0) as usize).min(Self::ENTRIES - 1)]
+    }
+}
+
+/// Colour of an ASPRS class, linear light. Classes above 18 get a hue of their own.
+pub fn class_colour(class: u8) -> Vec3 {
+    match CLASSES.get(usize::from(class)) {
+        Some(&c) => linear(c),
+        None => hue(u32::from(class)),
+    }
+}
+
+/// Well-told-apart hues for small numbers: golden-angle steps around the wheel, linear light.
+pub fn hue(number: u32) -> Vec3 {
+    let turn = (number as f32 * 0.618_034).fract() * std::f32::consts::TAU;
+    let wave = |shift: f32| 0.5 + 0.38 * (turn + shift).cos();
+    Vec3::new(wave(0.0), wave(-2.094_395), wave(2.094_395)).powf(1.6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_survive_linear_light() {
+        for c in 0..=255u8 {
+            let [back, ..] = Encoder::get().bytes(linear([c; 3]));
+            assert!(back.abs_diff(c) <= 1, "{c} came back as {back}");
+        }
+        assert_eq!(Encoder::get().bytes(Vec3::new(f32::NAN, 9.0, -3.0)), [0, 255, 0]);
+    }
+
+    #[test]
+    fn maps_take_any_value_and_any_range() {
+        let values = [0.0, -1e300, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 0.5];
+        for low in values {
+            for high in values {
+                let table = MapTable::new(&ColourMap { low, high, palette: Palette::Viridis });
+                for v in values {
+                    assert!(table.at(v).is_finite());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_ends_of_a_map_are_the_ends_of_its_palette() {
+        let map = ColourMap { low: 10.0, high: 20.0, palette: Palette::Viridis };
+        let table = MapTable::new(&map);
+        assert_eq!(Encoder::get().bytes(table.at(10.0)), VIRIDIS[0]);
+        assert_eq!(Encoder::get().bytes(table.at(25.0)), VIRIDIS[10]);
+        assert_eq!(Encoder::get().bytes(table.at(15.0)), VIRIDIS[5]);
+    }
+}

@@ -1,0 +1,142 @@
+//! What a frame is made from, and what comes out: the view, the nodes to draw with the planes that
+//! they bring, how to colour them, and the picture with its counts and times. Plain borrowed data.
+
+use crate::colour::ColourBy;
+use esker_lod::View;
+use esker_points::{AttrType, Lattice, Node};
+use std::time::Duration;
+
+/// Most pixels on a side of a picture.
+pub const SIDE_MAX: u32 = 16_384;
+
+/// One node of the cut, with the planes that the frame needs. Planes shorter than the prefix end the
+/// prefix; any bits in them are drawn harmlessly.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawNode<'a> {
+    /// Its record.
+    pub node: &'a Node,
+    /// How many of its points are drawn, from the first.
+    pub prefix: usize,
+    /// Hot positions, [`esker_points::quant::HOT_POSITION_BYTES`] a point.
+    pub position: &'a [u8],
+    /// Dropped bits of the positions, where they are at hand ([`esker_points::quant::residual_bytes`]
+    /// a point); without them points are drawn at mid-step.
+    pub residual: Option<&'a [u8]>,
+    /// What colours come from.
+    pub colour: ColourPlane<'a>,
+    /// Octahedral normals, two little-endian `i16` a point.
+    pub normal: Option<&'a [u8]>,
+}
+
+/// The plane that a node's colours come from.
+#[derive(Clone, Copy, Debug)]
+pub enum ColourPlane<'a> {
+    /// None: the plain colour, or what needs no plane (elevation, depth ...).
+    None,
+    /// Red, green, blue (sRGB) and an unused byte a point.
+    Rgba(&'a [u8]),
+    /// One value a point, little-endian; coloured as [`ColourBy`] says.
+    Scalar {
+        /// The values.
+        bytes: &'a [u8],
+        /// Their type.
+        ty: AttrType,
+    },
+}
+
+/// How points become a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Method {
+    /// One pixel a point, colours as they are.
+    Points,
+    /// Surfaces closed by pull-push interpolation and lit (marroquim2007).
+    #[default]
+    PullPush,
+}
+
+/// What lies behind the points; sRGB, alpha last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Background {
+    /// One colour; alpha 0 gives a cut-out.
+    Plain([u8; 4]),
+    /// From the top row to the bottom row.
+    Gradient([u8; 3], [u8; 3]),
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Self::Gradient([30, 34, 41], [92, 99, 108])
+    }
+}
+
+/// Everything that a frame is drawn from.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// The camera and the size of the picture.
+    pub view: &'a View,
+    /// The grid of all coordinates.
+    pub lattice: &'a Lattice,
+    /// The cut. At most 2^32 - 1 points; what goes beyond is not drawn and shows in the counts.
+    pub draws: &'a [DrawNode<'a>],
+    /// How points become a picture.
+    pub method: Method,
+    /// What gives points their colour.
+    pub colour: ColourBy,
+    /// Whether points whose normal looks away are dropped (marroquim2007 section 3.1). Scans whose
+    /// normals have no consistent side need it off; normals are then turned towards the viewer.
+    pub cull_back_faces: bool,
+    /// What lies behind the points.
+    pub background: Background,
+}
+
+/// A drawn picture.
+#[derive(Clone, Debug, Default)]
+pub struct Picture {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows, the top one first.
+    pub height: u32,
+    /// sRGB with straight alpha, four bytes a pixel.
+    pub rgba: Vec<u8>,
+    /// Linear eye depth in the file's unit; infinite where nothing was drawn.
+    pub depth: Vec<f32>,
+    /// Counts and times.
+    pub stats: Stats,
+}
+
+/// What a frame did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Points that went through projection.
+    pub points_drawn: u64,
+    /// Nodes with at least one such point.
+    pub nodes_drawn: u32,
+    /// Pixels that a point itself won.
+    pub pixels_projected: u64,
+    /// Pixels that show a surface in the end.
+    pub pixels_covered: u64,
+    /// Times.
+    pub stages: Stages,
+}
+
+/// Milliseconds a stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stages {
+    /// Points to single pixels.
+    pub project_ms: f64,
+    /// Attributes of the pixels won.
+    pub gather_ms: f64,
+    /// Averaging upwards.
+    pub pull_ms: f64,
+    /// Filling downwards.
+    pub push_ms: f64,
+    /// Lighting and encoding.
+    pub shade_ms: f64,
+    /// All of it.
+    pub total_ms: f64,
+}
+
+/// Milliseconds of a duration.
+pub(crate) fn ms(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
+}

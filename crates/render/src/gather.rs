@@ -1,0 +1,182 @@
+//! Gather: the attributes of the points that won a pixel become level 0 of the pyramid (marroquim2007
+//! section 3.1). Radius, normal and colour are looked up here, once a covered pixel, not once a point.
+//!
+//! Drawn radius (DESIGN section 8): the stored radius, in units of the node's spacing, times the
+//! effective spacing of the finest drawn cell that holds the point.
+
+use crate::camera::{Camera, NodePlace, Positions};
+use crate::colour::{ColourBy, MapTable, PLAIN, class_colour, hue, linear};
+use crate::ellipse::FACING;
+use crate::frame::{ColourPlane, DrawNode, Frame};
+use crate::project::{DrawList, EMPTY, normal_at, unpack};
+use crate::pyramid::{INVALID, Level, for_each_row};
+use esker_points::quant::radius_factor;
+use glam::{Vec3, Vec4};
+use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
+
+/// Radii are clamped here, so that sums of depth and radius stay finite.
+const RADIUS_MAX: f32 = 1e30;
+
+/// What is made once a frame to look points up.
+pub struct Lookup<'a> {
+    frame: &'a Frame<'a>,
+    camera: &'a Camera,
+    list: &'a DrawList,
+    draws: Vec<DrawLookup<'a>>,
+    map: Option<MapTable>,
+    radius_factors: [f32; 256],
+}
+
+struct DrawLookup<'a> {
+    positions: Positions<'a>,
+    place: NodePlace,
+    colour: Vec3,
+}
+
+/// A point that won a pixel.
+pub struct Hit {
+    /// Linear light.
+    pub colour: Vec3,
+    /// Drawn radius, the file's unit.
+    pub radius: f32,
+    /// In view space, unit length; facing the viewer where the point has none.
+    pub normal: Vec4,
+}
+
+impl<'a> Lookup<'a> {
+    /// Tables of a frame.
+    pub fn new(frame: &'a Frame<'a>, camera: &'a Camera, list: &'a DrawList) -> Self {
+        let map = match &frame.colour {
+            ColourBy::Scalar(m) | ColourBy::Elevation(m) | ColourBy::EyeDepth(m) => {
+                Some(MapTable::new(m))
+            }
+            _ => None,
+        };
+        let draws = frame.draws.iter().map(|draw| {
+            let positions = Positions::of(draw);
+            let place = camera.place(draw.node, positions.is_exact());
+            let colour = match frame.colour {
+                ColourBy::Cell => hue(u32::from(draw.node.cell_log2)),
+                _ => linear(PLAIN),
+            };
+            DrawLookup { positions, place, colour }
+        });
+        Self {
+            frame,
+            camera,
+            list,
+            draws: draws.collect(),
+            map,
+            radius_factors: std::array::from_fn(|code| radius_factor(code as u8)),
+        }
+    }
+
+    /// Whether any node brings normals.
+    pub fn has_normals(&self) -> bool {
+        self.frame.draws.iter().any(|d| d.normal.is_some())
+    }
+
+    /// Colour of a point alone, for the method without surfaces.
+    pub fn colour_of(&self, point: u32, depth: f32) -> Vec3 {
+        let (d, index) = self.list.find(point);
+        let (offset, _) = self.draws[d].positions.offset(index);
+        self.colour(d, index, offset, depth)
+    }
+
+    /// Everything of a point.
+    fn hit<const NORMALS: bool>(&self, point: u32, depth: f32) -> Hit {
+        let (d, index) = self.list.find(point);
+        let draw = &self.frame.draws[d];
+        let (offset, code) = self.draws[d].positions.offset(index);
+        let spacing = self.spacing(draw, offset);
+        let radius = (spacing * self.radius_factors[usize::from(code)]).clamp(0.0, RADIUS_MAX);
+        let radius = if radius.is_nan() { 0.0 } else { radius };
+        let normal = if NORMALS { self.normal(draw, index, d, offset) } else { FACING };
+        Hit { colour: self.colour(d, index, offset, depth), radius, normal }
+    }
+
+    /// Effective spacing of the finest drawn cell that holds the point.
+    fn spacing(&self, draw: &DrawNode<'_>, _offset: [u32; 3]) -> f32 {
+        draw.node.spacing
+    }
+
+    fn normal(&self, draw: &DrawNode<'_>, index: usize, d: usize, offset: [u32; 3]) -> Vec4 {
+        let world = draw.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, index));
+        if world == Vec3::ZERO {
+            return FACING;
+        }
+        let n = self.camera.to_view(world);
+        // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+        let from_eye = self.draws[d].place.steps_from_eye(offset) * self.camera.step;
+        let away = world.dot(from_eye) > 0.0 && !self.frame.cull_back_faces;
+        (if away { -n } else { n }).extend(0.0)
+    }
+
+    fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
+        let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);
+        match (self.frame.colour, draw.colour, &self.map) {
+            (ColourBy::Rgb, ColourPlane::Rgba(plane), _) => {
+                plane.get(index * 4..index * 4 + 3).map_or(plain, |b| linear([b[0], b[1], b[2]]))
+            }
+            (ColourBy::Scalar(_), ColourPlane::Scalar { bytes, ty }, Some(map)) => {
+                let size = ty.size();
+                bytes.get(index * size..(index + 1) * size).map_or(plain, |b| map.at(ty.to_f64(b)))
+            }
+            (ColourBy::Classification, ColourPlane::Scalar { bytes, ty }, _) => bytes
+                .get(index * ty.size()..(index + 1) * ty.size())
+                .map_or(plain, |b| class_colour(ty.to_f64(b) as u8)),
+            (ColourBy::Elevation(_), _, Some(map)) => {
+                let z = f64::from(draw.node.box_min[2]) + f64::from(offset[2]);
+                map.at(self.frame.lattice.world_axis(2, z))
+            }
+            (ColourBy::EyeDepth(_), _, Some(map)) => map.at(f64::from(depth)),
+            (ColourBy::Normal, ..) => {
+                draw.normal.map_or(plain, |plane| normal_at(plane, index) * 0.5 + Vec3::splat(0.5))
+            }
+            _ => plain,
+        }
+    }
+}
+
+/// Fills level 0 from the frame buffer. Returns the number of valid pixels.
+pub fn gather(lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) -> u64 {
+    let valid = Counter::new(0);
+    if base.normal.is_empty() {
+        gather_level::<false>(lookup, target, base, &valid);
+    } else {
+        gather_level::<true>(lookup, target, base, &valid);
+    }
+    valid.into_inner()
+}
+
+fn gather_level<const NORMALS: bool>(
+    lookup: &Lookup<'_>,
+    target: &[AtomicU64],
+    base: &mut Level,
+    valid: &Counter,
+) {
+    let width = base.width;
+    let focal_px = lookup.camera.focal_px;
+    for_each_row(base, |row| {
+        let mut count = 0;
+        let values = &target[row.y * width..][..width];
+        for (x, value) in values.iter().enumerate() {
+            let value = value.load(Relaxed);
+            if value == EMPTY {
+                row.front[x] = INVALID;
+                continue;
+            }
+            let (depth, point) = unpack(value);
+            let hit = lookup.hit::<NORMALS>(point, depth);
+            let radius_px = (hit.radius * focal_px / depth).min(RADIUS_MAX);
+            row.front[x] = Vec4::new(depth, depth + hit.radius, 0.0, 0.0);
+            row.tint[x] = hit.colour.extend(radius_px);
+            row.depth[x] = depth;
+            if NORMALS {
+                row.normal[x] = hit.normal;
+            }
+            count += 1;
+        }
+        valid.fetch_add(count, Relaxed);
+    });
+}

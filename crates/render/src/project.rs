@@ -1,0 +1,140 @@
+//! Project (marroquim2007 section 3.1): each point to at most one pixel. A frame buffer of
+//! `depth << 32 | point` keeps the least: the bits of a positive `f32` order like the number, so one
+//! 64-bit minimum is depth test and write. `point` counts through the frame's draws ([`DrawList`]).
+//! Out: the frame buffer; attributes are fetched afterwards, for the points that won ([`crate::gather`]).
+//!
+//! Threads share one frame buffer of atomics and read plainly before they write. Measured against one
+//! buffer a thread, merged: see `bench_passes`.
+
+use crate::camera::{Camera, Positions};
+use crate::frame::{DrawNode, Frame};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// A pixel that no point fell on.
+pub const EMPTY: u64 = u64::MAX;
+/// Points a job has: large enough that handing out costs nothing, small enough that cores end together.
+const JOB_POINTS: usize = 1 << 14;
+/// Points placed before they are written: the arithmetic is then free of branches.
+const BLOCK: usize = 64;
+
+/// Depth and point of a frame-buffer value.
+pub fn unpack(value: u64) -> (f32, u32) {
+    (f32::from_bits((value >> 32) as u32), value as u32)
+}
+
+/// The frame's points in one numbering.
+#[derive(Clone, Debug, Default)]
+pub struct DrawList {
+    /// Number of the first point of each draw, and one past the last point of all.
+    pub starts: Vec<u32>,
+}
+
+impl DrawList {
+    /// Numbers the points of these draws.
+    pub fn new(draws: &[DrawNode<'_>]) -> Self {
+        let mut starts = Vec::with_capacity(draws.len() + 1);
+        let mut next = 0u32;
+        for draw in draws {
+            starts.push(next);
+            let len = u32::try_from(Positions::of(draw).len).unwrap_or(u32::MAX);
+            next = next.saturating_add(len);
+        }
+        starts.push(next);
+        Self { starts }
+    }
+
+    /// Number of points of a draw.
+    pub fn len(&self, draw: usize) -> usize {
+        (self.starts[draw + 1] - self.starts[draw]) as usize
+    }
+
+    /// Whether the frame has no point.
+    pub fn is_empty(&self) -> bool {
+        self.points() == 0
+    }
+
+    /// Number of points of the frame.
+    pub fn points(&self) -> u32 {
+        self.starts.last().copied().unwrap_or(0)
+    }
+
+    /// Draw and index in it of a point.
+    pub fn find(&self, point: u32) -> (usize, usize) {
+        // Of draws without points, which start where the next one does, the last one is meant.
+        let draw = self.starts.partition_point(|&s| s <= point) - 1;
+        (draw, (point - self.starts[draw]) as usize)
+    }
+}
+
+/// Draws all points into `target` (one value a pixel, row by row), which it clears first.
+pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
+    target.par_chunks(1 << 16).for_each(|c| c.iter().for_each(|p| p.store(EMPTY, Relaxed)));
+    let jobs: Vec<(usize, usize)> = (0..frame.draws.len())
+        .flat_map(|d| (0..list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
+        .collect();
+    jobs.par_iter().for_each(|&(draw, first)| {
+        let last = (first + JOB_POINTS).min(list.len(draw));
+        let base = list.starts[draw];
+        let draw = &frame.draws[draw];
+        match draw.normal.filter(|_| frame.cull_back_faces) {
+            Some(normals) => {
+                let faces = |i: usize, from_eye: Vec3| faces_eye(normals, i, from_eye);
+                project_run(draw, camera, first..last, base, target, faces);
+            }
+            None => project_run(draw, camera, first..last, base, target, |_, _| true),
+        }
+    });
+}
+
+fn project_run(
+    draw: &DrawNode<'_>,
+    camera: &Camera,
+    run: std::ops::Range<usize>,
+    base: u32,
+    target: &[AtomicU64],
+    faces: impl Fn(usize, Vec3) -> bool,
+) {
+    let positions = Positions::of(draw);
+    let place = camera.place(draw.node, positions.is_exact());
+    let [width, height] = camera.size.map(|s| s as f32);
+    let mut block = [Vec3::ZERO; BLOCK];
+    for start in run.clone().step_by(BLOCK) {
+        let count = BLOCK.min(run.end - start);
+        for (k, p) in block[..count].iter_mut().enumerate() {
+            let steps = place.steps_from_eye(positions.offset(start + k).0);
+            *p = camera.project(camera.to_view(steps * camera.step));
+        }
+        for (k, p) in block[..count].iter().enumerate() {
+            // Written so that what is not a number is outside.
+            let inside = p.x >= 0.0 && p.x < width && p.y >= 0.0 && p.y < height;
+            if !(inside && p.z >= camera.near && p.z < f32::INFINITY) {
+                continue;
+            }
+            let pixel = p.y as usize * camera.size[0] as usize + p.x as usize;
+            let value = u64::from(p.z.to_bits()) << 32 | u64::from(base + (start + k) as u32);
+            let Some(slot) = target.get(pixel) else { continue };
+            if value >= slot.load(Relaxed) {
+                continue;
+            }
+            let i = start + k;
+            if faces(i, place.steps_from_eye(positions.offset(i).0) * camera.step) {
+                slot.fetch_min(value, Relaxed);
+            }
+        }
+    }
+}
+
+/// Whether a point's normal looks to the eye's side; a point without a normal does.
+fn faces_eye(normals: &[u8], index: usize, from_eye: Vec3) -> bool {
+    normal_at(normals, index).dot(from_eye) <= 0.0
+}
+
+/// The world normal of a point; zero where it has none or the plane is too short.
+#[inline]
+pub fn normal_at(normals: &[u8], index: usize) -> Vec3 {
+    let Some(b) = normals.get(index * 4..index * 4 + 4) else { return Vec3::ZERO };
+    let code = [i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])];
+    Vec3::from_array(esker_points::quant::oct_decode(code))
+}

@@ -1,0 +1,116 @@
+//! Shade (marroquim2007 section 3.4): deferred Phong lighting of the filled picture, with the
+//! interpolated normals; where the cloud has none, with normals from the reconstructed depth
+//! ([`crate::relief`]). In linear light; the result is encoded as sRGB.
+//!
+//! The light stands with the viewer: a key light from the upper left, a soft one from the eye, and an
+//! ambient half-sphere, brighter above. Pixels behind their surroundings are darkened, which sets
+//! surfaces off against each other.
+
+use crate::camera::Camera;
+use crate::colour::Encoder;
+use crate::frame::{Background, Picture};
+use crate::pyramid::Level;
+use crate::relief::DepthImage;
+use crate::resolve::backdrop;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Direction to the key light, view space, unit length.
+const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
+/// Shares of the lights. Key, eye and the brighter ambient add up to a little over one.
+const KEY_SHARE: f32 = 0.62;
+const EYE_SHARE: f32 = 0.16;
+const SKY_SHARE: f32 = 0.30;
+const GROUND_SHARE: f32 = 0.12;
+/// The highlight: its strength and Phong's exponent.
+const SHINE: f32 = 0.10;
+const SHINE_POWER: i32 = 24;
+/// How dark the farthest behind is, with normals and without.
+const EDGE_DARK: f32 = 1.2;
+const DOME_DARK: f32 = 3.0;
+
+/// Memory kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub struct ShadeScratch {
+    rows: Vec<f32>,
+    smooth: Vec<f32>,
+}
+
+/// Lights level 0 and writes colours and depths of the picture. Returns the number of pixels covered.
+pub fn shade(
+    camera: &Camera,
+    base: &Level,
+    background: Background,
+    scratch: &mut ShadeScratch,
+    picture: &mut Picture,
+) -> u64 {
+    let width = base.width;
+    let covered = AtomicU64::new(0);
+    picture.depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let first = y * width;
+        let mut count = 0;
+        for (x, out) in row.iter_mut().enumerate() {
+            let valid = base.is_valid(first + x);
+            *out = if valid { base.depth[first + x] } else { f32::INFINITY };
+            count += u64::from(valid);
+        }
+        covered.fetch_add(count, Relaxed);
+    });
+    let has_normals = !base.normal.is_empty();
+    let image =
+        |depth| DepthImage { width, depth, focal_px: camera.focal_px, centre_px: camera.centre_px };
+    let raw = image(&picture.depth);
+    let relief = if has_normals { raw } else { smoothed(raw, scratch) };
+    let relief = image(relief.depth);
+    let encoder = Encoder::get();
+    picture.rgba.par_chunks_mut(width * 4).enumerate().for_each(|(y, row)| {
+        let behind = backdrop(background, y, base.height);
+        for (x, out) in row.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            let pixel = y * width + x;
+            if !base.is_valid(pixel) {
+                *out = behind;
+                continue;
+            }
+            let ray = Vec3::new(
+                x as f32 + 0.5 - camera.centre_px[0],
+                camera.centre_px[1] - y as f32 - 0.5,
+                -camera.focal_px,
+            );
+            let to_eye = -ray.normalize_or(Vec3::NEG_Z);
+            let normal = if has_normals {
+                base.normal[pixel].truncate().normalize_or(to_eye)
+            } else {
+                relief.normal(x, y)
+            };
+            let dark = if has_normals { EDGE_DARK } else { DOME_DARK };
+            let light = (-dark * relief.behind(x, y)).exp();
+            let c = phong(base.tint[pixel].truncate(), normal, to_eye) * light;
+            let [r, g, b] = encoder.bytes(c);
+            *out = [r, g, b, 255];
+        }
+    });
+    covered.into_inner()
+}
+
+/// The depth image smoothed along both axes, twice.
+fn smoothed<'a>(raw: DepthImage<'a>, scratch: &'a mut ShadeScratch) -> DepthImage<'a> {
+    scratch.rows.resize(raw.depth.len(), 0.0);
+    scratch.smooth.resize(raw.depth.len(), 0.0);
+    raw.smooth(true, 1, &mut scratch.rows);
+    DepthImage { depth: &scratch.rows, ..raw }.smooth(false, 1, &mut scratch.smooth);
+    DepthImage { depth: &scratch.smooth, ..raw }.smooth(true, 2, &mut scratch.rows);
+    DepthImage { depth: &scratch.rows, ..raw }.smooth(false, 2, &mut scratch.smooth);
+    DepthImage { depth: &scratch.smooth, ..raw }
+}
+
+/// Phong lighting of a colour (linear light).
+#[inline]
+fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3) -> Vec3 {
+    let facing = normal.dot(KEY);
+    let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
+    let diffuse = KEY_SHARE * facing.max(0.0) + EYE_SHARE * normal.dot(to_eye).max(0.0);
+    let mirrored = normal * (2.0 * facing) - KEY;
+    let shine = if facing > 0.0 { mirrored.dot(to_eye).max(0.0).powi(SHINE_POWER) } else { 0.0 };
+    colour * (ambient + diffuse) + Vec3::splat(SHINE * shine)
+}

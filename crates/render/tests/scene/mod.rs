@@ -1,0 +1,181 @@
+//! Synthetic scenes for tests, pictures and benchmarks: points in the world become nodes with planes,
+//! as the builder would lay them out (Morton order, hot positions and residuals), without its levels.
+
+use esker_lod::View;
+use esker_points::{AttrType, Cell, Lattice, Node, morton, quant};
+use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use glam::DVec3;
+
+/// A point of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct ScenePoint {
+    pub at: DVec3,
+    /// Unit length.
+    pub normal: DVec3,
+    pub colour: [u8; 3],
+}
+
+/// A node with planes of its own.
+pub struct SceneNode {
+    pub node: Node,
+    pub lattice_points: Vec<[u32; 3]>,
+    pub position: Vec<u8>,
+    pub residual: Vec<u8>,
+    pub colour: Vec<u8>,
+    pub normal: Vec<u8>,
+}
+
+/// Nodes on a lattice.
+pub struct Scene {
+    pub lattice: Lattice,
+    pub nodes: Vec<SceneNode>,
+}
+
+/// A small generator of numbers (xorshift64*), the same everywhere.
+pub struct Dice(pub u64);
+
+impl Dice {
+    /// Evenly in 0..1.
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+}
+
+impl Scene {
+    /// Lays out points on a lattice of this step (the world's zero in its middle), in nodes of at most
+    /// `capacity` points, all with this spacing and radius.
+    pub fn new(
+        points: &[ScenePoint],
+        step: f64,
+        spacing: f64,
+        radius: f64,
+        capacity: usize,
+    ) -> Self {
+        let lattice = Lattice { scale: [step; 3], offset: [0.0; 3], shift: [0; 3] };
+        let place = |p: &ScenePoint| {
+            [0, 1, 2]
+                .map(|i| lattice.steps_axis(i, p.at[i]).round().clamp(0.0, 4_294_967_295.0) as u32)
+        };
+        let mut sorted: Vec<_> = points.iter().map(|p| (place(p), *p)).collect();
+        sorted.sort_by_cached_key(|(at, _)| morton::encode3(*at));
+        let code = quant::radius_code(radius, spacing);
+        let nodes = sorted.chunks(capacity).map(|run| SceneNode::new(run, spacing as f32, code));
+        Self { lattice, nodes: nodes.collect() }
+    }
+
+    /// All nodes whole, with what planes are wanted.
+    pub fn draws(&self, residual: bool, colour: bool, normal: bool) -> Vec<DrawNode<'_>> {
+        self.nodes.iter().map(|n| n.draw(residual, colour, normal)).collect()
+    }
+
+    /// A frame with the usual settings.
+    pub fn frame<'a>(&'a self, view: &'a View, draws: &'a [DrawNode<'a>]) -> Frame<'a> {
+        Frame {
+            view,
+            lattice: &self.lattice,
+            draws,
+            method: Method::PullPush,
+            colour: ColourBy::Rgb,
+            cull_back_faces: true,
+            background: Background::default(),
+        }
+    }
+
+    /// Scalar planes are tested with the colour plane's bytes.
+    #[allow(dead_code, reason = "not every user of this module tests scalars")]
+    pub fn scalar<'a>(node: &'a SceneNode, ty: AttrType) -> ColourPlane<'a> {
+        ColourPlane::Scalar { bytes: &node.colour, ty }
+    }
+}
+
+impl SceneNode {
+    /// The node whole.
+    pub fn draw(&self, residual: bool, colour: bool, normal: bool) -> DrawNode<'_> {
+        DrawNode {
+            node: &self.node,
+            prefix: usize::MAX,
+            position: &self.position,
+            residual: residual.then_some(&self.residual[..]),
+            colour: if colour { ColourPlane::Rgba(&self.colour) } else { ColourPlane::None },
+            normal: normal.then_some(&self.normal[..]),
+        }
+    }
+
+    fn new(run: &[([u32; 3], ScenePoint)], spacing: f32, radius_code: u8) -> Self {
+        let fold = |f: fn(u32, u32) -> u32| {
+            run.iter().map(|r| r.0).reduce(|a, b| [0, 1, 2].map(|i| f(a[i], b[i]))).unwrap()
+        };
+        let (min, max) = (fold(u32::min), fold(u32::max));
+        let cell = Cell::enclosing(min, max);
+        let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap();
+        let shift = quant::hot_shift(extent);
+        let mut node: Node = bytemuck::Zeroable::zeroed();
+        (node.corner, node.cell_log2, node.spacing) = (cell.corner, cell.log2, spacing);
+        (node.box_min, node.hot_shift) = (min, shift);
+        node.set_levels(&[run.len()]);
+        let mut out = Self {
+            node,
+            lattice_points: run.iter().map(|r| r.0).collect(),
+            position: Vec::new(),
+            residual: Vec::new(),
+            colour: Vec::new(),
+            normal: Vec::new(),
+        };
+        for (at, point) in run {
+            let q = [0, 1, 2].map(|i| quant::hot(at[i], min[i], shift));
+            q.iter().for_each(|q| out.position.extend(q.to_le_bytes()));
+            out.position.extend([radius_code, 0]);
+            let low = [0, 1, 2].map(|i| quant::residual(at[i], min[i], shift));
+            quant::push_residual(low, shift, &mut out.residual);
+            out.colour.extend(point.colour.iter().chain(&[255]));
+            let oct = quant::oct_encode(point.normal.as_vec3().to_array());
+            oct.iter().for_each(|c| out.normal.extend(c.to_le_bytes()));
+        }
+        out
+    }
+}
+
+/// A sphere, evenly random.
+pub fn sphere(
+    dice: &mut Dice,
+    centre: DVec3,
+    radius: f64,
+    count: usize,
+    colour: [u8; 3],
+) -> Vec<ScenePoint> {
+    (0..count)
+        .map(|_| {
+            let z = 2.0 * dice.unit() - 1.0;
+            let (s, c) = (dice.unit() * std::f64::consts::TAU).sin_cos();
+            let normal = DVec3::new((1.0 - z * z).sqrt() * c, (1.0 - z * z).sqrt() * s, z);
+            ScenePoint { at: centre + normal * radius, normal, colour }
+        })
+        .collect()
+}
+
+/// A parallelogram, random but even: one point in each cell of a grid.
+pub fn sheet(
+    dice: &mut Dice,
+    corner: DVec3,
+    u: DVec3,
+    v: DVec3,
+    side: usize,
+    colour: [u8; 3],
+) -> Vec<ScenePoint> {
+    let normal = u.cross(v).normalize_or_zero();
+    (0..side * side)
+        .map(|i| {
+            let a = ((i % side) as f64 + dice.unit()) / side as f64;
+            let b = ((i / side) as f64 + dice.unit()) / side as f64;
+            ScenePoint { at: corner + u * a + v * b, normal, colour }
+        })
+        .collect()
+}
