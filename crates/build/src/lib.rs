@@ -1,1 +1,24 @@
-//! From scans to an .esker file under a memory bound, and the proof that no point was lost.
+//! From scans to an .esker file under a memory bound: intake, partition, chunks bottom-up, levels above,
+//! the file, and the proof that no point was lost. Meets the runtime only in the file.
+
+pub mod against;
+pub mod build;
+mod chunk;
+mod coincident;
+mod contour;
+pub mod error;
+mod intake;
+mod levels;
+pub mod memory;
+mod ntree;
+mod order;
+mod partition;
+mod row;
+mod sample;
+mod scratch;
+mod shape;
+mod tree;
+
+pub use against::{Against, against};
+pub use build::{Options, Report, build};
+pub use error::BuildError;

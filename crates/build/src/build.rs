@@ -1,0 +1,272 @@
+//! One build from first to last: intake, chunks, levels, the file, the proof.
+
+use crate::error::BuildError;
+use crate::intake::{Intake, Plan, Taken};
+use crate::levels::{Raiser, assemble};
+use crate::memory::{self, Peak};
+use crate::row::RowLayout;
+use crate::scratch::Scratch;
+use crate::tree::Context;
+use esker_format::{
+    CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
+};
+use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// Node capacities that are taken.
+pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
+/// The least memory a build works with, in bytes.
+pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
+
+/// What the user chose.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Anonymous memory that the build may use above that of the empty program, in bytes.
+    pub memory_bytes: u64,
+    /// Where scratch files go; the system's place for temporary files where not said.
+    pub scratch: Option<PathBuf>,
+    /// Points a node holds.
+    pub node_capacity: u32,
+    /// Overrides what is detected of 16-bit colours.
+    pub colour_depth: Option<ColourDepth>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            memory_bytes: memory::default_bytes(),
+            scratch: None,
+            node_capacity: 1 << 16,
+            colour_depth: None,
+        }
+    }
+}
+
+/// What a build did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Points decoded, those refused included.
+    pub points_in: u64,
+    /// Points in the file.
+    pub points_out: u64,
+    /// Points refused, by reason.
+    pub points_refused: BTreeMap<String, u64>,
+    /// Multiset hash of the points.
+    pub hash: MultisetHash,
+    /// Greatest anonymous memory above that at the start, in bytes, sampled.
+    pub peak_anon_bytes: u64,
+    /// Greatest resident set, in bytes.
+    pub peak_rss_bytes: u64,
+    /// Bytes written to scratch.
+    pub scratch_bytes: u64,
+    /// Bytes of the file.
+    pub bytes_out: u64,
+    /// Nodes.
+    pub nodes: u64,
+    /// Greatest depth of a node; 0 for the root alone.
+    pub depth: u32,
+    /// Greatest distance by which a coordinate was rounded, in the file's unit.
+    pub rounding_error_max: f64,
+    /// What the user should know, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Builds `out` from `inputs`, in the current rayon pool. Nothing is left under the final name where it
+/// fails.
+///
+/// # Errors
+/// Where an input is damaged, space runs out, or on request.
+pub fn build(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
+    check(inputs, out, options)?;
+    let start = memory::usage().anon_bytes;
+    let peak = Peak::default();
+    let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
+    let mut scratch = Scratch::new(&folder)?;
+    let mut intake = Intake::open(inputs, options, task)?;
+    let mut writer = FileWriter::create(out)?;
+    let buffer_bytes_max = (options.memory_bytes as f64 * 0.25) as usize;
+    let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
+    let Taken { partition, reports, hash, ranges } = taken;
+    let points: u64 = reports.iter().map(|r| r.points).sum();
+
+    let context = Context {
+        rows: RowLayout::new(&plan.schema, &plan.classes),
+        pages: PageLayout::new(&plan.schema, &plan.classes),
+        scale: plan.lattice.scale,
+        capacity: options.node_capacity as usize,
+        histograms: (0..rayon::current_num_threads().max(1))
+            .map(|_| Mutex::new(Histograms::new(ranges.clone())))
+            .collect(),
+    };
+    task.phase("building", Some(points), "points");
+    let buckets = partition.finish(&mut scratch)?;
+    let root = Raiser {
+        chunk_rows_max: chunk_rows_max(options, context.rows.bytes()),
+        context: &context,
+        writer: &mut writer,
+        scratch: &mut scratch,
+        buffer_bytes_max,
+        task,
+        peak: &peak,
+    }
+    .tree(buckets)?;
+
+    let written = root.as_ref().map_or_else(MultisetHash::default, hash_of);
+    let (table, own) = assemble(root);
+    prove(&table, points, written, hash)?;
+    let mut histograms = Histograms::new(ranges);
+    for part in context.histograms {
+        histograms.merge(&part.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
+    }
+    let statistics = Statistics::assemble(&table, &plan.schema, own, histograms);
+    let depth = table.depths().into_iter().max().unwrap_or(0);
+    let metadata = metadata(&intake, &plan, &reports, options);
+    peak.sample();
+    task.check()?;
+    let bytes_out = writer.finish(&table, &statistics, &metadata, points, hash)?;
+
+    let mut points_refused = BTreeMap::new();
+    for (reason, n) in reports.iter().flat_map(|r| &r.refused) {
+        *points_refused.entry(reason.clone()).or_default() += n;
+    }
+    Ok(Report {
+        points_in: points + points_refused.values().sum::<u64>(),
+        points_out: points,
+        points_refused,
+        hash,
+        peak_anon_bytes: peak.bytes().saturating_sub(start),
+        peak_rss_bytes: memory::usage().rss_peak_bytes,
+        scratch_bytes: scratch.bytes(),
+        bytes_out,
+        nodes: table.nodes.len() as u64,
+        depth,
+        rounding_error_max: reports.iter().map(|r| r.rounding_error_max).fold(0.0, f64::max),
+        notes: notes(&metadata),
+    })
+}
+
+fn check(inputs: &[PathBuf], out: &Path, options: &Options) -> Result<(), BuildError> {
+    let say = |text: String| Err(BuildError::Options(text));
+    if inputs.is_empty() {
+        return say("no input: name at least one scan file".into());
+    }
+    if let Some(same) = inputs.iter().find(|i| same_file(i, out)) {
+        return say(format!(
+            "{}: is input and output at once; choose another output",
+            same.display()
+        ));
+    }
+    if !CAPACITY_RANGE.contains(&options.node_capacity) {
+        let (low, high) = (CAPACITY_RANGE.start(), CAPACITY_RANGE.end());
+        return say(format!(
+            "a node capacity of {} is outside {low} to {high}",
+            options.node_capacity
+        ));
+    }
+    if options.memory_bytes < MEMORY_BYTES_MIN {
+        return say(format!("--memory must be at least {} MiB", MEMORY_BYTES_MIN >> 20));
+    }
+    Ok(())
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    }
+}
+
+/// Rows of a chunk: sorted rows, 16-byte keys, pages of about the rows' size and the samples must fit the
+/// part of memory that chunks get.
+fn chunk_rows_max(options: &Options, row_bytes: usize) -> u64 {
+    let each = row_bytes as f64 * 2.4 + 16.0 + 24.0;
+    let rows = options.memory_bytes as f64 * 0.55 / each;
+    (rows as u64).clamp(u64::from(options.node_capacity) * 4, (1 << 32) - 1)
+}
+
+fn hash_of(root: &crate::tree::Subtree) -> MultisetHash {
+    let mut sum = MultisetHash::default();
+    let mut open = vec![root];
+    while let Some(tree) = open.pop() {
+        sum += tree.hash;
+        open.extend(&tree.children);
+    }
+    sum
+}
+
+/// Points in and out, and their hashes, must be the same.
+fn prove(
+    table: &NodeTable,
+    points: u64,
+    written: MultisetHash,
+    read: MultisetHash,
+) -> Result<(), BuildError> {
+    let out: u64 = table.nodes.iter().map(|n| n.points() as u64).sum();
+    if out != points {
+        return Err(BuildError::Proof(format!("{points} points read, {out} written")));
+    }
+    if written != read {
+        return Err(BuildError::Proof(format!("hash {read} read, {written} written")));
+    }
+    Ok(())
+}
+
+fn metadata(
+    intake: &Intake,
+    plan: &Plan,
+    reports: &[esker_scan::ReadReport],
+    options: &Options,
+) -> Metadata {
+    let record = |(i, report): (usize, &esker_scan::ReadReport)| {
+        let info = intake.sources[i].info();
+        SourceRecord {
+            path: info.path.display().to_string(),
+            format: info.format.clone(),
+            grid: intake.grid(i).clone(),
+            points: report.points,
+            refused: report.refused.clone(),
+            rounding_error_max: report.rounding_error_max,
+            colour_depth: intake.colour_depth(i),
+            colour_depth_forced: options.colour_depth.is_some() && info.colour_depth.is_some(),
+            class: plan.class_of[i],
+            crs: info
+                .crs
+                .as_ref()
+                .map(|c| CrsRecord { text: c.text.clone(), unit: c.unit.clone() }),
+            notes: info.notes.iter().chain(&report.notes).cloned().collect(),
+            verbatim: info.verbatim.clone(),
+        }
+    };
+    Metadata {
+        lattice: plan.lattice,
+        schema: plan.schema.clone(),
+        classes: plan.classes.clone(),
+        node_capacity: options.node_capacity,
+        sources: reports.iter().enumerate().map(record).collect(),
+        forest: Vec::new(),
+        generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
+    }
+}
+
+/// The notes on all sources; and a word where their reference systems differ.
+fn notes(metadata: &Metadata) -> Vec<String> {
+    let mut out: Vec<String> = metadata
+        .sources
+        .iter()
+        .flat_map(|s| s.notes.iter().map(move |n| format!("{}: {n}", s.path)))
+        .collect();
+    let mut systems = metadata.sources.iter().filter_map(|s| Some((s, s.crs.as_ref()?)));
+    if let Some((first, crs)) = systems.next()
+        && let Some((other, _)) = systems.find(|(_, c)| c.text != crs.text)
+    {
+        out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
+    }
+    out
+}

@@ -1,0 +1,133 @@
+//! The contour of a node: the box around its own points, oriented along their shape where that is flat
+//! enough, else along the lattice's axes (kanzok2015, section 3.1), grown by the points' drawn radius and the
+//! rounding of hot positions; and which of 8 x 8 parts of its plane hold points.
+
+use crate::shape::{Moments, Shape};
+use esker_points::Node;
+use esker_points::node::{SHAPE_ORIENTED, pack_rotation};
+
+/// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
+/// each of which is drawn with at most `reach`, in the file's unit, about it.
+pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
+    let mut moments = Moments::default();
+    positions.iter().for_each(|&p| moments.add(p));
+    let shape = Shape::of(moments.covariance(scale));
+    let local = |p: &[u32; 3]| [0, 1, 2].map(|i| f64::from(p[i] - node.corner[i]) * scale[i]);
+    let oriented = shape.dimension == 1 || shape.dimension == 2;
+    let wanted = if oriented { shape.axes } else { upright_axes(positions, local) };
+    let (packed, axes) = pack_rotation(wanted);
+
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for t in positions.iter().map(|p| along(&axes, local(p))) {
+        for i in 0..3 {
+            low[i] = low[i].min(t[i]);
+            high[i] = high[i].max(t[i]);
+        }
+    }
+    if positions.is_empty() {
+        (low, high) = ([0.0; 3], [0.0; 3]);
+    }
+    let middle = [0, 1, 2].map(|i| (low[i] + high[i]) / 2.0);
+    let centre: [f32; 3] =
+        [0, 1, 2].map(|k| (0..3).map(|i| middle[i] * axes[i][k]).sum::<f64>() as f32);
+    // The stored centre is rounded: the box is measured about where it really is.
+    let about = along(&axes, centre.map(f64::from));
+    let half = [0, 1, 2].map(|i| {
+        let exact = (high[i] - about[i]).max(about[i] - low[i]) + reach;
+        (exact * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
+    });
+
+    node.contour_centre = centre;
+    node.contour_half = half;
+    node.contour_rotation = packed;
+    node.shape = (node.shape & !SHAPE_ORIENTED) | if oriented { SHAPE_ORIENTED } else { 0 };
+    node.occupancy = positions
+        .iter()
+        .map(|p| {
+            let t = along(&axes, local(p));
+            let part = |i: usize| {
+                let fraction = (t[i] - about[i]) / (2.0 * f64::from(half[i])) + 0.5;
+                ((fraction * 8.0) as u64).min(7)
+            };
+            1u64 << (part(1) * 8 + part(0))
+        })
+        .fold(0, |mask, bit| mask | bit);
+}
+
+fn along(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
+    axes.map(|a| a[0] * p[0] + a[1] * p[1] + a[2] * p[2])
+}
+
+/// The lattice's axes, the longest extent first, right-handed.
+fn upright_axes(positions: &[[u32; 3]], local: impl Fn(&[u32; 3]) -> [f64; 3]) -> [[f64; 3]; 3] {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in positions.iter().map(local) {
+        for i in 0..3 {
+            low[i] = low[i].min(p[i]);
+            high[i] = high[i].max(p[i]);
+        }
+    }
+    let mut order = [0usize, 1, 2];
+    order.sort_by(|&i, &j| (high[j] - low[j]).total_cmp(&(high[i] - low[i])).then(i.cmp(&j)));
+    let unit = |k: usize, sign: f64| {
+        let mut axis = [0.0; 3];
+        axis[k] = sign;
+        axis
+    };
+    let even = matches!(order, [0, 1, 2] | [1, 2, 0] | [2, 0, 1]);
+    [unit(order[0], 1.0), unit(order[1], 1.0), unit(order[2], if even { 1.0 } else { -1.0 })]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use esker_points::Cell;
+    use proptest::prelude::*;
+
+    fn enclosed(positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Node {
+        let mut node = Node::zeroed();
+        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
+        for p in positions {
+            for i in 0..3 {
+                min[i] = min[i].min(p[i]);
+                max[i] = max[i].max(p[i]);
+            }
+        }
+        let cell = Cell::enclosing(min, max);
+        (node.corner, node.cell_log2) = (cell.corner, cell.log2);
+        enclose(&mut node, positions, scale, reach);
+        node
+    }
+
+    #[test]
+    fn a_tilted_plane_gets_a_thin_box_and_a_cube_an_upright_one() {
+        let plane: Vec<_> =
+            (0..900u32).map(|i| [i % 30 * 100, i / 30 * 100, i % 30 * 100]).collect();
+        let node = enclosed(&plane, [0.01; 3], 0.0);
+        assert!(node.shape & SHAPE_ORIENTED != 0);
+        assert!(node.contour_half[2] < 0.01 * node.contour_half[1], "{:?}", node.contour_half);
+        let cube: Vec<_> =
+            (0..1000u32).map(|i| [i % 10 * 10, i / 10 % 10 * 10, i / 100 * 10]).collect();
+        assert_eq!(enclosed(&cube, [0.01; 3], 0.0).shape & SHAPE_ORIENTED, 0);
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_with_its_reach_is_inside_and_marked(positions in prop::collection::vec(any::<[u32; 3]>(), 1..50), small in 0u32..32, reach in 0.0f64..10.0) {
+            let positions: Vec<[u32; 3]> = positions.iter().map(|p| p.map(|c| c >> small)).collect();
+            let scale = [0.001, 0.001, 0.01];
+            let node = enclosed(&positions, scale, reach);
+            let contour = node.contour();
+            for p in &positions {
+                let local: Vec<f64> = (0..3).map(|i| f64::from(p[i] - node.corner[i]) * scale[i] - contour.centre[i]).collect();
+                let t = contour.axes.map(|a| a[0] * local[0] + a[1] * local[1] + a[2] * local[2]);
+                for (t, half) in t.iter().zip(contour.half) {
+                    prop_assert!(t.abs() + reach <= half * (1.0 + 1e-9) + 1e-30, "{t} {reach} {half}");
+                }
+                let part = |i: usize| (((t[i] / (2.0 * contour.half[i]) + 0.5) * 8.0) as u64).min(7);
+                prop_assert!(node.occupancy >> (part(1) * 8 + part(0)) & 1 == 1);
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Why a build failed: which file, which phase, what to do.
+
+use esker_format::FormatError;
+use esker_points::Cancelled;
+use esker_points::lattice::LatticeError;
+use esker_scan::ScanError;
+use std::path::{Path, PathBuf};
+
+/// A build, or a comparison of a file with its inputs, failed. Nothing is left under the final name.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// An input could not be read.
+    #[error(transparent)]
+    Scan(#[from] ScanError),
+    /// No lattice fits the inputs.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
+    /// The `.esker` file could not be written or read.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Scratch space failed.
+    #[error("{}: {phase}: {source}; free space there, or name another place with --scratch", path.display())]
+    Scratch {
+        /// The scratch file or folder.
+        path: PathBuf,
+        /// What was being done.
+        phase: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The options contradict themselves or the inputs.
+    #[error("{0}")]
+    Options(String),
+    /// The points that were written are not those that were read. Never seen; a defect of Esker.
+    #[error("the points written are not the points read: {0}; please report this with the input")]
+    Proof(String),
+    /// The file's points are not those of the inputs.
+    #[error("{0}")]
+    Differs(String),
+    /// Stopped on request.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl BuildError {
+    pub(crate) fn scratch(path: &Path, phase: &'static str, source: std::io::Error) -> Self {
+        Self::Scratch { path: path.to_owned(), phase, source }
+    }
+
+    /// Carries an error through a reader's sink.
+    pub(crate) fn through_sink(self) -> ScanError {
+        match self {
+            Self::Scan(e) => e,
+            Self::Cancelled(c) => ScanError::Cancelled(c),
+            other => ScanError::Sink(Box::new(other)),
+        }
+    }
+
+    /// The inverse of [`BuildError::through_sink`].
+    pub(crate) fn from_sink(error: ScanError) -> Self {
+        match error {
+            ScanError::Sink(inner) => match inner.downcast::<Self>() {
+                Ok(ours) => *ours,
+                Err(other) => Self::Scan(ScanError::Sink(other)),
+            },
+            ScanError::Cancelled(c) => Self::Cancelled(c),
+            other => Self::Scan(other),
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! Intake: opens the inputs, chooses lattice, schema and classes from what they say of themselves, and
+//! decodes each once into a partition. Where a header lied (a point off the lattice, colours of another
+//! depth), it begins again with what is true.
+
+use crate::build::Options;
+use crate::error::BuildError;
+use crate::memory::Peak;
+use crate::partition::Partition;
+use crate::row::RowLayout;
+use crate::scratch::Scratch;
+use esker_format::Ranges;
+use esker_points::{
+    Batch, Cell, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
+};
+use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use std::path::PathBuf;
+
+/// Levels below the inputs' common cell at which rows are partitioned, at least and at most.
+const PARTITION_LEVELS: std::ops::RangeInclusive<u32> = 3..=7;
+
+/// The opened inputs, in byte order of their paths.
+pub struct Intake {
+    /// The inputs.
+    pub sources: Vec<Box<dyn Source>>,
+    /// What is known of their coordinates; bounds are corrected when they turn out wrong.
+    grids: Vec<InputGrid>,
+    /// What is known of their colours.
+    depths: Vec<ColourDepth>,
+    forced_depth: bool,
+}
+
+/// What was chosen for all inputs.
+pub struct Plan {
+    /// The lattice.
+    pub lattice: Lattice,
+    /// All attributes.
+    pub schema: Schema,
+    /// The classes of points.
+    pub classes: Vec<PointClass>,
+    /// The class of each source.
+    pub class_of: Vec<u16>,
+    /// For each source, the file's attribute for each of its own.
+    to_file: Vec<Vec<usize>>,
+}
+
+/// What the inputs held.
+pub struct Taken {
+    /// Rows by cell.
+    pub partition: Partition,
+    /// What became of each source's points.
+    pub reports: Vec<ReadReport>,
+    /// Hash of all points, as they were decoded.
+    pub hash: MultisetHash,
+    /// Range of each attribute.
+    pub ranges: Ranges,
+}
+
+/// Why a reading is void.
+enum Void {
+    /// The lattice does not hold this source's points.
+    Bounds(usize),
+    /// These sources' colours are of another depth than was thought.
+    Colours,
+}
+
+impl Plan {
+    /// For each attribute of a source, the file's.
+    pub fn to_file(&self, source: usize) -> &[usize] {
+        &self.to_file[source]
+    }
+}
+
+impl Intake {
+    /// Opens all inputs.
+    ///
+    /// # Errors
+    /// Where one cannot be opened.
+    pub fn open(
+        inputs: &[PathBuf],
+        options: &Options,
+        task: &dyn Task,
+    ) -> Result<Self, BuildError> {
+        let mut paths = inputs.to_vec();
+        paths
+            .sort_by(|a, b| a.as_os_str().as_encoded_bytes().cmp(b.as_os_str().as_encoded_bytes()));
+        let open = OpenOptions { colour_depth: options.colour_depth };
+        let sources: Vec<_> = paths
+            .iter()
+            .map(|path| {
+                task.check()?;
+                esker_scan::open(path, &open, task)
+            })
+            .collect::<Result<_, ScanError>>()?;
+        let grids = sources.iter().map(|s| s.info().grid.clone()).collect();
+        let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
+        let depths = sources.iter().map(|s| depth(s.as_ref())).collect();
+        Ok(Self { sources, grids, depths, forced_depth: options.colour_depth.is_some() })
+    }
+
+    /// Chooses lattice, schema and classes.
+    ///
+    /// # Errors
+    /// Where an input's scale or offset is no number.
+    pub fn plan(&self) -> Result<Plan, BuildError> {
+        self.plan_on(Lattice::choose(&self.grids)?)
+    }
+
+    /// Chooses schema and classes on a given lattice.
+    ///
+    /// # Errors
+    /// Where the inputs differ in more ways than a file can tell apart.
+    pub fn plan_on(&self, lattice: Lattice) -> Result<Plan, BuildError> {
+        let schema =
+            self.sources.iter().fold(Schema::default(), |all, s| all.union(&s.info().schema));
+        let (mut classes, mut class_of, mut to_file) = (Vec::new(), Vec::new(), Vec::new());
+        for (source, &colour_depth) in self.sources.iter().zip(&self.depths) {
+            let attributes = &source.info().schema.attributes;
+            let own: Vec<usize> =
+                attributes.iter().filter_map(|a| schema.find_typed(&a.name, a.ty)).collect();
+            let mut present: Vec<u16> = own.iter().map(|&i| i as u16).collect();
+            present.sort_unstable();
+            let class = PointClass { present, colour_depth };
+            let index = classes.iter().position(|c| *c == class).unwrap_or(classes.len());
+            if index == classes.len() {
+                classes.push(class);
+            }
+            class_of.push(u16::try_from(index).map_err(|_| {
+                BuildError::Options(
+                    "the inputs have over 65,536 different sets of attributes".into(),
+                )
+            })?);
+            to_file.push(own);
+        }
+        if classes.is_empty() {
+            classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
+        }
+        Ok(Plan { lattice, schema, classes, class_of, to_file })
+    }
+
+    /// What was detected or said of a source's 16-bit colours, where it has such.
+    pub fn colour_depth(&self, source: usize) -> Option<ColourDepth> {
+        self.sources[source].info().colour_depth.map(|_| self.depths[source])
+    }
+
+    /// The grid of a source, with corrected bounds.
+    pub fn grid(&self, source: usize) -> &InputGrid {
+        &self.grids[source]
+    }
+
+    /// Points that the headers claim.
+    pub fn points_hint(&self) -> u64 {
+        self.sources.iter().fold(0, |n, s| n.saturating_add(s.info().points_hint))
+    }
+
+    /// Decodes everything into a partition that keeps `buffer_bytes_max` in memory.
+    ///
+    /// # Errors
+    /// Where an input is damaged or scratch fails; on request.
+    pub fn take(
+        &mut self,
+        scratch: &mut Scratch,
+        buffer_bytes_max: usize,
+        task: &dyn Task,
+        peak: &Peak,
+    ) -> Result<(Plan, Taken), BuildError> {
+        // Each source can be wrong about its bounds once; colours are corrected all at once.
+        for _ in 0..self.sources.len() + 2 {
+            let mut plan = self.plan()?;
+            let void = match self.read(&plan, scratch, buffer_bytes_max, task, peak)? {
+                Ok(taken) => match self.correct_colours(&mut plan, &taken.reports) {
+                    None => return Ok((plan, taken)),
+                    Some(void) => void,
+                },
+                Err(void) => void,
+            };
+            match void {
+                Void::Bounds(source) => {
+                    let path = self.sources[source].info().path.display().to_string();
+                    task.note(&format!("{path}: points lie outside its header's bounds; measuring them and starting again"));
+                    self.grids[source].bounds = self.sources[source].survey(task)?;
+                }
+                Void::Colours => task.note(
+                    "colours are of another depth than the first points showed; starting again",
+                ),
+            }
+        }
+        Err(BuildError::Options("the inputs change while they are read".into()))
+    }
+
+    fn read(
+        &self,
+        plan: &Plan,
+        scratch: &mut Scratch,
+        buffer_bytes_max: usize,
+        task: &dyn Task,
+        peak: &Peak,
+    ) -> Result<Result<Taken, Void>, BuildError> {
+        let rows = RowLayout::new(&plan.schema, &plan.classes);
+        let mut partition =
+            Partition::new(rows.bytes(), self.partition_log2(plan), buffer_bytes_max);
+        let (mut hash, mut ranges) = (MultisetHash::default(), Ranges::new(&plan.schema));
+        let mut reports = Vec::new();
+        task.phase("reading", Some(self.points_hint()), "points");
+        for (i, source) in self.sources.iter().enumerate() {
+            let placement = plan.lattice.placement(&source.info().grid);
+            let mut sink = |batch: Batch| -> Result<(), ScanError> {
+                let bytes = rows.rows_of(&batch, plan.class_of[i], &plan.to_file[i], &mut hash);
+                for (column, &attribute) in batch.columns.iter().zip(&plan.to_file[i]) {
+                    ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
+                }
+                partition.add(&bytes, scratch).map_err(BuildError::through_sink)?;
+                peak.sample();
+                task.advance(batch.len() as u64);
+                Ok(task.check()?)
+            };
+            match source.read(&placement, task, &mut sink) {
+                Ok(report) => reports.push(report),
+                Err(ScanError::OffLattice { .. }) => return Ok(Err(Void::Bounds(i))),
+                Err(e) => return Err(BuildError::from_sink(e)),
+            }
+        }
+        Ok(Ok(Taken { partition, reports, hash, ranges }))
+    }
+
+    /// The size of the partition's cells: some levels below the cell that holds all bounds, the more the
+    /// more points there are.
+    fn partition_log2(&self, plan: &Plan) -> u8 {
+        let (mut min, mut max) = ([u32::MAX; 3], [0u32; 3]);
+        for bounds in self.grids.iter().filter_map(|g| g.bounds) {
+            for (corner, axis) in (0..6).map(|i| (i / 3, i % 3)) {
+                // `as` saturates, also for bounds that are no numbers.
+                let c = plan.lattice.steps_axis(axis, bounds[corner][axis]) as u32;
+                min[axis] = min[axis].min(c);
+                max[axis] = max[axis].max(c);
+            }
+        }
+        if (0..3).any(|i| min[i] > max[i]) {
+            return 32 - *PARTITION_LEVELS.start() as u8;
+        }
+        let levels =
+            (self.points_hint() >> 20).max(1).ilog2().div_ceil(2) + PARTITION_LEVELS.start();
+        let log2 = u32::from(Cell::enclosing(min, max).log2);
+        log2.saturating_sub(levels.min(*PARTITION_LEVELS.end())) as u8
+    }
+
+    /// Compares what the colours were taken for with what they are. Where the sources of a class agree,
+    /// the class is put right; else everything must be read again with what is now known.
+    fn correct_colours(&mut self, plan: &mut Plan, reports: &[ReadReport]) -> Option<Void> {
+        if self.forced_depth {
+            return None;
+        }
+        let mut split = false;
+        for (i, report) in reports.iter().enumerate() {
+            if self.sources[i].info().colour_depth.is_some() && report.colour_max > 0 {
+                let eight = report.colour_max <= 255;
+                self.depths[i] = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
+            }
+        }
+        for (class, entry) in plan.classes.iter_mut().enumerate() {
+            let mut depths = (0..self.depths.len())
+                .filter(|&i| usize::from(plan.class_of[i]) == class)
+                .map(|i| self.depths[i]);
+            let Some(first) = depths.next() else { continue };
+            if depths.all(|d| d == first) {
+                entry.colour_depth = first;
+            } else {
+                split = true;
+            }
+        }
+        split.then_some(Void::Colours)
+    }
+}

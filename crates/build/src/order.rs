@@ -1,0 +1,172 @@
+//! The order of a node's points: level by level of the n-tree, within a level in strata, within a stratum
+//! along the Morton curve; and the covering radius of each.
+//!
+//! Points of the cell that ancestors have taken count as already there: a cell of the n-tree that holds one
+//! needs no representative. So a prefix together with the ancestors' points is an even sample.
+
+use crate::ntree::NTree;
+use esker_points::node::LEVELS_MAX;
+use esker_points::strata::{STRATA, residue};
+use std::ops::Range;
+
+/// The first levels, too small to be worth a prefix each, are one until they have so many points.
+const FIRST_LEVEL_POINTS: usize = 32;
+/// Points in a cell from which the local spacing is taken: enough that chance evens out.
+const LOCAL_POINTS: usize = 8;
+
+/// Entries of the n-tree in drawing order, and the points of each level.
+pub struct Order {
+    /// Indices into the n-tree's entries; taken points are not among them.
+    pub entries: Vec<u32>,
+    /// Points of each level, at most [`LEVELS_MAX`] levels.
+    pub levels: Vec<usize>,
+}
+
+/// A run of entries that share a cell and are not all placed.
+struct Open {
+    run: Range<usize>,
+}
+
+/// Orders all entries of `tree` but those `taken` by ancestors.
+pub fn order(tree: &NTree, taken: &[bool]) -> Order {
+    let n = tree.entries.len();
+    let mut placed = taken.to_vec();
+    let mut remaining = placed.iter().filter(|&&t| !t).count();
+    let mut levels: Vec<Vec<u32>> = Vec::new();
+    let mut open = if remaining > 0 { vec![Open { run: 0..n }] } else { Vec::new() };
+    for level in 0..=tree.depth() {
+        if remaining == 0 || levels.len() == LEVELS_MAX {
+            break;
+        }
+        let mut new = Vec::new();
+        for Open { run } in &open {
+            if !placed[run.clone()].contains(&true) {
+                let representative = tree.representative(run.clone(), level, |_| true);
+                new.extend(representative.map(|i| i as u32));
+            }
+        }
+        new.iter().for_each(|&i| placed[i as usize] = true);
+        remaining -= new.len();
+        append_level(&mut levels, new);
+        if level < tree.depth() {
+            open = split(tree, &open, level + 1, &placed);
+        }
+    }
+    if remaining > 0 {
+        let rest: Vec<u32> = (0..n as u32).filter(|&i| !placed[i as usize]).collect();
+        let room = levels.len() < LEVELS_MAX && rest.len() >= FIRST_LEVEL_POINTS;
+        match levels.last_mut() {
+            Some(last) if !room => last.extend(rest),
+            _ => levels.push(rest),
+        }
+    }
+    arrange(tree, levels)
+}
+
+fn append_level(levels: &mut Vec<Vec<u32>>, new: Vec<u32>) {
+    match levels.as_mut_slice() {
+        _ if new.is_empty() => {}
+        [first] if first.len() < FIRST_LEVEL_POINTS => first.extend(new),
+        _ => levels.push(new),
+    }
+}
+
+/// The cells of the next level that still have points to place.
+fn split(tree: &NTree, open: &[Open], level: u32, placed: &[bool]) -> Vec<Open> {
+    open.iter()
+        .flat_map(|o| tree.runs(o.run.clone(), level))
+        .filter(|run| placed[run.clone()].contains(&false))
+        .map(|run| Open { run })
+        .collect()
+}
+
+/// Each level along the Morton curve (rows are sorted that way), every 16th first.
+fn arrange(tree: &NTree, levels: Vec<Vec<u32>>) -> Order {
+    let mut out = Order { entries: Vec::new(), levels: levels.iter().map(Vec::len).collect() };
+    for mut level in levels {
+        level.sort_unstable_by_key(|&i| tree.entries[i as usize].row);
+        for s in 0..STRATA {
+            out.entries.extend(level.iter().skip(residue(s)).step_by(STRATA));
+        }
+    }
+    out
+}
+
+/// The covering radius of each entry, in the file's unit: the diagonal of the cell that a point would have
+/// if the points around it stood evenly. "Around it" is the smallest cell with at least
+/// [`LOCAL_POINTS`] points. Laser scans are surfaces also where their node is a volume, so
+/// the local dimension is at most 2.
+pub fn radii(tree: &NTree) -> Vec<f32> {
+    let mut out = vec![0.0; tree.entries.len()];
+    if !out.is_empty() {
+        let all = 0..out.len();
+        spread(tree, all, 0, 0.0, &mut out);
+    }
+    out
+}
+
+fn spread(tree: &NTree, run: Range<usize>, level: u32, above: f64, out: &mut [f32]) {
+    let few = run.len() < LOCAL_POINTS && level > 0;
+    if few {
+        out[run].fill(above as f32);
+        return;
+    }
+    let dimension = f64::from(tree.dimension.clamp(1, 2));
+    let spacing = tree.cell_edge(level) / (run.len() as f64).powf(1.0 / dimension);
+    let radius = spacing * dimension.sqrt();
+    if level == tree.depth() {
+        out[run].fill(radius as f32);
+        return;
+    }
+    for part in tree.runs(run, level + 1) {
+        spread(tree, part, level + 1, radius, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ntree::tests::{rows_of, tree_of};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_free_point_comes_out_once_and_taken_ones_never(points in prop::collection::vec([0u32..3000, 0u32..3000, 0u32..3000], 1..500), taken_every in 2usize..9, flat: bool) {
+            let points: Vec<_> = points.into_iter().map(|p| if flat { [p[0], p[1], 0] } else { p }).collect();
+            let bytes = rows_of(&points);
+            let tree = tree_of(&points, &bytes, [0.01; 3]);
+            let taken: Vec<bool> = (0..points.len()).map(|i| i % taken_every == 0).collect();
+            let order = order(&tree, &taken);
+            let mut seen = taken.clone();
+            for &i in &order.entries {
+                prop_assert!(!seen[i as usize]);
+                seen[i as usize] = true;
+            }
+            prop_assert!(seen.iter().all(|&s| s));
+            prop_assert!(order.levels.len() <= LEVELS_MAX);
+            prop_assert_eq!(order.levels.iter().sum::<usize>(), order.entries.len());
+            prop_assert!(order.levels.iter().all(|&l| l > 0));
+        }
+    }
+
+    #[test]
+    fn radii_of_an_even_plane_cover_it_without_swelling() {
+        let points: Vec<_> = (0..64 * 64u32).map(|i| [i % 64 * 100, i / 64 * 100, 0]).collect();
+        let bytes = rows_of(&points);
+        let tree = tree_of(&points, &bytes, [0.01; 3]);
+        for r in radii(&tree) {
+            // The diagonal of a unit cell is 1.41; half of it is needed to cover.
+            assert!((0.7..2.1).contains(&r), "{r}");
+        }
+    }
+
+    #[test]
+    fn coincident_points_have_one_level_and_no_radius() {
+        let points = vec![[4; 3]; 50];
+        let bytes = rows_of(&points);
+        let tree = tree_of(&points, &bytes, [1.0; 3]);
+        let order = order(&tree, &[false; 50]);
+        assert_eq!(order.entries.len(), 50);
+        assert!(radii(&tree).iter().all(|&r| r == 0.0));
+    }
+}

@@ -1,0 +1,202 @@
+//! Rows: the builder's own record of a point while it is moved about. x, y, z on the lattice, the values
+//! of all attributes of the file's schema in canonical order (absent ones zero), and the point's class
+//! where there are several. Comparing rows bytewise after the coordinates breaks ties.
+
+use esker_points::{Batch, MultisetHash, PointClass, Schema};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Rows converted by one task.
+const TASK_ROWS: usize = 1 << 13;
+
+/// Where things stand in a row.
+#[derive(Clone, Debug)]
+pub struct RowLayout {
+    /// Bytes of each attribute of the file's schema, within a row.
+    attributes: Vec<Range<usize>>,
+    class_at: Option<usize>,
+    bytes: usize,
+    classes: Vec<ClassLayout>,
+}
+
+#[derive(Clone, Debug)]
+struct ClassLayout {
+    seed: u64,
+    /// Ranges of a row that make up the hashed record; neighbours joined.
+    hashed: Vec<Range<usize>>,
+}
+
+impl RowLayout {
+    /// The layout for a file of this schema and these classes.
+    pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
+        let mut at = 12;
+        let attributes: Vec<_> = schema
+            .attributes
+            .iter()
+            .map(|a| {
+                at += a.ty.size();
+                at - a.ty.size()..at
+            })
+            .collect();
+        let class_at = (classes.len() > 1).then_some(at);
+        let class_layout = |class: &PointClass| {
+            let mut hashed = vec![0..12];
+            for &i in &class.present {
+                let range = attributes[usize::from(i)].clone();
+                match hashed.last_mut() {
+                    Some(last) if last.end == range.start => last.end = range.end,
+                    _ => hashed.push(range),
+                }
+            }
+            ClassLayout { seed: class.seed(schema), hashed }
+        };
+        let bytes = at + if class_at.is_some() { 2 } else { 0 };
+        Self { classes: classes.iter().map(class_layout).collect(), attributes, class_at, bytes }
+    }
+
+    /// Bytes of a row.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// The class of a row.
+    pub fn class(&self, row: &[u8]) -> u16 {
+        self.class_at.map_or(0, |at| u16::from_le_bytes([row[at], row[at + 1]]))
+    }
+
+    /// The bytes of one attribute in a row.
+    pub fn attribute(&self, index: usize) -> Range<usize> {
+        self.attributes[index].clone()
+    }
+
+    /// Number of attributes.
+    pub fn attribute_count(&self) -> usize {
+        self.attributes.len()
+    }
+
+    /// Whether rows carry a class.
+    pub fn has_class(&self) -> bool {
+        self.class_at.is_some()
+    }
+
+    /// Adds a row to the multiset hash.
+    pub fn hash(&self, row: &[u8], scratch: &mut Vec<u8>, hash: &mut MultisetHash) {
+        let class = &self.classes[usize::from(self.class(row))];
+        if let [whole] = class.hashed.as_slice() {
+            return hash.add(class.seed, &row[whole.clone()]);
+        }
+        scratch.clear();
+        class.hashed.iter().for_each(|r| scratch.extend_from_slice(&row[r.clone()]));
+        hash.add(class.seed, scratch);
+    }
+
+    /// Turns a batch of points of `class` into rows; `to_file[i]` is the file's attribute for the
+    /// batch's attribute `i`. Adds their hash to `hash`.
+    pub fn rows_of(
+        &self,
+        batch: &Batch,
+        class: u16,
+        to_file: &[usize],
+        hash: &mut MultisetHash,
+    ) -> Vec<u8> {
+        let mut rows = vec![0u8; batch.len() * self.bytes];
+        *hash += rows
+            .par_chunks_mut(TASK_ROWS * self.bytes)
+            .enumerate()
+            .map(|(task, part)| {
+                self.fill(batch, task * TASK_ROWS, class, to_file, part);
+                let (mut sum, mut scratch) = (MultisetHash::default(), Vec::new());
+                part.chunks_exact(self.bytes).for_each(|r| self.hash(r, &mut scratch, &mut sum));
+                sum
+            })
+            .reduce(MultisetHash::default, |mut a, b| {
+                a += b;
+                a
+            });
+        rows
+    }
+
+    fn fill(&self, batch: &Batch, first: usize, class: u16, to_file: &[usize], rows: &mut [u8]) {
+        let n = rows.len() / self.bytes;
+        for (row, p) in rows.chunks_exact_mut(self.bytes).zip(&batch.positions[first..]) {
+            for (slot, c) in row.chunks_exact_mut(4).zip(p) {
+                slot.copy_from_slice(&c.to_le_bytes());
+            }
+            if let Some(at) = self.class_at {
+                row[at..at + 2].copy_from_slice(&class.to_le_bytes());
+            }
+        }
+        for (column, &attribute) in batch.columns.iter().zip(to_file) {
+            let range = self.attributes[attribute].clone();
+            let values = column[first * range.len()..][..n * range.len()].chunks_exact(range.len());
+            for (row, value) in rows.chunks_exact_mut(self.bytes).zip(values) {
+                row[range.clone()].copy_from_slice(value);
+            }
+        }
+    }
+}
+
+/// The lattice position of a row.
+pub fn position(row: &[u8]) -> [u32; 3] {
+    [0, 4, 8].map(|at| u32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]]))
+}
+
+/// A run of rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    /// The rows, one after the other.
+    pub bytes: &'a [u8],
+    /// Bytes of one.
+    pub stride: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.bytes.len() / self.stride
+    }
+
+    /// One row.
+    pub fn row(&self, index: u32) -> &'a [u8] {
+        &self.bytes[index as usize * self.stride..][..self.stride]
+    }
+
+    /// The position of one row.
+    pub fn position(&self, index: u32) -> [u32; 3] {
+        position(&self.bytes[index as usize * self.stride..][..12])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use esker_points::{AttrType, Attribute, ColourDepth};
+    use std::sync::Arc;
+
+    #[test]
+    fn absent_attributes_are_not_hashed_so_unions_add_up() {
+        let a = Arc::new(Schema::new(vec![
+            Attribute::new("gps_time", AttrType::F64),
+            Attribute::new("user_data", AttrType::U8),
+        ]));
+        let alone = [PointClass { present: vec![0, 1], colour_depth: ColourDepth::Sixteen }];
+        let mut batch = Batch::with_capacity(a.clone(), 1);
+        batch.positions.push([1, 2, 3]);
+        batch.columns = vec![7.5f64.to_le_bytes().to_vec(), vec![9]];
+
+        let mut hash_alone = MultisetHash::default();
+        RowLayout::new(&a, &alone).rows_of(&batch, 0, &[0, 1], &mut hash_alone);
+
+        let union = a.union(&Schema::new(vec![Attribute::new("intensity", AttrType::U16)]));
+        let classes = [
+            PointClass { present: vec![1], colour_depth: ColourDepth::Sixteen },
+            PointClass { present: vec![0, 2], colour_depth: ColourDepth::Sixteen },
+        ];
+        let layout = RowLayout::new(&union, &classes);
+        let mut hash_union = MultisetHash::default();
+        let rows = layout.rows_of(&batch, 1, &[0, 2], &mut hash_union);
+        assert_eq!(hash_alone, hash_union);
+        assert_eq!((layout.class(&rows), position(&rows)), (1, [1, 2, 3]));
+        assert_eq!(rows.len(), layout.bytes());
+    }
+}
