@@ -3,7 +3,7 @@
 
 use crate::error::Fault;
 use crate::layout::{
-    ALIGNMENT, DIRECTORY_ENTRY_BYTES, DIRECTORY_HEAD_BYTES, PageLayout, PlaneKind, PlaneSpec,
+    ALIGNMENT, DIRECTORY_ENTRY_BYTES, DIRECTORY_HEAD_BYTES, PageLayout, PlaneSpec,
 };
 use std::ops::Range;
 
@@ -130,7 +130,7 @@ fn decode_entry(
         crc: u32_at(record, 16),
     };
     let raw_bytes = PageLayout::raw_bytes(plane, points, hot_shift);
-    if !plane.hot && matches!(plane.kind, PlaneKind::Unknown(_)) {
+    if !plane.hot && !plane.kind.is_written() {
         return Ok(entry);
     }
     let (encoding, expected) = match record[4] {

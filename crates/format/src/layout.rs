@@ -6,6 +6,7 @@ use crate::error::Fault;
 use esker_points::attribute::names;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Pages, and planes in their page, start at multiples of this.
@@ -16,8 +17,12 @@ pub const DIRECTORY_HEAD_BYTES: usize = 12;
 pub const DIRECTORY_ENTRY_BYTES: usize = 20;
 /// "No attribute" in a directory entry.
 pub const NO_ATTRIBUTE: u16 = u16::MAX;
-/// Attributes or classes a file can have.
+/// Attributes, and classes, that a file can have.
 pub const ATTRIBUTES_MAX: usize = 65_000;
+/// Attributes times classes: bounds what a lying file can make a reader tabulate.
+pub const ATTRIBUTES_TIMES_CLASSES_MAX: usize = 1 << 22;
+/// Bytes of a point's value in a plane: bounds sums of lengths.
+const VALUE_BYTES_MAX: u32 = 1 << 16;
 
 /// What a plane holds. Numbers on disk in [`PlaneKind::number`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -62,6 +67,11 @@ impl PlaneKind {
             Self::Attribute(_) => 10,
             Self::Unknown(number) => number,
         }
+    }
+
+    /// Whether this version writes such planes. Others are skipped.
+    pub fn is_written(self) -> bool {
+        !matches!(self, Self::Unknown(_) | Self::Tangents | Self::ClipLines)
     }
 
     /// The attribute it belongs to, [`NO_ATTRIBUTE`] for most.
@@ -124,6 +134,9 @@ pub struct PageLayout {
     schema: Schema,
     classes: Vec<PointClass>,
     planes: Vec<PlaneSpec>,
+    plane_indices: BTreeMap<PlaneKind, usize>,
+    /// Whether a class has an attribute, class by class.
+    present: Vec<bool>,
     colours: Vec<Option<ColourSource>>,
     homes: Vec<Home>,
 }
@@ -131,12 +144,22 @@ pub struct PageLayout {
 impl PageLayout {
     /// The layout that this version writes for a schema and its classes.
     pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
-        let colours: Vec<_> = classes.iter().map(|class| colour_source(schema, class)).collect();
+        let attributes = schema.attributes.len();
+        let mut present = vec![false; attributes * classes.len()];
+        for (c, class) in classes.iter().enumerate() {
+            class.present.iter().for_each(|&a| present[c * attributes + usize::from(a)] = true);
+        }
+        let has = |class: usize, a: usize| present[class * attributes + a];
+        let colours: Vec<_> = classes
+            .iter()
+            .enumerate()
+            .map(|(c, class)| colour_source(schema, class, |a| has(c, a)))
+            .collect();
         let intensity = schema.find_typed(names::INTENSITY, AttrType::U16);
         let homes = (0..schema.attributes.len())
             .map(|a| match intensity {
                 Some(i) if i == a => Home::Intensity,
-                _ if lives_in_colour(a, classes, &colours) => Home::Colour,
+                _ if lives_in_colour(a, &colours, |c| has(c, a)) => Home::Colour,
                 _ => Home::Own,
             })
             .collect();
@@ -144,11 +167,19 @@ impl PageLayout {
             schema: schema.clone(),
             classes: classes.to_vec(),
             planes: Vec::new(),
+            plane_indices: BTreeMap::new(),
+            present,
             colours,
             homes,
         };
-        layout.planes = layout.derive_planes();
+        layout.set_planes(layout.derive_planes());
         layout
+    }
+
+    fn set_planes(&mut self, planes: Vec<PlaneSpec>) {
+        // The first of several of one unknown kind; which does not matter, they are skipped.
+        self.plane_indices = planes.iter().enumerate().rev().map(|(i, p)| (p.kind, i)).collect();
+        self.planes = planes;
     }
 
     fn derive_planes(&self) -> Vec<PlaneSpec> {
@@ -190,17 +221,17 @@ impl PageLayout {
         planes: Vec<PlaneSpec>,
     ) -> Result<Self, Fault> {
         let mut layout = Self::new(schema, classes);
-        let known = |p: &&PlaneSpec| {
-            !matches!(p.kind, PlaneKind::Unknown(_) | PlaneKind::Tangents | PlaneKind::ClipLines)
-        };
-        if !planes.iter().filter(known).eq(layout.planes.iter()) {
+        if !planes.iter().filter(|p| p.kind.is_written()).eq(layout.planes.iter()) {
             return Err(Fault::new("metadata", "the list of planes does not suit the attributes"));
         }
         let first_cold = planes.iter().position(|p| !p.hot).unwrap_or(planes.len());
         if planes[first_cold..].iter().any(|p| p.hot) || planes.len() > ATTRIBUTES_MAX + 16 {
             return Err(Fault::new("metadata", "a hot plane stands behind a cold one"));
         }
-        layout.planes = planes;
+        if planes.iter().any(|p| p.value_bytes > VALUE_BYTES_MAX) {
+            return Err(Fault::new("metadata", "a plane's values are longer than any can be"));
+        }
+        layout.set_planes(planes);
         Ok(layout)
     }
 
@@ -221,12 +252,18 @@ impl PageLayout {
 
     /// Whether the file's pages have this plane.
     pub fn has(&self, kind: PlaneKind) -> bool {
-        self.planes.iter().any(|p| p.kind == kind)
+        self.plane_indices.contains_key(&kind)
     }
 
     /// Index of this plane in the page's directory.
     pub fn plane_index(&self, kind: PlaneKind) -> Option<usize> {
-        self.planes.iter().position(|p| p.kind == kind)
+        self.plane_indices.get(&kind).copied()
+    }
+
+    /// Whether points of a class have an attribute.
+    pub fn has_attribute(&self, class: usize, attribute: usize) -> bool {
+        let attributes = self.schema.attributes.len();
+        self.present.get(class * attributes + attribute).copied().unwrap_or(false)
     }
 
     /// Bytes of the directory of every page.
@@ -292,12 +329,13 @@ impl PageLayout {
 }
 
 /// A class has its colour in 16-bit attributes where it has all three, else in 8-bit ones.
-fn colour_source(schema: &Schema, class: &PointClass) -> Option<ColourSource> {
+fn colour_source(
+    schema: &Schema,
+    class: &PointClass,
+    has: impl Fn(usize) -> bool,
+) -> Option<ColourSource> {
     [AttrType::U16, AttrType::U8].into_iter().find_map(|ty| {
-        let find = |name| {
-            let index = schema.find_typed(name, ty)?;
-            class.present.contains(&(index as u16)).then_some(index)
-        };
+        let find = |name| schema.find_typed(name, ty).filter(|&a| has(a));
         let rgb = [find(names::RED)?, find(names::GREEN)?, find(names::BLUE)?];
         Some(ColourSource { rgb, depth: (ty == AttrType::U16).then_some(class.colour_depth) })
     })
@@ -305,8 +343,12 @@ fn colour_source(schema: &Schema, class: &PointClass) -> Option<ColourSource> {
 
 /// Whether the colour plane (with its remainder) holds every value of an attribute: each class that has
 /// the attribute has its colour there.
-fn lives_in_colour(a: usize, classes: &[PointClass], colours: &[Option<ColourSource>]) -> bool {
-    let mut having = classes.iter().zip(colours).filter(|(c, _)| c.present.contains(&(a as u16)));
+fn lives_in_colour(
+    a: usize,
+    colours: &[Option<ColourSource>],
+    has: impl Fn(usize) -> bool,
+) -> bool {
+    let mut having = colours.iter().enumerate().filter(|&(c, _)| has(c)).map(|(_, colour)| colour);
     let serves = |colour: &Option<ColourSource>| colour.is_some_and(|c| c.rgb.contains(&a));
-    having.next().is_some_and(|(_, c)| serves(c)) && having.all(|(_, c)| serves(c))
+    having.next().is_some_and(serves) && having.all(serves)
 }

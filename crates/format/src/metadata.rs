@@ -2,13 +2,21 @@
 //! beside it the blocks of the sources kept verbatim, as one run of bytes that the JSON points into.
 
 use crate::error::Fault;
-use crate::layout::{ATTRIBUTES_MAX, PageLayout, PlaneKind, PlaneSpec};
+use crate::layout::{
+    ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout, PlaneKind, PlaneSpec,
+};
 use esker_points::lattice::GridKind;
 use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
 };
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
+
+/// Bytes of JSON that are written and read at most.
+pub const METADATA_BYTES_MAX: u64 = 1 << 30;
+
+/// Whole steps that a lattice is moved at most: beyond it `f64` has no whole steps.
+const LATTICE_SHIFT_MAX: u64 = 1 << 54;
 
 /// What the file says of itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,6 +192,19 @@ impl Metadata {
         PageLayout::new(&self.schema, &self.classes)
     }
 
+    /// The greatest of the sources' rounding errors.
+    pub(crate) fn rounding_error_max(&self) -> f64 {
+        self.sources.iter().map(|s| s.rounding_error_max).fold(0.0, f64::max)
+    }
+
+    /// Points belong to a class.
+    pub(crate) fn check_classes(&self, points: u64) -> Result<(), Fault> {
+        if points > 0 && self.classes.is_empty() {
+            return Err(Fault::new("metadata", "there are points but no class of points"));
+        }
+        Ok(())
+    }
+
     /// The JSON and the verbatim section.
     pub(crate) fn encode(&self) -> Result<(Vec<u8>, Vec<u8>), Fault> {
         self.check()?;
@@ -214,6 +235,9 @@ impl Metadata {
                 .collect(),
         };
         let json = serde_json::to_vec(&json).map_err(|e| Fault::new("metadata", e.to_string()))?;
+        if json.len() as u64 > METADATA_BYTES_MAX {
+            return Err(Fault::new("metadata", "they are longer than any reader takes"));
+        }
         Ok((json, blob))
     }
 
@@ -254,15 +278,17 @@ impl Metadata {
         let fault = |what: &str| Err(Fault::new("metadata", what));
         let lattice = &self.lattice;
         for axis in 0..3 {
-            if !(lattice.scale[axis].is_normal() && lattice.scale[axis] > 0.0)
-                || !lattice.offset[axis].is_finite()
-                || lattice.shift[axis].unsigned_abs() > 1 << 54
-            {
+            let numbers = lattice.scale[axis].is_normal() && lattice.offset[axis].is_finite();
+            let shift = lattice.shift[axis].unsigned_abs();
+            if !numbers || lattice.scale[axis] < 0.0 || shift > LATTICE_SHIFT_MAX {
                 return fault("the lattice's numbers are not usable");
             }
         }
         let attributes = &self.schema.attributes;
-        if attributes.len() > ATTRIBUTES_MAX || self.classes.len() > ATTRIBUTES_MAX {
+        if attributes.len() > ATTRIBUTES_MAX
+            || self.classes.len() > ATTRIBUTES_MAX
+            || attributes.len() * self.classes.len() > ATTRIBUTES_TIMES_CLASSES_MAX
+        {
             return fault("there are more attributes or classes than a file can have");
         }
         if attributes.windows(2).any(|w| w[0].key() >= w[1].key()) {

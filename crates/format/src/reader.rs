@@ -5,7 +5,7 @@ use crate::directory::Directory;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, Section, header};
 use crate::layout::{PageLayout, PlaneKind};
-use crate::metadata::{BlockPlace, Metadata};
+use crate::metadata::{BlockPlace, METADATA_BYTES_MAX, Metadata};
 use crate::page::{Page, expand};
 use crate::read_at::{FileSource, ReadAt};
 use crate::statistics::Statistics;
@@ -13,9 +13,6 @@ use crate::table;
 use esker_points::{Node, NodeTable};
 use std::fs::File;
 use std::path::{Path, PathBuf};
-
-/// Bytes of JSON that are read at most.
-const METADATA_BYTES_MAX: u64 = 1 << 30;
 
 /// An opened .esker file. Reading takes `&self`, from any thread.
 pub struct EskerFile {
@@ -308,13 +305,12 @@ fn check_sections(footer: &Footer) -> Result<(), Fault> {
 
 /// Counts and numbers that stand in the footer and elsewhere.
 fn check_counts(footer: &Footer, metadata: &Metadata) -> Result<(), Fault> {
-    if footer.node_capacity != metadata.node_capacity {
-        return Err(Fault::new("metadata", "the node capacity is not the footer's"));
+    if footer.node_capacity != metadata.node_capacity
+        || footer.rounding_error_max.to_bits() != metadata.rounding_error_max().to_bits()
+    {
+        return Err(Fault::new("metadata", "capacity or rounding error are not the footer's"));
     }
-    if footer.points > 0 && metadata.classes.is_empty() {
-        return Err(Fault::new("metadata", "there are points but no class of points"));
-    }
-    Ok(())
+    metadata.check_classes(footer.points)
 }
 
 /// Sections lie inside the file (checked before), so this allocates no more than the file has.

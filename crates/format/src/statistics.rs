@@ -2,6 +2,7 @@
 //! for each node's own points and for its subtree; and one histogram an attribute for the whole file.
 //! NaN and what a point does not have count for nothing; -0 counts as +0.
 
+use crate::error::Fault;
 use crate::layout::PageLayout;
 use crate::page::PagePoints;
 use esker_points::attribute::names;
@@ -76,13 +77,12 @@ pub struct NodeStatistics {
 impl NodeStatistics {
     /// Of these points.
     pub fn of(layout: &PageLayout, points: &PagePoints) -> Self {
-        let having = Having::new(layout);
         let attributes = &layout.schema().attributes;
         let ranges = attributes.iter().enumerate().map(|(a, attribute)| {
             let size = attribute.ty.size();
             let mut range = no_values(attribute.ty);
             for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
-                if having.has(points.class(i), a)
+                if layout.has_attribute(points.class(i), a)
                     && let Some(key) = key(attribute.ty, value)
                 {
                     range = (range.0.min(key), range.1.max(key));
@@ -90,41 +90,20 @@ impl NodeStatistics {
             }
             range
         });
-        Self { ranges: ranges.collect(), class_bits: class_bits(layout, &having, points) }
+        Self { ranges: ranges.collect(), class_bits: class_bits(layout, points) }
     }
 }
 
-fn class_bits(layout: &PageLayout, having: &Having, points: &PagePoints) -> [u64; 4] {
+fn class_bits(layout: &PageLayout, points: &PagePoints) -> [u64; 4] {
     let mut bits = [0; 4];
     if let Some(a) = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8) {
         for (i, &class) in points.columns[a].iter().enumerate() {
-            if having.has(points.class(i), a) {
+            if layout.has_attribute(points.class(i), a) {
                 bits[usize::from(class >> 6)] |= 1 << (class & 63);
             }
         }
     }
     bits
-}
-
-/// Which class has which attribute, for quick asking.
-struct Having {
-    present: Vec<bool>,
-    attributes: usize,
-}
-
-impl Having {
-    fn new(layout: &PageLayout) -> Self {
-        let attributes = layout.schema().attributes.len();
-        let mut present = vec![false; attributes * layout.classes().len()];
-        for (c, class) in layout.classes().iter().enumerate() {
-            class.present.iter().for_each(|&a| present[c * attributes + usize::from(a)] = true);
-        }
-        Self { present, attributes }
-    }
-
-    fn has(&self, class: usize, attribute: usize) -> bool {
-        self.present.get(class * self.attributes + attribute).copied().unwrap_or(false)
-    }
 }
 
 /// Least and greatest finite value of each attribute over all points: the range of its histogram.
@@ -152,17 +131,17 @@ impl Ranges {
 
     /// Adds all attributes of these points.
     pub fn add(&mut self, layout: &PageLayout, points: &PagePoints) {
-        let having = Having::new(layout);
         for (a, attribute) in layout.schema().attributes.iter().enumerate() {
             let size = attribute.ty.size();
             if layout.classes().len() <= 1 {
-                if having.has(0, a) {
+                // A single class: the usual case, without asking for each point.
+                if layout.has_attribute(0, a) {
                     self.add_column(a, attribute.ty, &points.columns[a]);
                 }
                 continue;
             }
             for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
-                if having.has(points.class(i), a) {
+                if layout.has_attribute(points.class(i), a) {
                     self.add_column(a, attribute.ty, value);
                 }
             }
@@ -239,13 +218,12 @@ impl Ranges {
         layout: &PageLayout,
         points: &PagePoints,
     ) -> [u64; BINS] {
-        let having = Having::new(layout);
         let ty = layout.schema().attributes[a].ty;
         let (lo, hi) = self.ranges[a];
         let mut counts = [0; BINS];
         for (i, value) in points.columns[a].chunks_exact(ty.size()).enumerate() {
             let v = ty.to_f64(value);
-            if having.has(points.class(i), a) && v >= lo && v <= hi && v.is_finite() {
+            if layout.has_attribute(points.class(i), a) && v >= lo && v <= hi && v.is_finite() {
                 counts[bin(v, lo, hi)] += 1;
             }
         }
@@ -312,6 +290,15 @@ impl Statistics {
         }
         let ranges = ranges.collect();
         Self { types, nodes: table.nodes.len(), ranges, has_classes, class_bits, histograms }
+    }
+
+    /// Whether it belongs to such a table and schema.
+    pub(crate) fn check_shape(&self, table: &NodeTable, schema: &Schema) -> Result<(), Fault> {
+        let types = schema.attributes.iter().map(|a| a.ty);
+        if self.nodes != table.nodes.len() || !types.eq(self.types.iter().copied()) {
+            return Err(Fault::new("statistics", "they are of another table or schema"));
+        }
+        Ok(())
     }
 
     fn range(&self, node: u32, attribute: usize, columns: [usize; 2]) -> Option<(f64, f64)> {

@@ -141,3 +141,21 @@ fn check_page(node: &Node, layout: &PageLayout, pages_end: u64) -> Result<(), &'
     }
     Ok(())
 }
+
+/// Pages lie one after the other from the header to `pages_end`: no byte is unaccounted for.
+pub(crate) fn check_pages_fill(table: &NodeTable, pages_end: u64) -> Result<(), Fault> {
+    let mut places: Vec<_> =
+        table.nodes.iter().map(|n| (n.page_offset, u64::from(n.page_bytes))).collect();
+    places.sort_unstable();
+    let mut end = HEADER_BYTES as u64;
+    for (offset, bytes) in places {
+        if offset != end {
+            return Err(Fault::new("node table", format!("pages overlap or leave a gap at {end}")));
+        }
+        end += bytes;
+    }
+    if end != pages_end {
+        return Err(Fault::new("node table", format!("bytes from {end} on belong to no page")));
+    }
+    Ok(())
+}

@@ -3,11 +3,11 @@
 //! in the current rayon pool; each thread holds one page.
 
 use crate::error::{Fault, FormatError};
-use crate::footer::HEADER_BYTES;
-use crate::layout::PlaneKind;
+use crate::layout::PageLayout;
 use crate::page::{PagePoints, encode_page};
 use crate::reader::EskerFile;
 use crate::statistics::{Histograms, NodeStatistics, Ranges, Statistics};
+use crate::table::check_pages_fill;
 use esker_points::quant::hot_shift;
 use esker_points::{Lattice, MultisetHash, Node, Task};
 use rayon::prelude::*;
@@ -42,7 +42,7 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
     let footer = file.footer();
     file.check_section(footer.verbatim, "verbatim section")?;
     let damaged = |fault: Fault| fault.damaged(file.path());
-    check_pages_fill(file).map_err(damaged)?;
+    check_pages_fill(file.table(), footer.table.offset).map_err(damaged)?;
     let stored = file.statistics()?;
     let sums = Mutex::new(Sums {
         points: 0,
@@ -53,7 +53,7 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
     task.phase("verify", Some(footer.points), "points");
     let own: Vec<NodeStatistics> = (0..file.table().nodes.len() as u32)
         .into_par_iter()
-        .map(|node| verify_node(file, node, task, &sums))
+        .map(|node| verify_node(file, node, task, stored.histograms().ranges(), &sums))
         .collect::<Result<_, FormatError>>()?;
     let sums = sums.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     if sums.points != footer.points {
@@ -82,28 +82,15 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
     })
 }
 
-/// Pages lie one after the other from the header to the table: no byte is unaccounted for.
-fn check_pages_fill(file: &EskerFile) -> Result<(), Fault> {
-    let mut places: Vec<_> =
-        file.table().nodes.iter().map(|n| (n.page_offset, u64::from(n.page_bytes))).collect();
-    places.sort_unstable();
-    let mut end = HEADER_BYTES as u64;
-    for (offset, bytes) in places {
-        if offset != end {
-            return Err(Fault::new("node table", format!("pages overlap or leave a gap at {end}")));
-        }
-        end += bytes;
-    }
-    if end != file.footer().table.offset {
-        return Err(Fault::new("node table", format!("bytes from {end} on belong to no page")));
-    }
-    Ok(())
+fn lock(sums: &Mutex<Sums>) -> std::sync::MutexGuard<'_, Sums> {
+    sums.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 fn verify_node(
     file: &EskerFile,
     index: u32,
     task: &dyn Task,
+    stored: &Ranges,
     sums: &Mutex<Sums>,
 ) -> Result<NodeStatistics, FormatError> {
     task.check()?;
@@ -117,8 +104,9 @@ fn verify_node(
     let points = page.points().map_err(fault)?;
     check_box(node, &points).map_err(fault)?;
     check_contour(node, &file.metadata().lattice, &points).map_err(fault)?;
+    check_absent(layout, &points).map_err(fault)?;
     // Planes of unknown kinds cannot be made again; where there are none, every byte can.
-    let known = layout.planes().iter().all(|p| !matches!(p.kind, PlaneKind::Unknown(_)));
+    let known = layout.planes().iter().all(|p| p.kind.is_written());
     if known && encode_page(layout, node.box_min, node.hot_shift, &points) != page.bytes() {
         return Err(fault(Fault::new("planes", "they are not those that the exact points give")));
     }
@@ -126,11 +114,14 @@ fn verify_node(
     let hash = points.hash(layout);
     let mut ranges = Ranges::new(layout.schema());
     ranges.add(layout, &points);
-    let mut sums = sums.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    for a in 0..layout.schema().attributes.len() {
+        let counts = stored.counts_of(a, layout, &points);
+        lock(sums).histograms.add_counts(a, &counts);
+    }
+    let mut sums = lock(sums);
     sums.points += points.len() as u64;
     sums.hash += hash;
     sums.ranges.merge(&ranges);
-    sums.histograms.add(layout, &points);
     drop(sums);
     task.advance(points.len() as u64);
     Ok(statistics)
@@ -172,6 +163,22 @@ fn check_contour(node: &Node, lattice: &Lattice, points: &PagePoints) -> Result<
                     "position plane",
                     "a point lies outside the node's contour",
                 ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What a point does not have is stored as zeros.
+fn check_absent(layout: &PageLayout, points: &PagePoints) -> Result<(), Fault> {
+    for (a, attribute) in layout.schema().attributes.iter().enumerate() {
+        if (0..layout.classes().len()).all(|class| layout.has_attribute(class, a)) {
+            continue;
+        }
+        for (i, value) in points.columns[a].chunks_exact(attribute.ty.size()).enumerate() {
+            if !layout.has_attribute(points.class(i), a) && value.iter().any(|&b| b != 0) {
+                let what = format!("a point without {} has a value of it", attribute.name);
+                return Err(Fault::new("attribute planes", what));
             }
         }
     }

@@ -36,11 +36,12 @@ impl FileWriter {
             what: "write it",
             source: std::io::Error::other("the path names no file"),
         })?;
-        if path.is_dir() {
+        // The rename at the end would put a file in the place of a device or fail on a folder.
+        if path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(FormatError::Io {
                 path: path.into(),
                 what: "write it",
-                source: std::io::ErrorKind::IsADirectory.into(),
+                source: std::io::Error::other("something that is no file has this name"),
             });
         }
         let mut hidden = std::ffi::OsString::from(".");
@@ -104,13 +105,15 @@ impl FileWriter {
         let path = self.path.clone();
         let unwritable = |fault: Fault| fault.unwritable(&path);
         table::check(table, &metadata.layout(), self.offset, points).map_err(unwritable)?;
+        table::check_pages_fill(table, self.offset).map_err(unwritable)?;
+        statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
+        metadata.check_classes(points).map_err(unwritable)?;
         let (json, verbatim) = metadata.encode().map_err(unwritable)?;
-        let rounding = metadata.sources.iter().map(|s| s.rounding_error_max);
         let mut footer = Footer {
             points,
             nodes: table.nodes.len() as u64,
             hash,
-            rounding_error_max: rounding.fold(0.0, f64::max),
+            rounding_error_max: metadata.rounding_error_max(),
             node_capacity: metadata.node_capacity,
             table: self.section(bytemuck::cast_slice(&table.nodes))?,
             statistics: self.section(&statistics.encode())?,

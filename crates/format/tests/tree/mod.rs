@@ -1,0 +1,290 @@
+//! A plain builder of small trees for the tests: a node takes the first points that reach it, the rest goes
+//! to the octants below. And random schemas, classes and points.
+
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use esker_format::{
+    CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, PageLayout, PagePoints, Ranges,
+    SourceRecord, Statistics, encode_page,
+};
+use esker_points::lattice::GridKind;
+use esker_points::node::{NONE, Node, SHAPE_CONTINUATION};
+use esker_points::quant::hot_shift;
+use esker_points::{
+    AttrType, Attribute, Cell, ColourDepth, Grid, InputGrid, Lattice, MultisetHash, NodeTable,
+    PointClass, Schema,
+};
+use proptest::prelude::*;
+use std::path::Path;
+
+pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
+    let grid = Grid { scale: [0.01, 0.02, 0.001], offset: [500_000.0, 0.1, -3.25] };
+    let source = SourceRecord {
+        path: "scans/hill \"nord\".laz".into(),
+        format: "LAZ 1.4, point format 6".into(),
+        grid: InputGrid {
+            name: "scans/hill".into(),
+            kind: GridKind::Integer,
+            grid,
+            bounds: Some([[f64::NAN, -0.0, 1e-300], [f64::INFINITY, 0.1 + 0.2, 1.0]]),
+        },
+        points: 7,
+        refused: [("coordinate is not a number".to_string(), 3)].into(),
+        rounding_error_max: 0.1 + 0.2,
+        colour_depth: Some(ColourDepth::Sixteen),
+        colour_depth_forced: true,
+        class: 0,
+        crs: Some(CrsRecord { text: "PROJCS[\"é\"]".into(), unit: None }),
+        notes: vec!["waveform packets are not kept".into()],
+        verbatim: vec![("header".into(), vec![1, 2, 3]), ("vlr".into(), vec![0; 70])],
+    };
+    Metadata {
+        lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
+        schema,
+        classes,
+        node_capacity: 64,
+        sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
+        forest: vec![],
+        generator: "tests".into(),
+    }
+}
+
+pub fn take(points: &PagePoints, layout: &PageLayout, indices: &[usize]) -> PagePoints {
+    let sizes = layout.schema().attributes.iter().map(|a| a.ty.size());
+    PagePoints {
+        positions: indices.iter().map(|&i| points.positions[i]).collect(),
+        radius_codes: indices.iter().map(|&i| points.radius_codes[i]).collect(),
+        classes: if points.classes.is_empty() {
+            vec![]
+        } else {
+            indices.iter().map(|&i| points.classes[i]).collect()
+        },
+        columns: sizes
+            .zip(&points.columns)
+            .map(|(s, c)| indices.iter().flat_map(|&i| c[i * s..][..s].to_vec()).collect())
+            .collect(),
+    }
+}
+
+fn bounds(points: &PagePoints, indices: &[usize]) -> ([u32; 3], [u32; 3]) {
+    let axis = |i: usize| indices.iter().map(move |&p| points.positions[p][i]);
+    ([0, 1, 2].map(|i| axis(i).min().unwrap_or(0)), [0, 1, 2].map(|i| axis(i).max().unwrap_or(0)))
+}
+
+/// The nodes of a tree and the indices of the points of each.
+pub fn plant(
+    points: &PagePoints,
+    lattice: &Lattice,
+    capacity: usize,
+) -> (NodeTable, Vec<Vec<usize>>) {
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut waiting: Vec<Vec<usize>> = Vec::new();
+    let mut own = Vec::new();
+    if !points.is_empty() {
+        let all: Vec<usize> = (0..points.len()).collect();
+        let (min, max) = bounds(points, &all);
+        nodes.push(record(Cell::enclosing(min, max), NONE));
+        waiting.push(all);
+    }
+    let mut index = 0;
+    while index < nodes.len() {
+        let mut mine = std::mem::take(&mut waiting[index]);
+        let rest = mine.split_off(mine.len().min(capacity));
+        let cell = nodes[index].cell();
+        let first_child = nodes.len();
+        if cell.log2 == 0 && !rest.is_empty() {
+            let mut child = record(cell, index as u32);
+            child.shape |= SHAPE_CONTINUATION;
+            nodes.push(child);
+            waiting.push(rest);
+        } else {
+            for octant in 0..8 {
+                let part: Vec<usize> = rest
+                    .iter()
+                    .copied()
+                    .filter(|&p| cell.octant(points.positions[p]) == octant)
+                    .collect();
+                if !part.is_empty() {
+                    let (min, max) = bounds(points, &part);
+                    nodes.push(record(Cell::enclosing(min, max), index as u32));
+                    waiting.push(part);
+                }
+            }
+        }
+        let (min, max) = bounds(points, &mine);
+        let node = &mut nodes[index];
+        node.set_levels(&[mine.len() / 3, mine.len() - mine.len() / 3]);
+        node.box_min = min;
+        node.hot_shift = hot_shift((0..3).map(|i| max[i] - min[i]).max().unwrap_or(0));
+        for i in 0..3 {
+            let at = |c: u32| f64::from(c - node.corner[i]) * lattice.scale[i];
+            node.contour_centre[i] = ((at(min[i]) + at(max[i])) / 2.0) as f32;
+            node.contour_half[i] = ((at(max[i]) - at(min[i])) / 2.0 * 1.00001) as f32;
+        }
+        if first_child < nodes.len() {
+            nodes[index].first_child = first_child as u32;
+            nodes[index].child_count = (nodes.len() - first_child) as u8;
+        }
+        own.push(mine);
+        index += 1;
+    }
+    (NodeTable { nodes }, own)
+}
+
+fn record(cell: Cell, parent: u32) -> Node {
+    let mut node: Node = bytemuck::Zeroable::zeroed();
+    node.corner = cell.corner;
+    node.cell_log2 = cell.log2;
+    node.parent = parent;
+    node.contour_rotation = [0, 0, 0, 32767];
+    node.spacing = 0.5;
+    node
+}
+
+/// Writes a file of these points; its pages in an order of their own. Gives the table.
+pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: usize) -> NodeTable {
+    let layout = metadata.layout();
+    let (mut table, own) = plant(points, &metadata.lattice, capacity);
+    let mut writer = FileWriter::create(path).unwrap();
+    let parts: Vec<_> = own.iter().map(|o| take(points, &layout, o)).collect();
+    for index in (0..parts.len()).rev() {
+        let node = &mut table.nodes[index];
+        let page = encode_page(&layout, node.box_min, node.hot_shift, &parts[index]);
+        node.page_offset = writer.write_page(&page).unwrap();
+        node.page_bytes = page.len() as u32;
+    }
+    let mut ranges = Ranges::new(&metadata.schema);
+    parts.iter().for_each(|p| ranges.add(&layout, p));
+    let mut histograms = Histograms::new(ranges);
+    let mut hash = MultisetHash::default();
+    for part in &parts {
+        histograms.add(&layout, part);
+        hash += part.hash(&layout);
+    }
+    let each = parts.iter().map(|p| NodeStatistics::of(&layout, p)).collect();
+    let statistics = Statistics::assemble(&table, &metadata.schema, each, histograms);
+    let bytes = writer.finish(&table, &statistics, metadata, points.len() as u64, hash).unwrap();
+    assert_eq!(bytes, std::fs::metadata(path).unwrap().len());
+    table
+}
+
+/// Attributes that have planes of their own kind, several classes of points, and plain ones.
+pub fn mixed_schema() -> (Schema, Vec<PointClass>) {
+    use AttrType::{F32, F64, I16, U8, U16};
+    let list = [
+        ("red", U16),
+        ("green", U16),
+        ("blue", U16),
+        ("red", U8),
+        ("green", U8),
+        ("blue", U8),
+        ("nx", F32),
+        ("ny", F32),
+        ("nz", F32),
+        ("intensity", U16),
+        ("classification", U8),
+        ("gps_time", F64),
+        ("scan_angle", I16),
+    ];
+    let schema = Schema::new(list.map(|(n, t)| Attribute::new(n, t)).to_vec());
+    let class = |keys: &[(&str, AttrType)], colour_depth| {
+        let mut present: Vec<u16> =
+            keys.iter().map(|&(n, t)| schema.find_typed(n, t).unwrap() as u16).collect();
+        present.sort_unstable();
+        PointClass { present, colour_depth }
+    };
+    let classes = vec![
+        class(&list[..3], ColourDepth::Sixteen),
+        class(&list[3..11], ColourDepth::Eight),
+        class(&list[..3], ColourDepth::Eight),
+        class(&list[9..], ColourDepth::Sixteen),
+        class(&[], ColourDepth::Sixteen),
+    ];
+    (schema, classes)
+}
+
+pub fn schemas() -> impl Strategy<Value = (Schema, Vec<PointClass>)> {
+    use AttrType::{F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
+    let pool = [
+        ("red", U16),
+        ("green", U16),
+        ("blue", U16),
+        ("red", U8),
+        ("green", U8),
+        ("blue", U8),
+        ("nx", F32),
+        ("ny", F32),
+        ("nz", F32),
+        ("intensity", U16),
+        ("intensity", F32),
+        ("classification", U8),
+        ("gps_time", F64),
+        ("a", I8),
+        ("b", I16),
+        ("c", I32),
+        ("d", I64),
+        ("e", U32),
+        ("f", U64),
+    ];
+    let picks = (any::<[bool; 4]>(), prop::collection::vec(any::<bool>(), pool.len()));
+    let classes = prop::collection::vec((any::<[bool; 32]>(), any::<bool>(), any::<bool>()), 1..4);
+    (picks, classes).prop_map(move |((groups, single), classes)| {
+        let wanted = |i: usize| match i {
+            0..3 => groups[0] || single[i],
+            3..6 => groups[1] || single[i],
+            6..9 => groups[2] || single[i],
+            _ => single[i],
+        };
+        let list = (0..pool.len()).filter(|&i| wanted(i));
+        let schema = Schema::new(list.map(|i| Attribute::new(pool[i].0, pool[i].1)).collect());
+        let present = |bits: &[bool; 32], all: bool| {
+            (0..schema.attributes.len() as u16).filter(|&a| all || bits[usize::from(a)]).collect()
+        };
+        let depth = |eight| if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
+        let classes = classes
+            .iter()
+            .map(|(bits, all, eight)| PointClass {
+                present: present(bits, *all),
+                colour_depth: depth(*eight),
+            })
+            .collect();
+        (schema, classes)
+    })
+}
+
+/// Points with arbitrary values in everything that they have. `spread` bits of coordinates differ.
+pub fn points_of(
+    schema: &Schema,
+    classes: &[PointClass],
+    count: usize,
+    spread: u32,
+    seed: u64,
+) -> PagePoints {
+    let mut state = seed | 1;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 16
+    };
+    let base = [0, 1, 2].map(|_| random() as u32);
+    let layout = PageLayout::new(schema, classes);
+    let mut points =
+        PagePoints { columns: vec![Vec::new(); schema.attributes.len()], ..PagePoints::default() };
+    for _ in 0..count {
+        let mask = ((1u64 << spread) - 1) as u32;
+        points.positions.push(base.map(|b| b ^ (random() as u32 & mask)));
+        points.radius_codes.push(random() as u8);
+        let class = random() as usize % classes.len();
+        if classes.len() > 1 {
+            points.classes.push(class as u16);
+        }
+        for (a, attribute) in schema.attributes.iter().enumerate() {
+            // Some attributes are constant, so that both encodings occur.
+            let value = if (seed >> (a % 48)) & 3 == 0 { seed } else { random() << 40 | random() };
+            let value = if layout.has_attribute(class, a) { value } else { 0 };
+            points.columns[a].extend_from_slice(&value.to_le_bytes()[..attribute.ty.size()]);
+        }
+    }
+    points
+}
