@@ -1,5 +1,7 @@
 //! Damaged, cut and hostile files: every changed byte is found, nothing panics, nothing is believed.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod tree;
 
 use esker_format::{EskerFile, Footer, FormatError, VerifyReport, verify};

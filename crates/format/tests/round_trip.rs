@@ -1,5 +1,7 @@
 //! Whatever is written is read again to the bit: points of any schema and classes, statistics, metadata.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod tree;
 
 use esker_format::{EskerFile, PageLayout, PlaneKind, verify};
