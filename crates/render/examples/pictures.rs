@@ -72,7 +72,7 @@ fn still_life(points: usize) -> Scene {
     all.extend(sphere(&mut dice, DVec3::new(1.3, -1.2, 0.35), 0.35, points / 8, [90, 170, 90]));
     // Random points leave larger gaps than even ones: the radius covers them.
     let spacing = 4.0 / side as f64;
-    Scene::new(&all, 1e-4, spacing, spacing * 1.3, 1 << 15)
+    Scene::new(&all, 1e-4, spacing, spacing * 1.42, 1 << 15)
 }
 
 fn write_png(path: &Path, picture: &Picture) -> Result<(), Box<dyn std::error::Error>> {

@@ -5,7 +5,7 @@
 use glam::{Vec2, Vec4};
 
 /// Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view
-/// space (y up) and of any length.
+/// space (y up) and of any length: its x and y, and in w the z that the ellipse is made with.
 ///
 /// With the unit normal n, offset v and m the normal's projection, the ellipse is
 /// `(v.m/|m|)^2 / (r nz)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out with `|m|^2 = 1 - nz^2` that is
@@ -16,11 +16,11 @@ use glam::{Vec2, Vec4};
 pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
     let beyond = from_centre.length_squared() - radius * radius;
     let along = from_centre.x * normal.x - from_centre.y * normal.y;
-    beyond <= 0.0 && along * along + beyond * (normal.z * normal.z) <= 0.0
+    beyond <= 0.0 && along * along + beyond * (normal.w * normal.w) <= 0.0
 }
 
 /// The normal of a disc that faces the viewer: the ellipse is a circle.
-pub const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 0.0);
+pub const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 1.0);
 
 #[cfg(test)]
 mod tests {
@@ -38,7 +38,7 @@ mod tests {
     #[test]
     fn the_minor_axis_lies_along_the_normal_and_is_shortened_by_its_z() {
         // Tilted by 60 degrees towards the upper right: nz = 1/2. Length does not matter.
-        let n = Vec4::new(0.75f32.sqrt() * 0.6, 0.75f32.sqrt() * 0.8, 0.5, 0.0) * 7.0;
+        let n = Vec4::new(0.75f32.sqrt() * 0.6, 0.75f32.sqrt() * 0.8, 0.0, 0.5) * 7.0;
         let (along, across) = (Vec2::new(0.6, -0.8), Vec2::new(0.8, 0.6));
         assert!(covers(along * 1.99, 4.0, n) && !covers(along * 2.01, 4.0, n));
         assert!(covers(across * 3.99, 4.0, n) && !covers(across * 4.01, 4.0, n));

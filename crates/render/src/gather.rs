@@ -14,6 +14,18 @@ use esker_points::quant::radius_factor;
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
+/// Drawn radii over stored ones. A coarser pixel's ellipse is the mean of its points' ellipses, which
+/// covers less than they do: with covering radii as they are, up to 0.2 % of a wall's pixels stay
+/// holes, with this up to 0.02 % (jittered grids 2 to 20 pixels apart, tilted 0 to 70 degrees).
+const RADIUS_FACTOR: f32 = 1.25;
+/// Added to radii in the picture, pixels: a projected point moves to its pixel's centre.
+const RADIUS_MARGIN_PX: f32 = 0.5;
+/// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
+/// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
+const MINOR_MIN_PX: f32 = 1.4;
+/// Length of the depth interval over the radius, for clouds without normals. With normals it is one, as
+/// published; a disc of unknown tilt reaches farther back: at one, floors seen aslant break into steps.
+const BARE_REACH: f32 = 2.0;
 /// Radii are clamped here, so that sums of depth and radius stay finite.
 const RADIUS_MAX: f32 = 1e30;
 
@@ -89,7 +101,8 @@ impl<'a> Lookup<'a> {
         let draw = &self.frame.draws[d];
         let (offset, code) = self.draws[d].positions.offset(index);
         let spacing = self.spacing(draw, offset);
-        let radius = (spacing * self.radius_factors[usize::from(code)]).clamp(0.0, RADIUS_MAX);
+        let radius = (spacing * RADIUS_FACTOR * self.radius_factors[usize::from(code)])
+            .clamp(0.0, RADIUS_MAX);
         let radius = if radius.is_nan() { 0.0 } else { radius };
         let normal = if NORMALS { self.normal(draw, index, d, offset) } else { FACING };
         Hit { colour: self.colour(d, index, offset, depth), radius, normal }
@@ -168,15 +181,22 @@ fn gather_level<const NORMALS: bool>(
             }
             let (depth, point) = unpack(value);
             let hit = lookup.hit::<NORMALS>(point, depth);
-            let radius_px = (hit.radius * focal_px / depth).min(RADIUS_MAX);
-            row.front[x] = Vec4::new(depth, depth + hit.radius, 0.0, 0.0);
+            let radius_px = (hit.radius * focal_px / depth + RADIUS_MARGIN_PX).min(RADIUS_MAX);
+            let reach = if NORMALS { hit.radius } else { hit.radius * BARE_REACH };
+            row.front[x] = Vec4::new(depth, depth + reach, 0.0, 0.0);
             row.tint[x] = hit.colour.extend(radius_px);
             row.depth[x] = depth;
             if NORMALS {
-                row.normal[x] = hit.normal;
+                row.normal[x] = hit.normal.truncate().extend(filter_z(hit.normal.z, radius_px));
             }
             count += 1;
         }
         valid.fetch_add(count, Relaxed);
     });
+}
+
+/// The z of the normal that an ellipse's minor axis is made with: never so small that the ellipse
+/// falls between pixels.
+fn filter_z(normal_z: f32, radius_px: f32) -> f32 {
+    normal_z.abs().max((MINOR_MIN_PX / radius_px).min(1.0))
 }

@@ -23,8 +23,8 @@ pub struct Level {
     pub tint: Vec<Vec4>,
     /// Mean depth: that of the surface, where `front` has the interval for tests.
     pub depth: Vec<f32>,
-    /// Normal in view space (right, up, back), not of unit length once averaged; empty where the cloud
-    /// has none.
+    /// Normal in view space (right, up, back), not of unit length once averaged, and in w the z that its
+    /// ellipse is made with ([`crate::gather`]); empty where the cloud has none.
     pub normal: Vec<Vec4>,
 }
 

@@ -14,7 +14,7 @@ const SLOPE_MAX: f32 = 6.0;
 const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
 /// Distance of the surroundings that darken, pixels.
 const REACH: usize = 2;
-/// A pixel this much behind all around it (as a slope) is as dark as it gets.
+/// Beyond this slope more depth darkens no more.
 const BEHIND_MAX: f32 = 4.0;
 
 /// A depth image: infinite where there is nothing.
@@ -93,9 +93,9 @@ impl DepthImage<'_> {
         let limit = SLOPE_MAX * pixel;
         if a < limit && b < limit {
             step(1, ahead) + step(-1, behind)
-        } else if a < b.min(limit * 4.0) {
+        } else if a < b.min(limit) {
             step(1, ahead)
-        } else if b < limit * 4.0 {
+        } else if b < limit {
             step(-1, behind)
         } else {
             Vec3::new(dx as f32, -dy as f32, 0.0) * pixel
@@ -109,8 +109,8 @@ impl DepthImage<'_> {
         Vec3::new((x as f32 + 0.5 - cx) * across, (cy - y as f32 - 0.5) * across, -depth)
     }
 
-    /// How far a pixel lies behind its surroundings, 0 to 1.
-    pub fn behind(&self, x: usize, y: usize) -> f32 {
+    /// How far a pixel lies behind its surroundings, 0 to 1; slopes up to `flat` do not count.
+    pub fn behind(&self, x: usize, y: usize, flat: f32) -> f32 {
         let here = self.depth[y * self.width + x];
         let per_slope = self.focal_px / (here * REACH as f32);
         let r = REACH as isize;
@@ -119,7 +119,7 @@ impl DepthImage<'_> {
         for (dx, dy) in around {
             let d = self.at(x as isize + dx, y as isize + dy);
             if d < here {
-                sum += ((here - d) * per_slope).min(BEHIND_MAX);
+                sum += ((here - d) * per_slope - flat).clamp(0.0, BEHIND_MAX);
             }
         }
         sum / (BEHIND_MAX * around.len() as f32)

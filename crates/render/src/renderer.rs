@@ -42,6 +42,26 @@ impl Renderer {
         Ok(picture)
     }
 
+    /// The passes before pull alone: fills the pyramid's level 0. Who looks into the passes (tests,
+    /// figures) goes on from here. Returns the number of valid pixels.
+    ///
+    /// # Errors
+    /// Where the view is no usable camera.
+    pub fn base_level(
+        &mut self,
+        frame: &Frame<'_>,
+        pyramid: &mut Pyramid,
+    ) -> Result<u64, RenderError> {
+        let camera = Camera::new(frame.view, frame.lattice)?;
+        let [width, height] = camera.size.map(|s| s as usize);
+        self.target.resize_with(width * height, || AtomicU64::new(EMPTY));
+        let list = DrawList::new(frame.draws);
+        project(frame, &camera, &list, &self.target);
+        let lookup = Lookup::new(frame, &camera, &list);
+        pyramid.fit(width, height, lookup.has_normals());
+        Ok(gather(&lookup, &self.target, &mut pyramid.levels[0]))
+    }
+
     /// Draws a frame over an earlier picture, whose memory is used again.
     ///
     /// # Errors

@@ -26,9 +26,10 @@ const GROUND_SHARE: f32 = 0.12;
 /// The highlight: its strength and Phong's exponent.
 const SHINE: f32 = 0.10;
 const SHINE_POWER: i32 = 24;
-/// How dark the farthest behind is, with normals and without.
-const EDGE_DARK: f32 = 1.2;
-const DOME_DARK: f32 = 3.0;
+/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With
+/// normals only edges are set off; without them the depth alone has to tell the shape.
+const EDGE: (f32, f32) = (1.2, 4.0);
+const DOME: (f32, f32) = (2.0, 0.5);
 
 /// Memory kept from frame to frame.
 #[derive(Clone, Debug, Default)]
@@ -83,8 +84,8 @@ pub fn shade(
             } else {
                 relief.normal(x, y)
             };
-            let dark = if has_normals { EDGE_DARK } else { DOME_DARK };
-            let light = (-dark * relief.behind(x, y)).exp();
+            let (dark, flat) = if has_normals { EDGE } else { DOME };
+            let light = (-dark * relief.behind(x, y, flat)).exp();
             let c = phong(base.tint[pixel].truncate(), normal, to_eye) * light;
             let [r, g, b] = encoder.bytes(c);
             *out = [r, g, b, 255];

@@ -1,0 +1,208 @@
+//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), plain and slow in `f64`: the reference
+//! that the passes are held against. Written from the paper; shares no code with the crate. Where the
+//! paper is silent it follows the rules written in the heads of `pull` and `push`.
+
+/// A pixel of any level.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixel {
+    /// Depth interval.
+    pub depth: [f64; 2],
+    /// Attributes that are only averaged: mean depth, red, green, blue, normal z.
+    pub carried: [f64; 5],
+    /// Normal x, y (view space), and the z that its ellipse is made with.
+    pub disc: [f64; 3],
+    /// Radius, pixels of the picture.
+    pub radius: f64,
+    /// From the ellipse's centre to the pixel's, pixels of the picture.
+    pub displacement: [f64; 2],
+}
+
+/// An image; `None` is an invalid pixel.
+#[derive(Clone, Debug)]
+pub struct Image {
+    pub width: usize,
+    pub height: usize,
+    /// Edge of a pixel in pixels of the picture.
+    pub edge: f64,
+    pub pixels: Vec<Option<Pixel>>,
+    /// Decisions (comparisons of computed values) that a rounding to `f32` might turn.
+    pub near_ties: usize,
+}
+
+impl Image {
+    fn get(&self, x: i64, y: i64) -> Option<Pixel> {
+        let inside = x >= 0 && y >= 0 && x < self.width as i64 && y < self.height as i64;
+        if inside { self.pixels[y as usize * self.width + x as usize] } else { None }
+    }
+
+    fn centre(&self, x: i64, y: i64) -> [f64; 2] {
+        [(x as f64 + 0.5) * self.edge, (y as f64 + 0.5) * self.edge]
+    }
+}
+
+/// Whether two values are so near that rounding may order them either way. Equal ones are copies of the
+/// same input and compare alike everywhere.
+fn near(a: f64, b: f64) -> bool {
+    a != b && (a - b).abs() <= 1e-5 * (a.abs() + b.abs())
+}
+
+/// The picture with all gaps filled.
+pub fn pull_push(picture: Image) -> Image {
+    let mut levels = vec![picture];
+    loop {
+        let finest = &levels[levels.len() - 1];
+        if finest.width == 1 && finest.height == 1 {
+            break;
+        }
+        let coarser = pull(finest);
+        levels.push(coarser);
+    }
+    let mut ties = levels.iter().map(|l| l.near_ties).sum();
+    let mut coarser = levels.pop().unwrap();
+    while let Some(finer) = levels.pop() {
+        coarser = push(&coarser, &finer);
+        ties += coarser.near_ties;
+    }
+    coarser.near_ties = ties;
+    coarser
+}
+
+/// Section 3.2: the next coarser level.
+fn pull(finer: &Image) -> Image {
+    let (width, height) = (finer.width.div_ceil(2), finer.height.div_ceil(2));
+    let mut coarser =
+        Image { width, height, edge: finer.edge * 2.0, pixels: Vec::new(), near_ties: 0 };
+    for y in 0..height as i64 {
+        for x in 0..width as i64 {
+            let mut valid = Vec::new();
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let at = (2 * x + dx, 2 * y + dy);
+                if let Some(p) = finer.get(at.0, at.1) {
+                    valid.push((p, finer.centre(at.0, at.1)));
+                }
+            }
+            let kept = frontmost(&valid, &mut coarser.near_ties);
+            let centre = coarser.centre(x, y);
+            let weight = 1.0 / kept.len() as f64;
+            let shares: Vec<_> = kept.iter().map(|&(p, c)| (p, c, weight)).collect();
+            let mut pixel = mean(&shares, centre);
+            if let Some(p) = &mut pixel {
+                p.depth[0] = kept.iter().map(|(p, _)| p.depth[0]).fold(f64::INFINITY, f64::min);
+                p.depth[1] = kept.iter().map(|(p, _)| p.depth[1]).fold(0.0, f64::max);
+            }
+            coarser.pixels.push(pixel);
+        }
+    }
+    coarser
+}
+
+/// Those whose depth interval meets the frontmost one's.
+fn frontmost<T: Copy>(pixels: &[(Pixel, T)], near_ties: &mut usize) -> Vec<(Pixel, T)> {
+    let mut first: Option<Pixel> = None;
+    for (p, _) in pixels {
+        if let Some(f) = first {
+            *near_ties += usize::from(near(p.depth[0], f.depth[0]));
+        }
+        if first.is_none_or(|f| p.depth[0] < f.depth[0]) {
+            first = Some(*p);
+        }
+    }
+    let Some(first) = first else { return Vec::new() };
+    *near_ties += pixels.iter().filter(|(p, _)| near(p.depth[0], first.depth[1])).count();
+    pixels.iter().copied().filter(|(p, _)| p.depth[0] <= first.depth[1]).collect()
+}
+
+/// The weighted mean of pixels with their centres, for a pixel centred at `centre`.
+fn mean(pixels: &[(Pixel, [f64; 2], f64)], centre: [f64; 2]) -> Option<Pixel> {
+    if pixels.is_empty() {
+        return None;
+    }
+    let mut out = Pixel {
+        depth: [0.0; 2],
+        carried: [0.0; 5],
+        disc: [0.0; 3],
+        radius: 0.0,
+        displacement: [0.0; 2],
+    };
+    for (p, c, weight) in pixels {
+        for i in 0..2 {
+            out.depth[i] += p.depth[i] * weight;
+            out.displacement[i] += (p.displacement[i] + centre[i] - c[i]) * weight;
+        }
+        (0..5).for_each(|i| out.carried[i] += p.carried[i] * weight);
+        (0..3).for_each(|i| out.disc[i] += p.disc[i] * weight);
+        out.radius += p.radius * weight;
+    }
+    Some(out)
+}
+
+/// Whether the ellipse of a pixel centred at `centre` covers `place`: in the frame of its axes.
+fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -> bool {
+    // From the ellipse's centre; y turned upwards, as the normal has it.
+    let v =
+        [place[0] - (centre[0] - p.displacement[0]), -(place[1] - (centre[1] - p.displacement[1]))];
+    let distance = v[0].hypot(v[1]);
+    let length = p.disc.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let flat = p.disc[0].hypot(p.disc[1]);
+    *near_ties += usize::from((distance - p.radius).abs() <= 1e-5 * (distance + p.radius));
+    if flat <= 1e-12 * length || length == 0.0 {
+        return distance <= p.radius;
+    }
+    let minor_direction = [p.disc[0] / flat, p.disc[1] / flat];
+    let along = v[0] * minor_direction[0] + v[1] * minor_direction[1];
+    let across = v[0] * -minor_direction[1] + v[1] * minor_direction[0];
+    let minor = p.radius * p.disc[2].abs() / length;
+    if minor == 0.0 {
+        return along == 0.0 && across.abs() <= p.radius;
+    }
+    let form = (along / minor).powi(2) + (across / p.radius).powi(2);
+    *near_ties += usize::from((form - 1.0).abs() < 1e-4);
+    form <= 1.0
+}
+
+/// Section 3.3: the finer level with its invalid and occluded pixels interpolated.
+fn push(coarser: &Image, finer: &Image) -> Image {
+    let mut out = Image { near_ties: 0, ..finer.clone() };
+    for y in 0..finer.height as i64 {
+        for x in 0..finer.width as i64 {
+            let own = finer.get(x, y);
+            let above = coarser.get(x / 2, y / 2);
+            if let (Some(own), Some(above)) = (own, above) {
+                let [min, max] = above.depth;
+                out.near_ties += usize::from(near(own.depth[0], min) || near(own.depth[0], max));
+                if own.depth[0] >= min && own.depth[0] <= max {
+                    continue;
+                }
+            }
+            let place = finer.centre(x, y);
+            let side = [if x % 2 == 1 { 1 } else { -1 }, if y % 2 == 1 { 1 } else { -1 }];
+            let mut covering = Vec::new();
+            for (dx, dy, weight) in
+                [(0, 0, 9.0), (side[0], 0, 3.0), (0, side[1], 3.0), (side[0], side[1], 1.0)]
+            {
+                let at = (x / 2 + dx, y / 2 + dy);
+                let Some(p) = coarser.get(at.0, at.1) else { continue };
+                let centre = coarser.centre(at.0, at.1);
+                if covers(&p, centre, place, &mut out.near_ties) {
+                    covering.push((p, (centre, weight / 16.0)));
+                }
+            }
+            let kept = frontmost(&covering, &mut out.near_ties);
+            if let Some(own) = own {
+                let front = kept.iter().min_by(|a, b| a.0.depth[0].total_cmp(&b.0.depth[0]));
+                let Some((front, _)) = front else { continue };
+                out.near_ties += usize::from(near(own.depth[0], front.depth[1]));
+                if own.depth[0] <= front.depth[1] {
+                    continue;
+                }
+            }
+            let sum: f64 = kept.iter().map(|(_, (_, weight))| weight).sum();
+            let shares: Vec<_> =
+                kept.iter().map(|&(p, (c, weight))| (p, c, weight / sum)).collect();
+            if let Some(pixel) = mean(&shares, place) {
+                out.pixels[y as usize * finer.width + x as usize] = Some(pixel);
+            }
+        }
+    }
+    out
+}
