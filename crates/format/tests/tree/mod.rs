@@ -289,3 +289,16 @@ pub fn points_of(
     }
     points
 }
+
+/// Classes whose records are of every kind of length that the hash treats apart: 13 to 260 bytes.
+pub fn long_schema() -> (Schema, Vec<PointClass>) {
+    let list = (0..31).map(|i| Attribute::new(format!("a{i:02}"), AttrType::U64));
+    let schema = Schema::new(list.chain([Attribute::new("b", AttrType::U8)]).collect());
+    let classes =
+        [0..0u16, 31..32, 0..1, 0..2, 0..4, 0..6, 0..10, 0..14, 0..15, 0..20, 0..28, 0..29, 0..31];
+    let class = |present: std::ops::Range<u16>| PointClass {
+        present: present.collect(),
+        colour_depth: ColourDepth::Sixteen,
+    };
+    (schema, classes.map(class).to_vec())
+}

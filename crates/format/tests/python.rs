@@ -1,0 +1,127 @@
+//! The independent Python reader, written from the specification alone, reads the same points out of the
+//! same file, and finds damage.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod tree;
+
+use esker_format::EskerFile;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn python() -> Option<String> {
+    let python = std::env::var("ESKER_PYTHON").unwrap_or_else(|_| "python3".into());
+    let numpy = Command::new(&python).args(["-c", "import numpy"]).output();
+    if numpy.is_ok_and(|o| o.status.success()) {
+        return Some(python);
+    }
+    println!("skipped: {python} with numpy is not there (ESKER_PYTHON names another)");
+    None
+}
+
+fn read(python: &str, file: &Path, more: &[&str]) -> Output {
+    let reader = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format/reader.py");
+    let mut command = Command::new(python);
+    command.arg("-B").arg(reader).arg(file).arg("--json").args(more).output().unwrap()
+}
+
+#[test]
+fn both_readers_read_the_same_points() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (mixed, mixed_classes) = tree::mixed_schema();
+    let single = mixed_classes[3..4].to_vec();
+    let long = tree::long_schema();
+    let cases = [
+        (mixed.clone(), mixed_classes.clone(), 3_000, 20),
+        (mixed.clone(), mixed_classes.clone(), 700, 32),
+        (mixed.clone(), single, 500, 14),
+        (mixed.clone(), mixed_classes[4..].to_vec(), 200, 0),
+        (long.0, long.1, 300, 27),
+        (mixed, mixed_classes, 0, 20),
+    ];
+    for (number, (schema, classes, count, spread)) in cases.into_iter().enumerate() {
+        let path = folder.path().join(format!("{number}.esker"));
+        let csv = folder.path().join("points.csv");
+        let points = tree::points_of(&schema, &classes, count, spread, 99 + number as u64);
+        let metadata = tree::metadata(schema, classes);
+        tree::write(&path, &metadata, &points, 60);
+        let output = read(&python, &path, &["--csv", csv.to_str().unwrap()]);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{number}: {}", String::from_utf8_lossy(&output.stderr));
+        let told: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        let file = EskerFile::open(&path).unwrap();
+        assert_eq!(told["points"], count as u64);
+        assert_eq!(told["nodes"], file.footer().nodes);
+        assert_eq!(told["multiset_hash"], file.footer().hash.to_string());
+        assert_eq!(told["footer_hash"], format!("{:032x}", file.footer().name_hash()));
+        let rows = std::fs::read_to_string(&csv).unwrap();
+        assert_eq!(rows.lines().skip(1).collect::<Vec<_>>().len(), count);
+        compare(&file, rows.lines().skip(1));
+    }
+}
+
+/// Every coordinate, class and value, in the order of nodes.
+fn compare<'a>(file: &EskerFile, mut rows: impl Iterator<Item = &'a str>) {
+    let attributes = &file.layout().schema().attributes;
+    for node in 0..file.table().nodes.len() as u32 {
+        let points = file.read_page(node).unwrap().points().unwrap();
+        for i in 0..points.len() {
+            let mut fields = rows.next().unwrap().split(',');
+            for c in points.positions[i] {
+                assert_eq!(fields.next().unwrap(), c.to_string());
+            }
+            assert_eq!(fields.next().unwrap(), points.class(i).to_string());
+            for (a, attribute) in attributes.iter().enumerate() {
+                let size = attribute.ty.size();
+                let value = attribute.ty.to_f64(&points.columns[a][i * size..]);
+                let told: f64 = fields.next().unwrap().parse().unwrap();
+                assert!(told == value || told.is_nan() && value.is_nan(), "{told} {value}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_python_reader_finds_damage() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.esker");
+    let (schema, classes) = tree::mixed_schema();
+    let points = tree::points_of(&schema, &classes, 60, 20, 5);
+    tree::write(&path, &tree::metadata(schema, classes), &points, 25);
+    let mut good = Vec::new();
+    std::io::Read::read_to_end(&mut std::fs::File::open(&path).unwrap(), &mut good).unwrap();
+    for step in 0..12 {
+        let mut bad = good.clone();
+        bad[step * (good.len() - 1) / 11] ^= 4;
+        std::fs::write(&path, bad).unwrap();
+        let output = read(&python, &path, &[]);
+        assert_eq!(output.status.code(), Some(1), "damage {step}");
+        assert!(String::from_utf8_lossy(&output.stdout).contains("\"ok\": false"));
+    }
+    std::fs::write(&path, &good[..good.len() - 1]).unwrap();
+    assert_eq!(read(&python, &path, &[]).status.code(), Some(1));
+}
+
+#[test]
+fn its_hash_is_xxh3_at_every_length() {
+    let Some(python) = python() else { return };
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format");
+    let code = "import numpy as np, xxh3\n\
+        for n in range(1, 1301):\n\
+        \x20   rows = (np.arange(3 * n).reshape(3, n) * 167 % 251).astype(np.uint8)\n\
+        \x20   print('%032x' % xxh3.hash128_sum(rows, 0x9e3779b97f4a7c15 * n % 2**64))";
+    let command = Command::new(python).args(["-B", "-c", code]).current_dir(folder).output();
+    let output = command.unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let told: Vec<&str> = text.lines().collect();
+    assert_eq!(told.len(), 1300, "{}", String::from_utf8_lossy(&output.stderr));
+    for (n, told) in (1usize..).zip(told) {
+        let bytes: Vec<u8> = (0..3 * n).map(|i| (i * 167 % 251) as u8).collect();
+        let seed = 0x9e37_79b9_7f4a_7c15u64.wrapping_mul(n as u64);
+        let mut hash = esker_points::MultisetHash::default();
+        bytes.chunks_exact(n).for_each(|row| hash.add(seed, row));
+        assert_eq!(told, hash.to_string(), "length {n}");
+    }
+}
