@@ -111,11 +111,34 @@ def check_contour(node, lattice, p, require):
         [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
     ])
     centre, half = node["centre"].astype(np.float64), node["half"].astype(np.float64)
-    from_centre = (p - node["corner"]) * np.array(lattice["scale"]) - centre
-    slack = 1e-5 * max(np.abs(centre).max(), half.max())
+    local = (p - node["corner"]) * np.array(lattice["scale"])
+    along = (local - centre) @ axes.T
+    size = max(np.abs(centre).max(), half.max())
+    slack = 1e-5 * size
     # One part in 10^12 more, since sums may be taken in another order than the writer's.
-    inside = np.abs(from_centre @ axes.T) <= half + slack * (1 + 1e-12)
+    inside = np.abs(along) <= half + slack * (1 + 1e-12)
     require(inside.all(), "a point outside the contour")
+    check_occupancy(node, along, half, max(size, local.max()) * 1e-12, require)
+
+
+def check_occupancy(node, along, half, near, require):
+    def parts(axis, away, any_part):
+        if half[axis] == 0:
+            return np.full(len(along), any_part)
+        fraction = ((along[:, axis] + away) / (2 * half[axis]) + 0.5) * 8
+        return np.clip(np.trunc(fraction), 0, 7).astype(np.int64)
+
+    low = [parts(axis, -near, 0) for axis in (0, 1)]
+    high = [parts(axis, near, 7) for axis in (0, 1)]
+    must = may = 0
+    for u0, u1, v0, v1 in np.unique(np.stack([low[0], high[0], low[1], high[1]], 1), axis=0).tolist():
+        bits = sum(1 << (v * 8 + u) for u in range(u0, u1 + 1) for v in range(v0, v1 + 1))
+        may |= bits
+        if u0 == u1 and v0 == v1:
+            must |= bits
+    occupancy = int(node["occupancy"])
+    fits = occupancy & ~may == 0 and must & ~occupancy == 0
+    require(fits, "the occupancy is not that of the points")
 
 
 def octahedral(normal):  # section 5

@@ -13,6 +13,11 @@ use esker_points::{Lattice, MultisetHash, Node, Task};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
+/// By how much of the contour's size points may lie outside it: its numbers are `f32`.
+const CONTOUR_SLACK: f64 = 1e-5;
+/// By how much of the greatest number involved a projected position is uncertain: `f64`, a few sums.
+const OCCUPANCY_SLACK: f64 = 1e-12;
+
 /// What was verified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VerifyReport {
@@ -148,25 +153,40 @@ fn check_box(node: &Node, points: &PagePoints) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`.
+/// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`, and its
+/// occupancy tells in which of 8 x 8 parts of its plane they lie. A point so near to the border of two
+/// parts that the order of adding decides may be told in either.
 fn check_contour(node: &Node, lattice: &Lattice, points: &PagePoints) -> Result<(), Fault> {
+    let fault = |what: &str| Err(Fault::new("position plane", what));
     let contour = node.contour();
     let size = contour.centre.iter().chain(&contour.half).fold(0.0f64, |m, c| m.max(c.abs()));
-    let slack = size * 1e-5;
+    let (mut must, mut may) = (0u64, 0u64);
     for p in &points.positions {
-        let from_centre = [0, 1, 2]
-            .map(|i| f64::from(p[i] - node.corner[i]) * lattice.scale[i] - contour.centre[i]);
-        for (axis, half) in contour.axes.iter().zip(contour.half) {
-            let along: f64 = (0..3).map(|i| axis[i] * from_centre[i]).sum();
-            if along.abs() > half + slack {
-                return Err(Fault::new(
-                    "position plane",
-                    "a point lies outside the node's contour",
-                ));
-            }
+        let local = [0, 1, 2].map(|i| f64::from(p[i] - node.corner[i]) * lattice.scale[i]);
+        let from_centre = [0, 1, 2].map(|i| local[i] - contour.centre[i]);
+        let along = contour.axes.map(|axis| (0..3).map(|i| axis[i] * from_centre[i]).sum::<f64>());
+        if (0..3).any(|i| along[i].abs() > contour.half[i] + size * CONTOUR_SLACK) {
+            return fault("a point lies outside the node's contour");
+        }
+        let near = local.iter().fold(size, |m, c| m.max(c.abs())) * OCCUPANCY_SLACK;
+        let [u, v] = [0, 1].map(|i| parts(along[i], contour.half[i], near));
+        let bits = u.clone().fold(0u64, |bits, u| bits | 1 << u);
+        let bits = v.clone().fold(0u64, |all, v| all | bits << (8 * v));
+        may |= bits;
+        if u.start() == u.end() && v.start() == v.end() {
+            must |= bits;
         }
     }
+    if node.occupancy & !may != 0 || must & !node.occupancy != 0 {
+        return fault("the occupancy of the node's contour is not that of its points");
+    }
     Ok(())
+}
+
+/// The eighths of an edge that a position along it, uncertain by `near`, may lie in.
+fn parts(along: f64, half: f64, near: f64) -> std::ops::RangeInclusive<u32> {
+    let part = |t: f64| (((t / (2.0 * half) + 0.5) * 8.0) as u32).min(7);
+    if half > 0.0 { part(along - near)..=part(along + near) } else { 0..=7 }
 }
 
 /// What a point does not have is stored as zeros.

@@ -117,7 +117,9 @@ fn tables_that_break_a_rule_are_refused_when_opened() {
 #[test]
 fn tables_that_only_the_points_contradict_are_found_by_verify() {
     let good = small_file();
-    let changes: [fn(&mut [Node]); 4] = [
+    let changes: [fn(&mut [Node]); 6] = [
+        |n| n[0].occupancy = 0,
+        |n| n[0].occupancy = u64::MAX,
         |n| n[0].box_min[0] += 1,
         |n| n[0].contour_half[0] /= 2.0,
         |n| n[0].hot_shift += 1,

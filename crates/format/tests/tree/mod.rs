@@ -122,6 +122,8 @@ pub fn plant(
             node.contour_centre[i] = ((at(min[i]) + at(max[i])) / 2.0) as f32;
             node.contour_half[i] = ((at(max[i]) - at(min[i])) / 2.0 * 1.00001) as f32;
         }
+        node.occupancy =
+            mine.iter().fold(0, |bits, &p| bits | occupancy(node, lattice, points.positions[p]));
         if first_child < nodes.len() {
             nodes[index].first_child = first_child as u32;
             nodes[index].child_count = (nodes.len() - first_child) as u8;
@@ -130,6 +132,17 @@ pub fn plant(
         index += 1;
     }
     (NodeTable { nodes }, own)
+}
+
+/// For contours along the lattice's axes.
+fn occupancy(node: &Node, lattice: &Lattice, p: [u32; 3]) -> u64 {
+    let part = |i: usize| {
+        let at = f64::from(p[i] - node.corner[i]) * lattice.scale[i];
+        let (centre, half) = (f64::from(node.contour_centre[i]), f64::from(node.contour_half[i]));
+        // A half of zero gives NaN, which becomes part 0.
+        ((((at - centre) / (2.0 * half) + 0.5) * 8.0) as u64).min(7)
+    };
+    1 << (part(1) * 8 + part(0))
 }
 
 fn record(cell: Cell, parent: u32) -> Node {
