@@ -68,13 +68,6 @@ impl Camera {
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
     }
 
-    /// Where a point at `v` in view space falls: x, y in pixels, and its eye depth.
-    pub fn project(&self, v: Vec3) -> Vec3 {
-        let depth = -v.z;
-        let scale = self.focal_px / depth;
-        Vec3::new(self.centre_px[0] + v.x * scale, self.centre_px[1] - v.y * scale, depth)
-    }
-
     /// The constants of a node's points.
     pub fn place(&self, node: &Node, has_residual: bool) -> NodePlace {
         let shift = node.hot_shift.min(SHIFT_MAX);
@@ -109,15 +102,18 @@ pub struct NodePlace {
 }
 
 impl NodePlace {
+    /// A point against the eye along an axis, in steps, from its offset in the node's box.
+    #[inline(always)]
+    pub fn axis_steps(&self, axis: usize, offset: u32) -> f32 {
+        let high = self.base_high[axis].wrapping_add((offset >> 16) as i32);
+        let low = self.base_low[axis] + (offset & 0xffff) as i32;
+        high as f32 * 65_536.0 + low as f32 + self.bias_steps[axis]
+    }
+
     /// A point against the eye, in steps, from its offset in the node's box.
     #[inline(always)]
     pub fn steps_from_eye(&self, offset: [u32; 3]) -> Vec3 {
-        let axis = |i: usize| {
-            let high = self.base_high[i].wrapping_add((offset[i] >> 16) as i32);
-            let low = self.base_low[i] + (offset[i] & 0xffff) as i32;
-            high as f32 * 65_536.0 + low as f32
-        };
-        Vec3::new(axis(0), axis(1), axis(2)) + self.bias_steps
+        Vec3::from_array([0, 1, 2].map(|i| self.axis_steps(i, offset[i])))
     }
 }
 

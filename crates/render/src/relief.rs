@@ -3,7 +3,8 @@
 //! it (eye-dome lighting, after Boucheny 2009).
 //!
 //! Smoothing is a separable bilateral mean of five pixels an axis: what differs from the middle by more
-//! than the surface can between two pixels is another surface, and takes no part.
+//! than the surface can between two pixels is another surface, and takes no part. Loops over rows are
+//! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -30,98 +31,200 @@ pub struct DepthImage<'a> {
     pub centre_px: [f32; 2],
 }
 
-impl DepthImage<'_> {
-    fn height(&self) -> usize {
-        self.depth.len() / self.width
+/// Memory kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub struct ReliefScratch {
+    rows: Vec<f32>,
+    smooth: Vec<f32>,
+    nothing: Vec<f32>,
+}
+
+impl<'a> DepthImage<'a> {
+    fn row(&self, y: usize) -> &'a [f32] {
+        &self.depth[y * self.width..][..self.width]
     }
 
-    /// Depth at a place, infinite outside the picture.
-    fn at(&self, x: isize, y: isize) -> f32 {
-        let inside = x >= 0 && y >= 0 && (x as usize) < self.width && (y as usize) < self.height();
-        if inside { self.depth[y as usize * self.width + x as usize] } else { f32::INFINITY }
+    /// The image smoothed along both axes, at two widths.
+    pub fn smoothed<'b>(self, scratch: &'b mut ReliefScratch) -> DepthImage<'b>
+    where
+        'a: 'b,
+    {
+        let ReliefScratch { rows, smooth, nothing } = scratch;
+        rows.resize(self.depth.len(), 0.0);
+        smooth.resize(self.depth.len(), 0.0);
+        nothing.clear();
+        nothing.resize(self.width, f32::INFINITY);
+        self.smooth_rows(1, rows);
+        DepthImage { depth: rows, ..self }.smooth_columns(1, nothing, smooth);
+        DepthImage { depth: smooth, ..self }.smooth_rows(2, rows);
+        DepthImage { depth: rows, ..self }.smooth_columns(2, nothing, smooth);
+        DepthImage { depth: smooth, ..self }
     }
 
-    /// The mean along one axis, within the surface. `step` is the distance of taps, pixels.
-    pub fn smooth(&self, horizontal: bool, step: usize, out: &mut [f32]) {
-        out.par_chunks_mut(self.width).enumerate().for_each(|(y, row)| {
-            for (x, out) in row.iter_mut().enumerate() {
-                let middle = self.depth[y * self.width + x];
-                if middle == f32::INFINITY {
-                    *out = middle;
-                    continue;
-                }
-                let (mut sum, mut weights) = (middle * TAPS[0], TAPS[0]);
-                let pixel = middle / self.focal_px;
-                for (k, &weight) in TAPS.iter().enumerate().skip(1) {
-                    let d = (k * step) as isize;
-                    let (dx, dy) = if horizontal { (d, 0) } else { (0, d) };
-                    let a = self.at(x as isize - dx, y as isize - dy);
-                    let b = self.at(x as isize + dx, y as isize + dy);
-                    let near = SLOPE_MAX * pixel * d as f32;
-                    // In pairs, so that a slope's edge does not bend towards its inside.
-                    if (a - middle).abs() < near && (b - middle).abs() < near {
-                        sum += (a + b) * weight;
-                        weights += 2.0 * weight;
-                    }
-                }
-                *out = sum / weights;
-            }
+    /// The mean along rows, taps `step` pixels apart.
+    fn smooth_rows(&self, step: usize, out: &mut [f32]) {
+        let (reach, per_px) = (2 * step, SLOPE_MAX / self.focal_px);
+        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            let row = self.row(y);
+            out.copy_from_slice(row);
+            let inner = self.width.saturating_sub(2 * reach);
+            // Five views of the row, so that the loop needs no bounds checks.
+            let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
+            let taps = [view(0), view(1), view(2), view(3), view(4)];
+            let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
+            mean(taps, step as f32 * per_px, out);
         });
     }
 
-    /// The normal in view space at a pixel that has a depth: towards the eye, unit length.
-    pub fn normal(&self, x: usize, y: usize) -> Vec3 {
-        let here = self.point(x, y, self.depth[y * self.width + x]);
-        let right = self.tangent(here, x, y, 1, 0);
-        let up = self.tangent(here, x, y, 0, -1);
-        let n = right.cross(up).normalize_or(Vec3::Z);
-        if n.dot(here) > 0.0 { -n } else { n }
+    /// The mean along columns, taps `step` pixels apart.
+    fn smooth_columns(&self, step: usize, nothing: &[f32], out: &mut [f32]) {
+        let per_px = SLOPE_MAX / self.focal_px;
+        let height = self.depth.len() / self.width;
+        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
+            let down =
+                |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
+            mean([up(2), up(1), self.row(y), down(1), down(2)], step as f32 * per_px, out);
+        });
     }
 
-    /// The way along the surface in a direction: of the two sides the one of least change in depth,
-    /// their mean where they are about as steep.
-    fn tangent(&self, here: Vec3, x: usize, y: usize, dx: isize, dy: isize) -> Vec3 {
-        let (x, y) = (x as isize, y as isize);
-        let ahead = self.at(x + dx, y + dy) + here.z;
-        let behind = self.at(x - dx, y - dy) + here.z;
-        let pixel = -here.z / self.focal_px;
-        let step = |d: isize, change: f32| {
-            let (px, py) = ((x + dx * d) as usize, (y + dy * d) as usize);
-            (self.point(px, py, change - here.z) - here) * d as f32
-        };
-        let (a, b) = (ahead.abs(), behind.abs());
-        let limit = SLOPE_MAX * pixel;
-        if a < limit && b < limit {
-            step(1, ahead) + step(-1, behind)
-        } else if a < b.min(limit) {
-            step(1, ahead)
-        } else if b < limit {
-            step(-1, behind)
-        } else {
-            Vec3::new(dx as f32, -dy as f32, 0.0) * pixel
+    /// The rows that the shape at row `y` is told from; `nothing` stands for those outside.
+    pub fn surroundings<'s>(&self, y: usize, nothing: &'s [f32]) -> Surroundings<'s>
+    where
+        'a: 's,
+    {
+        let height = self.depth.len() / self.width;
+        let up = |k: usize| y.checked_sub(k).map_or(nothing, |y| self.row(y));
+        let down = |k: usize| if y + k < height { self.row(y + k) } else { nothing };
+        Surroundings {
+            above: up(1),
+            here: self.row(y),
+            below: down(1),
+            far: [up(REACH), self.row(y), down(REACH)],
+            focal_px: self.focal_px,
+            centre_px: self.centre_px,
+            y,
         }
     }
+}
 
-    /// A pixel in view space at a depth.
-    fn point(&self, x: usize, y: usize, depth: f32) -> Vec3 {
-        let across = depth / self.focal_px;
-        let [cx, cy] = self.centre_px;
-        Vec3::new((x as f32 + 0.5 - cx) * across, (cy - y as f32 - 0.5) * across, -depth)
+/// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the middle
+/// at the nearer taps.
+fn mean(taps: [&[f32]; 5], near: f32, out: &mut [f32]) {
+    let n = out.len();
+    let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
+    for x in 0..n {
+        let m = middle[x];
+        let pair = |a: f32, b: f32, near: f32| (a - m).abs() < near && (b - m).abs() < near;
+        // In pairs, so that a slope's edge does not bend towards its inside.
+        let w1 = if pair(a1[x], b1[x], near * m) { TAPS[1] } else { 0.0 };
+        let w2 = if pair(a2[x], b2[x], 2.0 * near * m) { TAPS[2] } else { 0.0 };
+        let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
+        let s2 = if w2 > 0.0 { a2[x] + b2[x] } else { 0.0 };
+        out[x] = (m * TAPS[0] + s1 * w1 + s2 * w2) / (TAPS[0] + 2.0 * (w1 + w2));
+    }
+}
+
+/// What the shape at a row is told from.
+pub struct Surroundings<'a> {
+    above: &'a [f32],
+    here: &'a [f32],
+    below: &'a [f32],
+    far: [&'a [f32]; 3],
+    focal_px: f32,
+    centre_px: [f32; 2],
+    y: usize,
+}
+
+impl Surroundings<'_> {
+    /// The normal in view space at a pixel that has a depth: towards the eye, unit length.
+    ///
+    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
+    /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
+    #[inline]
+    pub fn normal(&self, x: usize) -> Vec3 {
+        let d = self.here[x];
+        let u = x as f32 + 0.5 - self.centre_px[0];
+        let v = self.centre_px[1] - self.y as f32 - 0.5;
+        let limit = SLOPE_MAX * d / self.focal_px;
+        let left = if x > 0 { self.here[x - 1] } else { f32::INFINITY };
+        let right = self.here.get(x + 1).copied().unwrap_or(f32::INFINITY);
+        let du = slope(d - left, right - d, limit);
+        let dv = slope(d - self.below[x], self.above[x] - d, limit);
+        Vec3::new(du, dv, (d + u * du + v * dv) / self.focal_px).normalize_or(Vec3::Z)
     }
 
     /// How far a pixel lies behind its surroundings, 0 to 1; slopes up to `flat` do not count.
-    pub fn behind(&self, x: usize, y: usize, flat: f32) -> f32 {
-        let here = self.depth[y * self.width + x];
+    #[inline]
+    pub fn behind(&self, x: usize, flat: f32) -> f32 {
+        let here = self.here[x];
         let per_slope = self.focal_px / (here * REACH as f32);
-        let r = REACH as isize;
-        let around = [(r, 0), (-r, 0), (0, r), (0, -r), (r, r), (r, -r), (-r, r), (-r, -r)];
-        let mut sum = 0.0;
-        for (dx, dy) in around {
-            let d = self.at(x as isize + dx, y as isize + dy);
-            if d < here {
-                sum += ((here - d) * per_slope - flat).clamp(0.0, BEHIND_MAX);
+        let dark = |d: f32| ((here - d) * per_slope - flat).max(0.0).min(BEHIND_MAX);
+        let mut sum = dark(self.far[0][x]) + dark(self.far[2][x]);
+        for row in self.far {
+            sum += x.checked_sub(REACH).map_or(0.0, |x| dark(row[x]));
+            sum += row.get(x + REACH).map_or(0.0, |&d| dark(d));
+        }
+        sum * (1.0 / (8.0 * BEHIND_MAX))
+    }
+}
+
+/// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
+/// the surface, or none.
+#[inline]
+fn slope(before: f32, after: f32, limit: f32) -> f32 {
+    match (before.abs() < limit, after.abs() < limit) {
+        (true, true) => (before + after) * 0.5,
+        (true, false) => before,
+        (false, true) => after,
+        (false, false) => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Depth of a plane through (0, 0, -`distance`) with this normal.
+    fn plane(normal: Vec3, distance: f32, side: usize, focal_px: f32) -> Vec<f32> {
+        let middle = side as f32 / 2.0;
+        let depth = |i: usize| {
+            let u = (i % side) as f32 + 0.5 - middle;
+            let v = middle - (i / side) as f32 - 0.5;
+            let ray = Vec3::new(u / focal_px, v / focal_px, -1.0);
+            distance * -normal.z / normal.dot(ray)
+        };
+        (0..side * side).map(depth).collect()
+    }
+
+    #[test]
+    fn planes_have_their_normal_everywhere_also_smoothed_and_at_the_edge() {
+        for n in [Vec3::Z, Vec3::new(0.5, -0.3, 1.0), Vec3::new(-1.0, 1.5, 1.0)] {
+            let n = n.normalize_or(Vec3::Z);
+            let depth = plane(n, 5.0, 40, 80.0);
+            let image =
+                DepthImage { width: 40, depth: &depth, focal_px: 80.0, centre_px: [20.0; 2] };
+            let mut scratch = ReliefScratch::default();
+            let nothing = [f32::INFINITY; 40];
+            for image in [image, image.smoothed(&mut scratch)] {
+                for (x, y) in [(20, 20), (8, 30), (0, 0), (39, 10)] {
+                    let got = image.surroundings(y, &nothing).normal(x);
+                    assert!(got.dot(n) > 0.995, "{got} for {n} at {x}, {y}");
+                }
             }
         }
-        sum / (BEHIND_MAX * around.len() as f32)
+    }
+
+    #[test]
+    fn steps_between_surfaces_neither_blur_nor_tilt_and_darken_only_what_is_behind() {
+        let depth: Vec<f32> = (0..400).map(|i| if i % 20 < 10 { 1.0 } else { 3.0 }).collect();
+        let image = DepthImage { width: 20, depth: &depth, focal_px: 400.0, centre_px: [10.0; 2] };
+        let mut scratch = ReliefScratch::default();
+        assert!(image.smoothed(&mut scratch).depth == depth);
+        let row = image.surroundings(10, &depth[..20]);
+        assert_eq!(row.normal(9).truncate(), glam::Vec2::ZERO);
+        assert_eq!(row.behind(9, 0.5), 0.0);
+        assert!(row.behind(10, 0.5) > 0.2);
+        assert_eq!(row.behind(15, 0.5), 0.0);
     }
 }

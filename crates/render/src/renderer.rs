@@ -10,8 +10,9 @@ use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push;
 use crate::pyramid::Pyramid;
+use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
-use crate::shade::{ShadeScratch, shade};
+use crate::shade::shade;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
@@ -20,7 +21,7 @@ use std::time::Instant;
 pub struct Renderer {
     target: Vec<AtomicU64>,
     pyramid: Pyramid,
-    scratch: ShadeScratch,
+    scratch: ReliefScratch,
 }
 
 /// Draws one frame. Who draws many keeps a [`Renderer`].

@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::colour::Encoder;
 use crate::frame::{Background, Picture};
 use crate::pyramid::Level;
-use crate::relief::DepthImage;
+use crate::relief::{DepthImage, ReliefScratch};
 use crate::resolve::backdrop;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -31,19 +31,12 @@ const SHINE_POWER: i32 = 24;
 const EDGE: (f32, f32) = (1.2, 4.0);
 const DOME: (f32, f32) = (2.0, 0.5);
 
-/// Memory kept from frame to frame.
-#[derive(Clone, Debug, Default)]
-pub struct ShadeScratch {
-    rows: Vec<f32>,
-    smooth: Vec<f32>,
-}
-
 /// Lights level 0 and writes colours and depths of the picture. Returns the number of pixels covered.
 pub fn shade(
     camera: &Camera,
     base: &Level,
     background: Background,
-    scratch: &mut ShadeScratch,
+    scratch: &mut ReliefScratch,
     picture: &mut Picture,
 ) -> u64 {
     let width = base.width;
@@ -59,50 +52,39 @@ pub fn shade(
         covered.fetch_add(count, Relaxed);
     });
     let has_normals = !base.normal.is_empty();
-    let image =
-        |depth| DepthImage { width, depth, focal_px: camera.focal_px, centre_px: camera.centre_px };
-    let raw = image(&picture.depth);
-    let relief = if has_normals { raw } else { smoothed(raw, scratch) };
-    let relief = image(relief.depth);
+    let focal_px = camera.focal_px;
+    let raw = DepthImage { width, depth: &picture.depth, focal_px, centre_px: camera.centre_px };
+    let relief = if has_normals { raw } else { raw.smoothed(scratch) };
+    let nothing = vec![f32::INFINITY; width];
+    let (dark, flat) = if has_normals { EDGE } else { DOME };
     let encoder = Encoder::get();
     picture.rgba.par_chunks_mut(width * 4).enumerate().for_each(|(y, row)| {
-        let behind = backdrop(background, y, base.height);
+        let backdrop = backdrop(background, y, base.height);
+        let around = relief.surroundings(y, &nothing);
         for (x, out) in row.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let pixel = y * width + x;
             if !base.is_valid(pixel) {
-                *out = behind;
+                *out = backdrop;
                 continue;
             }
             let ray = Vec3::new(
                 x as f32 + 0.5 - camera.centre_px[0],
                 camera.centre_px[1] - y as f32 - 0.5,
-                -camera.focal_px,
+                -focal_px,
             );
             let to_eye = -ray.normalize_or(Vec3::NEG_Z);
             let normal = if has_normals {
                 base.normal[pixel].truncate().normalize_or(to_eye)
             } else {
-                relief.normal(x, y)
+                around.normal(x)
             };
-            let (dark, flat) = if has_normals { EDGE } else { DOME };
-            let light = (-dark * relief.behind(x, y, flat)).exp();
+            let light = darken(dark * around.behind(x, flat));
             let c = phong(base.tint[pixel].truncate(), normal, to_eye) * light;
             let [r, g, b] = encoder.bytes(c);
             *out = [r, g, b, 255];
         }
     });
     covered.into_inner()
-}
-
-/// The depth image smoothed along both axes, twice.
-fn smoothed<'a>(raw: DepthImage<'a>, scratch: &'a mut ShadeScratch) -> DepthImage<'a> {
-    scratch.rows.resize(raw.depth.len(), 0.0);
-    scratch.smooth.resize(raw.depth.len(), 0.0);
-    raw.smooth(true, 1, &mut scratch.rows);
-    DepthImage { depth: &scratch.rows, ..raw }.smooth(false, 1, &mut scratch.smooth);
-    DepthImage { depth: &scratch.smooth, ..raw }.smooth(true, 2, &mut scratch.rows);
-    DepthImage { depth: &scratch.rows, ..raw }.smooth(false, 2, &mut scratch.smooth);
-    DepthImage { depth: &scratch.smooth, ..raw }
 }
 
 /// Phong lighting of a colour (linear light).
@@ -114,4 +96,10 @@ fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3) -> Vec3 {
     let mirrored = normal * (2.0 * facing) - KEY;
     let shine = if facing > 0.0 { mirrored.dot(to_eye).max(0.0).powi(SHINE_POWER) } else { 0.0 };
     colour * (ambient + diffuse) + Vec3::splat(SHINE * shine)
+}
+
+/// About `exp(-x)` for x from 0; several times as fast.
+#[inline]
+fn darken(x: f32) -> f32 {
+    1.0 / (1.0 + x * (1.0 + x * 0.5))
 }

@@ -1,0 +1,150 @@
+//! Drawn points are where they are: the worst displacement on the picture against exact `f64`
+//! coordinates, in views from within large clouds far from the origin.
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+use esker_lod::View;
+use esker_points::{Cell, Lattice, Node, quant};
+use esker_render::camera::{Camera, Positions};
+use esker_render::{ColourPlane, DrawNode};
+use glam::DVec3;
+use scene::Dice;
+
+/// A node of random points of the lattice within `extent` steps, and its planes.
+fn node(
+    dice: &mut Dice,
+    min: [u32; 3],
+    extent: u32,
+    near: [u32; 3],
+) -> (Node, Vec<[u32; 3]>, Vec<u8>, Vec<u8>) {
+    let mut points: Vec<[u32; 3]> = (0..4000)
+        .map(|i| {
+            // Half of them close to the eye, closer and closer.
+            let span = if i % 2 == 0 { extent } else { extent >> (i % 30) };
+            [0, 1, 2].map(|a| {
+                let at = f64::from(near[a]) + (dice.unit() - 0.5) * f64::from(span);
+                at.clamp(f64::from(min[a]), f64::from(min[a]) + f64::from(extent)) as u32
+            })
+        })
+        .collect();
+    points.push(min);
+    points.push(min.map(|c| c + extent));
+    let mut node: Node = bytemuck::Zeroable::zeroed();
+    let cell = Cell::enclosing(min, min.map(|c| c + extent));
+    (node.corner, node.cell_log2, node.box_min) = (cell.corner, cell.log2, min);
+    node.hot_shift = quant::hot_shift(extent);
+    let (mut hot, mut residual) = (Vec::new(), Vec::new());
+    for p in &points {
+        for a in 0..3 {
+            hot.extend(quant::hot(p[a], min[a], node.hot_shift).to_le_bytes());
+        }
+        hot.extend([128, 0]);
+        let low = [0, 1, 2].map(|a| quant::residual(p[a], min[a], node.hot_shift));
+        quant::push_residual(low, node.hot_shift, &mut residual);
+    }
+    (node, points, hot, residual)
+}
+
+/// The greatest distance on the picture between where points are drawn and where they are, pixels; of
+/// those on the picture. `bound_px` gives what is allowed at an exact depth.
+fn check(
+    lattice: &Lattice,
+    view: &View,
+    draw: &DrawNode<'_>,
+    points: &[[u32; 3]],
+    bound_px: impl Fn(f64) -> f64,
+) -> usize {
+    let camera = Camera::new(view, lattice).unwrap();
+    let positions = Positions::of(draw);
+    let place = camera.place(draw.node, positions.is_exact());
+    let mut seen = 0;
+    for (i, p) in points.iter().enumerate() {
+        let Some(exact) = view.project(DVec3::from_array(lattice.world(*p))) else { continue };
+        if !view.is_on_picture(exact) {
+            continue;
+        }
+        let v = camera.to_view(place.steps_from_eye(positions.offset(i).0) * camera.step);
+        let scale = camera.focal_px / -v.z;
+        let drawn = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];
+        let off = (f64::from(drawn[0]) - exact.x).hypot(f64::from(drawn[1]) - exact.y);
+        assert!(off <= bound_px(exact.z), "{off} px at depth {} of {p:?}", exact.z);
+        let depth_off = (f64::from(-v.z) / exact.z - 1.0).abs();
+        assert!(depth_off <= 1e-3 * bound_px(exact.z).max(1e-3), "depth off by {depth_off}");
+        seen += 1;
+    }
+    seen
+}
+
+#[test]
+fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
+    let mut dice = Dice(4);
+    // Millimetres at 10^7 m; hundredths of a foot; a fine float lattice that fills all 32 bits.
+    let lattices = [
+        Lattice { scale: [1e-3; 3], offset: [1e7, -1.2e7, 400.0], shift: [3, 0, -7] },
+        Lattice { scale: [0.01; 3], offset: [0.0; 3], shift: [500_000_000, 360_000_000, 0] },
+        Lattice { scale: [2f64.powi(-34); 3], offset: [0.0; 3], shift: [0; 3] },
+    ];
+    let mut seen = 0;
+    for lattice in &lattices {
+        for extent in [900, 70_000, 1_000_000, 100_000_000, u32::MAX] {
+            let min = if extent == u32::MAX { [0; 3] } else { [2_000_000_000; 3] };
+            for _ in 0..6 {
+                let near = [0; 3].map(|_| min[0] + (dice.unit() * f64::from(extent)) as u32);
+                let (node, points, hot, residual) = node(&mut dice, min, extent, near);
+                let eye = DVec3::from_array(lattice.world(near)) + lattice.scale[0] * 0.37;
+                let towards = DVec3::new(dice.unit() - 0.5, dice.unit() - 0.5, dice.unit() - 0.5);
+                // From within, and from outside of the lattice.
+                for back in [0.0, 5.0 * f64::from(extent) * lattice.scale[0]] {
+                    let eye = eye - towards.normalize_or_zero() * back;
+                    let mut view = View::look_at(eye, eye + towards, DVec3::Z, 1.0, 1920, 1080);
+                    view.near = lattice.scale[0];
+                    let draw = DrawNode {
+                        node: &node,
+                        prefix: points.len(),
+                        position: &hot,
+                        residual: Some(&residual),
+                        colour: ColourPlane::None,
+                        normal: None,
+                    };
+                    // The eye itself is rounded to f64; at 10^7 m that is 2 nm.
+                    let eye_error = eye.abs().max_element() * f64::EPSILON * 2.0;
+                    let focal = view.focal_px();
+                    seen += check(lattice, &view, &draw, &points, |depth| {
+                        0.01 + 4.0 * focal * eye_error / depth
+                    });
+                }
+            }
+        }
+    }
+    assert!(seen > 50_000, "only {seen} points were on a picture");
+}
+
+#[test]
+fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
+    let mut dice = Dice(5);
+    let lattice = Lattice { scale: [1e-3; 3], offset: [1e7, 1e7, 0.0], shift: [0; 3] };
+    let mut seen = 0;
+    for extent in [60_000, 1_000_000, 100_000_000] {
+        let near = [2_000_000_000 + extent / 2; 3];
+        let (node, points, hot, _) = node(&mut dice, [2_000_000_000; 3], extent, near);
+        let target = DVec3::from_array(lattice.world(near));
+        let eye = target + DVec3::new(0.7, -0.5, 0.6) * f64::from(extent) * 1e-3;
+        let view = View::look_at(eye, target, DVec3::Z, 1.0, 1920, 1080);
+        let draw = DrawNode {
+            node: &node,
+            prefix: points.len(),
+            position: &hot,
+            residual: None,
+            colour: ColourPlane::None,
+            normal: None,
+        };
+        // Half a step an axis, seen at most along its diagonal and at the picture's corner.
+        let half = f64::from((1u32 << node.hot_shift) - 1) * 0.5e-3 * 3f64.sqrt();
+        let focal = view.focal_px();
+        seen += check(&lattice, &view, &draw, &points, |depth| {
+            0.01 + 1.6 * focal * half / (depth - half).max(1e-9)
+        });
+    }
+    assert!(seen > 1000);
+}
