@@ -18,7 +18,6 @@ pub struct ScenePoint {
 /// A node with planes of its own.
 pub struct SceneNode {
     pub node: Node,
-    pub lattice_points: Vec<[u32; 3]>,
     pub position: Vec<u8>,
     pub residual: Vec<u8>,
     pub colour: Vec<u8>,
@@ -123,7 +122,6 @@ impl SceneNode {
         node.set_levels(&[run.len()]);
         let mut out = Self {
             node,
-            lattice_points: run.iter().map(|r| r.0).collect(),
             position: Vec::new(),
             residual: Vec::new(),
             colour: Vec::new(),

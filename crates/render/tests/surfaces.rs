@@ -1,0 +1,183 @@
+//! What a user sees: surfaces are closed, nothing behind shows through, silhouettes are where they are,
+//! points keep their colours.
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+use esker_lod::View;
+use esker_render::{Background, ColourBy, Method, Picture, Renderer};
+use glam::DVec3;
+use scene::{Dice, Scene, ScenePoint, sphere};
+
+const RED: [u8; 3] = [220, 30, 30];
+const BLUE: [u8; 3] = [30, 30, 220];
+
+/// Points of a wall through `centre`, one in each cell of a grid, tilted about x.
+fn wall(
+    dice: &mut Dice,
+    centre: DVec3,
+    half: f64,
+    tilt: f64,
+    spacing: f64,
+    colour: [u8; 3],
+) -> Vec<ScenePoint> {
+    let (sin, cos) = tilt.to_radians().sin_cos();
+    let [u, v] = [DVec3::X, DVec3::new(0.0, sin, cos)];
+    let [n, m] = [half / spacing, half / cos / spacing].map(|n| n as i64);
+    let mut points = Vec::new();
+    for i in -n..n {
+        for j in -m..m {
+            let [a, b] = [i, j].map(|k| (k as f64 + dice.unit()) * spacing);
+            points.push(ScenePoint { at: centre + u * a + v * b, normal: u.cross(v), colour });
+        }
+    }
+    points
+}
+
+/// From 10 units in front of the origin; a pixel is about `10 * 2 tan(0.05) / 256` there.
+fn narrow_view() -> View {
+    View::look_at(DVec3::NEG_Y * 10.0, DVec3::ZERO, DVec3::Z, 0.1, 256, 256)
+}
+
+fn draw(scene: &Scene, view: &View, normals: bool) -> Picture {
+    let draws = scene.draws(true, true, normals);
+    let mut frame = scene.frame(view, &draws);
+    frame.background = Background::Plain([0; 4]);
+    Renderer::default().render(&frame).unwrap()
+}
+
+#[test]
+fn walls_are_closed_at_any_distance_and_tilt() {
+    let view = narrow_view();
+    let pixel = 10.0 / view.focal_px();
+    for tilt in [0.0, 30.0, 60.0, 70.0] {
+        for spacing_px in [0.7, 1.0, 1.7, 3.0, 8.0, 21.0] {
+            for normals in [true, false] {
+                let spacing = spacing_px * pixel;
+                let mut dice = Dice(11);
+                let points = wall(&mut dice, DVec3::ZERO, 0.7, tilt, spacing, RED);
+                let scene = Scene::new(&points, 1e-6, spacing, spacing * 2f64.sqrt(), 10_000);
+                let holes = 256 * 256 - draw(&scene, &view, normals).stats.pixels_covered;
+                let allowed = if tilt < 65.0 { 6 } else { 13 };
+                assert!(
+                    holes <= allowed,
+                    "{holes} holes: {tilt} degrees, {spacing_px} px, {normals}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_shows_through_a_sparse_wall() {
+    let view = narrow_view();
+    let pixel = 10.0 / view.focal_px();
+    for spacing_px in [2.0, 5.0, 12.0] {
+        for normals in [true, false] {
+            let spacing = spacing_px * pixel;
+            let mut dice = Dice(12);
+            let mut points = wall(&mut dice, DVec3::ZERO, 0.7, 0.0, spacing, RED);
+            points.extend(wall(&mut dice, DVec3::Y * 3.0, 1.0, 0.0, pixel, BLUE));
+            let scene = Scene::new(&points, 1e-6, spacing, spacing * 2f64.sqrt(), 10_000);
+            let picture = draw(&scene, &view, normals);
+            let behind = picture.depth.iter().filter(|&&d| d > 11.0).count();
+            let (pixels, _) = picture.rgba.as_chunks::<4>();
+            let blue = pixels.iter().filter(|p| p[2] > p[0]).count();
+            assert!(behind <= 6 && blue <= 6, "{behind}, {blue} at {spacing_px} px, {normals}");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_with_normals_ends_at_its_silhouette() {
+    let view = View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, 300, 300);
+    let (centre, radius_px) = (150.0, view.focal_px() / (20.0f64.powi(2) - 1.0).sqrt());
+    let mut dice = Dice(13);
+    for count in [3_000, 30_000, 300_000] {
+        let spacing = (4.0 * std::f64::consts::PI / f64::from(count)).sqrt();
+        let points = sphere(&mut dice, DVec3::ZERO, 1.0, count as usize, RED);
+        // Wholly random points leave gaps of several spacings.
+        let scene = Scene::new(&points, 1e-6, spacing, spacing * 2.0, 10_000);
+        let picture = draw(&scene, &view, true);
+        let spacing_px = spacing * view.focal_px() / 20.0;
+        let (mut missing, mut beyond) = (0, 0.0f64);
+        for (i, d) in picture.depth.iter().enumerate() {
+            let (x, y) = ((i % 300) as f64 + 0.5 - centre, (i / 300) as f64 + 0.5 - centre);
+            let outside = x.hypot(y) - radius_px;
+            if d.is_finite() {
+                beyond = beyond.max(outside);
+                assert!(*d < 20.1, "the far side shows");
+            } else if outside < -1.5 - spacing_px {
+                missing += 1;
+            }
+        }
+        assert!(missing <= 20, "{missing} holes of {count} points");
+        assert!(beyond < 2.0 + 0.5 * spacing_px, "{beyond} px beyond, spacing {spacing_px} px");
+    }
+}
+
+#[test]
+fn colours_of_points_are_shown_as_they_are() {
+    let view = narrow_view();
+    let points = wall(&mut Dice(14), DVec3::ZERO, 0.4, 0.0, 0.01, [201, 13, 77]);
+    let scene = Scene::new(&points, 1e-6, 0.01, 0.02, 1000);
+    let draws = scene.draws(true, true, false);
+    let mut frame = scene.frame(&view, &draws);
+    (frame.method, frame.background) = (Method::Points, Background::Plain([1, 2, 3, 4]));
+    let picture = Renderer::default().render(&frame).unwrap();
+    let (pixels, _) = picture.rgba.as_chunks::<4>();
+    let shown = pixels.iter().filter(|p| **p != [1, 2, 3, 4]).count();
+    assert!(shown > 1000 && shown as u64 == picture.stats.pixels_covered);
+    for p in pixels.iter().filter(|p| **p != [1, 2, 3, 4]) {
+        assert!(p.iter().zip([201u8, 13, 77, 255]).all(|(a, b)| a.abs_diff(b) <= 1), "{p:?}");
+    }
+}
+
+#[test]
+fn back_faces_go_when_asked_and_are_turned_to_the_viewer_else() {
+    let view = narrow_view();
+    let mut points = wall(&mut Dice(15), DVec3::ZERO, 2.0, 0.0, 0.01, RED);
+    let facing = Scene::new(&points, 1e-6, 0.01, 0.015, 1000);
+    points.iter_mut().for_each(|p| p.normal = -p.normal);
+    let turned = Scene::new(&points, 1e-6, 0.01, 0.015, 1000);
+    let picture = |scene: &Scene, cull| {
+        let draws = scene.draws(true, true, true);
+        let mut frame = scene.frame(&view, &draws);
+        frame.cull_back_faces = cull;
+        Renderer::default().render(&frame).unwrap()
+    };
+    // Sheet normals here look along u x v; one of the two scenes faces the camera.
+    let covered = [&facing, &turned].map(|s| picture(s, true).stats.pixels_covered);
+    assert!(covered.contains(&0) && covered.iter().any(|&c| c > 65_000), "{covered:?}");
+    assert_eq!(picture(&facing, false).rgba, picture(&turned, false).rgba);
+}
+
+#[test]
+fn threads_do_not_change_the_picture() {
+    let scene =
+        Scene::new(&sphere(&mut Dice(16), DVec3::ZERO, 0.4, 40_000, BLUE), 1e-6, 0.01, 0.02, 700);
+    let view = narrow_view();
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| draw(&scene, &view, true))
+    };
+    let (one, many) = (with(1), with(7));
+    assert!(one.rgba == many.rgba && one.depth == many.depth);
+}
+
+#[test]
+fn a_prefix_draws_the_first_points_and_ends_with_the_planes() {
+    let points = wall(&mut Dice(17), DVec3::ZERO, 0.4, 0.0, 0.02, RED);
+    let scene = Scene::new(&points, 1e-6, 0.02, 0.03, 200);
+    let view = narrow_view();
+    for (prefix, expected) in [(0, 0), (10, 10), (200, 200), (usize::MAX, 200)] {
+        let mut draw = scene.nodes[0].draw(true, true, false);
+        draw.prefix = prefix;
+        let draws = [draw];
+        let mut frame = scene.frame(&view, &draws);
+        frame.colour = ColourBy::Plain;
+        let stats = Renderer::default().render(&frame).unwrap().stats;
+        assert_eq!(stats.points_drawn, expected);
+        assert_eq!(stats.nodes_drawn, u32::from(expected > 0));
+    }
+}
