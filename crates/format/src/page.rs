@@ -159,10 +159,11 @@ fn encode_plane(
             points.classes.iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
         }
         PlaneKind::Attribute(a) => out.extend_from_slice(&points.columns[usize::from(a)]),
-        PlaneKind::Residual
-        | PlaneKind::Tangents
-        | PlaneKind::ClipLines
-        | PlaneKind::Unknown(_) => {}
+        PlaneKind::Residual => {}
+        // What this version cannot make is left zero.
+        PlaneKind::Tangents | PlaneKind::ClipLines | PlaneKind::Unknown(_) => {
+            out.resize(points.len() * plane.value_bytes as usize, 0);
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 
 mod tree;
 
-use esker_format::{EskerFile, PageLayout, PlaneKind, verify};
+use esker_format::{EskerFile, PageLayout, PagePoints, PlaneKind, verify};
 use esker_points::task::Silent;
 use esker_points::{ColourDepth, PointClass, Schema};
 use proptest::prelude::*;
@@ -70,16 +70,33 @@ fn metadata_come_back_exactly_and_verbatim_blocks_too() {
     assert_eq!(file.footer().rounding_error_max, 0.1 + 0.2);
 }
 
-#[test]
-fn statistics_hold_for_nodes_subtrees_and_the_file() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.esker");
-    let (schema, classes) = tree::mixed_schema();
-    let points = tree::points_of(&schema, &classes, 400, 20, 11);
-    let metadata = tree::metadata(schema.clone(), classes);
-    let table = tree::write(&path, &metadata, &points, 30);
-    let file = EskerFile::open(&path).unwrap();
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn statistics_hold_for_nodes_subtrees_and_the_file(
+        (schema, classes) in tree::schemas(), count in 1usize..300, seed: u64,
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.esker");
+        let points = tree::points_of(&schema, &classes, count, 20, seed);
+        let metadata = tree::metadata(schema, classes);
+        let table = tree::write(&path, &metadata, &points, 30);
+        let file = EskerFile::open(&path).unwrap();
+        let (_, own) = tree::plant(&points, &metadata.lattice, 30);
+        let mut below = own.clone();
+        for index in (1..below.len()).rev() {
+            let moved = below[index].clone();
+            below[table.nodes[index].parent as usize].extend(moved);
+        }
+        hold(&file, &points, &own, &below);
+    }
+}
+
+/// Statistics against a plain computation in `f64`.
+fn hold(file: &EskerFile, points: &PagePoints, own: &[Vec<usize>], below: &[Vec<usize>]) {
     let statistics = file.statistics().unwrap();
+    let schema = file.layout().schema();
     let values = |a: usize, of: &[usize]| -> Vec<f64> {
         let ty = schema.attributes[a].ty;
         of.iter()
@@ -92,26 +109,26 @@ fn statistics_hold_for_nodes_subtrees_and_the_file() {
         let least = values.iter().copied().reduce(f64::min)?;
         Some((least, values.iter().copied().reduce(f64::max)?))
     };
-    let (_, own) = tree::plant(&points, &metadata.lattice, 30);
-    let mut below = own.clone();
-    for index in (1..below.len()).rev() {
-        let moved = below[index].clone();
-        below[table.nodes[index].parent as usize].extend(moved);
-    }
-    let class = schema.find("classification").unwrap();
+    let class = schema.find("classification");
     for node in 0..own.len() {
         for a in 0..schema.attributes.len() {
             assert_eq!(statistics.own(node as u32, a), range(&values(a, &own[node])));
             assert_eq!(statistics.subtree(node as u32, a), range(&values(a, &below[node])));
         }
-        let mut bits = [0u64; 4];
-        values(class, &below[node])
-            .iter()
-            .for_each(|&c| bits[c as usize / 64] |= 1 << (c as u32 % 64));
-        assert_eq!(statistics.subtree_classes(node as u32), Some(bits));
+        let bits = |of: &[usize]| {
+            let mut bits = [0u64; 4];
+            let set = |c: &f64| bits[*c as usize / 64] |= 1 << (*c as u32 % 64);
+            values(class?, of).iter().for_each(set);
+            Some(bits)
+        };
+        assert_eq!(statistics.own_classes(node as u32), bits(&own[node]));
+        assert_eq!(statistics.subtree_classes(node as u32), bits(&below[node]));
     }
-    let counted: u64 = statistics.histograms().counts(class).iter().sum();
-    assert_eq!(counted as usize, values(class, &below[0]).len());
+    for a in 0..schema.attributes.len() {
+        let finite = values(a, &below[0]).iter().filter(|v| v.is_finite()).count();
+        let counted: u64 = statistics.histograms().counts(a).iter().sum();
+        assert_eq!(counted as usize, finite);
+    }
 }
 
 #[test]
@@ -141,4 +158,18 @@ fn a_writer_that_does_not_finish_leaves_nothing_and_the_old_file_stays() {
     drop(writer);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+}
+
+#[test]
+fn what_cannot_be_written_is_refused_before_anything_stands_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let error =
+        |path: &std::path::Path| esker_format::FileWriter::create(path).unwrap_err().to_string();
+    assert!(error(folder.path()).contains("no file has this name"));
+    let missing = folder.path().join("missing/a.esker");
+    assert!(error(&missing).contains("cannot create it"));
+    let mut writer = esker_format::FileWriter::create(&folder.path().join("a.esker")).unwrap();
+    assert!(writer.write_page(&[0; 65]).unwrap_err().to_string().contains("65 bytes"));
+    drop(writer);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
