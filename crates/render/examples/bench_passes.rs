@@ -2,6 +2,7 @@
 //! million points (nodes of 65,536 in Morton order, residuals, colours, with and without normals) and
 //! prints medians (or the least). Say with the figures which machine they are from.
 
+#[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 

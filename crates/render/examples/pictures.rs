@@ -1,5 +1,6 @@
 //! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG files.
 
+#[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 

@@ -58,7 +58,8 @@ fn walls_are_closed_at_any_distance_and_tilt() {
                 let points = wall(&mut dice, DVec3::ZERO, 0.7, tilt, spacing, RED);
                 let scene = Scene::new(&points, 1e-6, spacing, spacing * 2f64.sqrt(), 10_000);
                 let holes = 256 * 256 - draw(&scene, &view, normals).stats.pixels_covered;
-                let allowed = if tilt < 65.0 { 6 } else { 13 };
+                // 0.02 %: the mean of ellipses covers a little less than they do.
+                let allowed = 13;
                 assert!(
                     holes <= allowed,
                     "{holes} holes: {tilt} degrees, {spacing_px} px, {normals}"
