@@ -9,6 +9,7 @@ pub mod columns;
 pub mod directory;
 pub mod error;
 pub mod footer;
+mod json;
 pub mod layout;
 pub mod metadata;
 pub mod page;

@@ -2,14 +2,10 @@
 //! beside it the blocks of the sources kept verbatim, as one run of bytes that the JSON points into.
 
 use crate::error::Fault;
-use crate::layout::{
-    ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout, PlaneKind, PlaneSpec,
-};
-use esker_points::lattice::GridKind;
-use esker_points::{
-    AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
-};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use crate::json::{BlockPlace, MetadataJson};
+use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
+use esker_points::{ColourDepth, InputGrid, Lattice, PointClass, Schema};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Bytes of JSON that are written and read at most.
@@ -85,105 +81,11 @@ pub struct TreeRef {
     pub footer_hash: u128,
 }
 
-/// A verbatim block's name and place in the verbatim section.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct BlockPlace {
-    pub name: String,
-    pub offset: u64,
-    pub bytes: u64,
-}
-
 /// Metadata as read, with what the reader needs besides.
 pub(crate) struct Decoded {
     pub metadata: Metadata,
     pub layout: PageLayout,
     pub blocks: Vec<Vec<BlockPlace>>,
-}
-
-/// A number that may be infinite or none, as a string then: JSON has no such numbers.
-#[derive(Clone, Copy)]
-struct Real(f64);
-
-impl Serialize for Real {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        if self.0.is_finite() { s.serialize_f64(self.0) } else { s.collect_str(&self.0) }
-    }
-}
-
-impl<'de> Deserialize<'de> for Real {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum Either {
-            Number(f64),
-            Text(String),
-        }
-        match Either::deserialize(d)? {
-            Either::Number(v) => Ok(Self(v)),
-            Either::Text(t) => t.parse().map(Self).map_err(serde::de::Error::custom),
-        }
-    }
-}
-
-#[derive(Serialize, Deserialize)]
-struct AttributeJson {
-    name: String,
-    #[serde(rename = "type")]
-    ty: AttrType,
-    description: String,
-    scale: Real,
-    offset: Real,
-}
-
-#[derive(Serialize, Deserialize)]
-struct PlaneJson {
-    kind: u16,
-    attribute: Option<u16>,
-    hot: bool,
-    value_bytes: u32,
-}
-
-#[derive(Serialize, Deserialize)]
-struct GridJson {
-    name: String,
-    kind: GridKind,
-    scale: [Real; 3],
-    offset: [Real; 3],
-    bounds: Option<[[Real; 3]; 2]>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct SourceJson {
-    path: String,
-    format: String,
-    grid: GridJson,
-    points: u64,
-    refused: BTreeMap<String, u64>,
-    rounding_error_max: Real,
-    colour_depth: Option<ColourDepth>,
-    colour_depth_forced: bool,
-    class: u16,
-    crs: Option<CrsRecord>,
-    notes: Vec<String>,
-    verbatim: Vec<BlockPlace>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct TreeJson {
-    path: String,
-    footer_hash: String,
-}
-
-#[derive(Serialize, Deserialize)]
-struct MetadataJson {
-    generator: String,
-    lattice: Lattice,
-    node_capacity: u32,
-    attributes: Vec<AttributeJson>,
-    classes: Vec<PointClass>,
-    planes: Vec<PlaneJson>,
-    sources: Vec<SourceJson>,
-    forest: Vec<TreeJson>,
 }
 
 impl Metadata {
@@ -209,31 +111,7 @@ impl Metadata {
     pub(crate) fn encode(&self) -> Result<(Vec<u8>, Vec<u8>), Fault> {
         self.check()?;
         let mut blob = Vec::new();
-        let sources = self.sources.iter().map(|s| s.to_json(&mut blob)).collect();
-        let layout = self.layout();
-        let planes = layout.planes().iter().map(|p| PlaneJson {
-            kind: p.kind.number(),
-            attribute: if let PlaneKind::Attribute(a) = p.kind { Some(a) } else { None },
-            hot: p.hot,
-            value_bytes: p.value_bytes,
-        });
-        let json = MetadataJson {
-            generator: self.generator.clone(),
-            lattice: self.lattice,
-            node_capacity: self.node_capacity,
-            attributes: self.schema.attributes.iter().map(attribute_json).collect(),
-            classes: self.classes.clone(),
-            planes: planes.collect(),
-            sources,
-            forest: self
-                .forest
-                .iter()
-                .map(|t| TreeJson {
-                    path: t.path.clone(),
-                    footer_hash: format!("{:032x}", t.footer_hash),
-                })
-                .collect(),
-        };
+        let json = MetadataJson::of(self, &mut blob);
         let json = serde_json::to_vec(&json).map_err(|e| Fault::new("metadata", e.to_string()))?;
         if json.len() as u64 > METADATA_BYTES_MAX {
             return Err(Fault::new("metadata", "they are longer than any reader takes"));
@@ -245,31 +123,10 @@ impl Metadata {
     pub(crate) fn decode(json: &[u8], verbatim_bytes: u64) -> Result<Decoded, Fault> {
         let json: MetadataJson =
             serde_json::from_slice(json).map_err(|e| Fault::new("metadata", e.to_string()))?;
-        let blocks: Vec<Vec<BlockPlace>> =
-            json.sources.iter().map(|s| s.verbatim.clone()).collect();
+        let (metadata, planes, blocks) = json.parts()?;
         check_blocks(&blocks, verbatim_bytes)?;
-        let forest = json.forest.into_iter().map(|t| {
-            let footer_hash = u128::from_str_radix(&t.footer_hash, 16)
-                .map_err(|e| Fault::new("metadata", format!("forest: {e}")))?;
-            Ok(TreeRef { path: t.path, footer_hash })
-        });
-        let metadata = Self {
-            lattice: json.lattice,
-            schema: Schema { attributes: json.attributes.into_iter().map(attribute).collect() },
-            classes: json.classes,
-            node_capacity: json.node_capacity,
-            sources: json.sources.into_iter().map(source_record).collect(),
-            forest: forest.collect::<Result<_, Fault>>()?,
-            generator: json.generator,
-        };
         metadata.check()?;
-        let planes = json.planes.iter().map(|p| PlaneSpec {
-            kind: PlaneKind::from_number(p.kind, p.attribute.unwrap_or(u16::MAX)),
-            hot: p.hot,
-            value_bytes: p.value_bytes,
-        });
-        let layout =
-            PageLayout::with_planes(&metadata.schema, &metadata.classes, planes.collect())?;
+        let layout = PageLayout::with_planes(&metadata.schema, &metadata.classes, planes)?;
         Ok(Decoded { metadata, layout, blocks })
     }
 
@@ -323,78 +180,4 @@ fn check_blocks(blocks: &[Vec<BlockPlace>], verbatim_bytes: u64) -> Result<(), F
         return Err(Fault::new("metadata", "verbatim blocks do not fill their section"));
     }
     Ok(())
-}
-
-fn attribute_json(a: &Attribute) -> AttributeJson {
-    AttributeJson {
-        name: a.name.clone(),
-        ty: a.ty,
-        description: a.description.clone(),
-        scale: Real(a.scale),
-        offset: Real(a.offset),
-    }
-}
-
-fn attribute(a: AttributeJson) -> Attribute {
-    Attribute {
-        name: a.name,
-        ty: a.ty,
-        description: a.description,
-        scale: a.scale.0,
-        offset: a.offset.0,
-    }
-}
-
-impl SourceRecord {
-    fn to_json(&self, blob: &mut Vec<u8>) -> SourceJson {
-        let reals = |v: [f64; 3]| v.map(Real);
-        let verbatim = self.verbatim.iter().map(|(name, bytes)| {
-            let offset = blob.len() as u64;
-            blob.extend_from_slice(bytes);
-            BlockPlace { name: name.clone(), offset, bytes: bytes.len() as u64 }
-        });
-        SourceJson {
-            path: self.path.clone(),
-            format: self.format.clone(),
-            verbatim: verbatim.collect(),
-            grid: GridJson {
-                name: self.grid.name.clone(),
-                kind: self.grid.kind,
-                scale: reals(self.grid.grid.scale),
-                offset: reals(self.grid.grid.offset),
-                bounds: self.grid.bounds.map(|b| b.map(reals)),
-            },
-            points: self.points,
-            refused: self.refused.clone(),
-            rounding_error_max: Real(self.rounding_error_max),
-            colour_depth: self.colour_depth,
-            colour_depth_forced: self.colour_depth_forced,
-            class: self.class,
-            crs: self.crs.clone(),
-            notes: self.notes.clone(),
-        }
-    }
-}
-
-fn source_record(s: SourceJson) -> SourceRecord {
-    let plain = |v: [Real; 3]| v.map(|r| r.0);
-    SourceRecord {
-        path: s.path,
-        format: s.format,
-        grid: InputGrid {
-            name: s.grid.name,
-            kind: s.grid.kind,
-            grid: Grid { scale: plain(s.grid.scale), offset: plain(s.grid.offset) },
-            bounds: s.grid.bounds.map(|b| b.map(plain)),
-        },
-        points: s.points,
-        refused: s.refused,
-        rounding_error_max: s.rounding_error_max.0,
-        colour_depth: s.colour_depth,
-        colour_depth_forced: s.colour_depth_forced,
-        class: s.class,
-        crs: s.crs,
-        notes: s.notes,
-        verbatim: Vec::new(),
-    }
 }

@@ -4,13 +4,15 @@
 use crate::directory::Directory;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, Section, header};
+use crate::json::BlockPlace;
 use crate::layout::{PageLayout, PlaneKind};
-use crate::metadata::{BlockPlace, METADATA_BYTES_MAX, Metadata};
+use crate::metadata::{METADATA_BYTES_MAX, Metadata};
 use crate::page::{Page, expand};
 use crate::read_at::{FileSource, ReadAt};
 use crate::statistics::Statistics;
 use crate::table;
 use esker_points::{Node, NodeTable};
+use std::fmt;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -35,6 +37,12 @@ impl Planes {
     /// A plane's values, one a point; `None` where the file has no such plane or it was not asked for.
     pub fn get(&self, kind: PlaneKind) -> Option<&[u8]> {
         self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
+    }
+}
+
+impl fmt::Debug for EskerFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("EskerFile").field("path", &self.path).finish_non_exhaustive()
     }
 }
 

@@ -104,11 +104,11 @@ impl FileWriter {
     ) -> Result<u64, FormatError> {
         let path = self.path.clone();
         let unwritable = |fault: Fault| fault.unwritable(&path);
+        let (json, verbatim) = metadata.encode().map_err(unwritable)?;
         table::check(table, &metadata.layout(), self.offset, points).map_err(unwritable)?;
         table::check_pages_fill(table, self.offset).map_err(unwritable)?;
         statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
         metadata.check_classes(points).map_err(unwritable)?;
-        let (json, verbatim) = metadata.encode().map_err(unwritable)?;
         let mut footer = Footer {
             points,
             nodes: table.nodes.len() as u64,

@@ -1,0 +1,238 @@
+//! The metadata's JSON: one structure an object, apart from the types that the rest of the program uses, so
+//! that these can change without the file. Numbers that JSON does not have are strings.
+
+use crate::error::Fault;
+use crate::layout::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
+use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
+use esker_points::lattice::GridKind;
+use esker_points::{
+    AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
+};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
+
+/// A verbatim block's name and place in the verbatim section.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct BlockPlace {
+    pub name: String,
+    pub offset: u64,
+    pub bytes: u64,
+}
+
+/// A number that may be infinite or none, as a string then: JSON has no such numbers.
+#[derive(Clone, Copy)]
+struct Real(f64);
+
+impl Serialize for Real {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        if self.0.is_finite() { s.serialize_f64(self.0) } else { s.collect_str(&self.0) }
+    }
+}
+
+impl<'de> Deserialize<'de> for Real {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Either {
+            Number(f64),
+            Text(String),
+        }
+        match Either::deserialize(d)? {
+            Either::Number(v) => Ok(Self(v)),
+            Either::Text(t) => t.parse().map(Self).map_err(serde::de::Error::custom),
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct AttributeJson {
+    name: String,
+    #[serde(rename = "type")]
+    ty: AttrType,
+    description: String,
+    scale: Real,
+    offset: Real,
+}
+
+#[derive(Serialize, Deserialize)]
+struct PlaneJson {
+    kind: u16,
+    attribute: Option<u16>,
+    hot: bool,
+    value_bytes: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+struct GridJson {
+    name: String,
+    kind: GridKind,
+    scale: [Real; 3],
+    offset: [Real; 3],
+    bounds: Option<[[Real; 3]; 2]>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SourceJson {
+    path: String,
+    format: String,
+    grid: GridJson,
+    points: u64,
+    refused: BTreeMap<String, u64>,
+    rounding_error_max: Real,
+    colour_depth: Option<ColourDepth>,
+    colour_depth_forced: bool,
+    class: u16,
+    crs: Option<CrsRecord>,
+    notes: Vec<String>,
+    verbatim: Vec<BlockPlace>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct TreeJson {
+    path: String,
+    footer_hash: String,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(crate) struct MetadataJson {
+    generator: String,
+    lattice: Lattice,
+    node_capacity: u32,
+    attributes: Vec<AttributeJson>,
+    classes: Vec<PointClass>,
+    planes: Vec<PlaneJson>,
+    sources: Vec<SourceJson>,
+    forest: Vec<TreeJson>,
+}
+
+/// What a file's JSON says: metadata, planes in their order, verbatim blocks source by source.
+pub(crate) type Parts = (Metadata, Vec<PlaneSpec>, Vec<Vec<BlockPlace>>);
+
+impl MetadataJson {
+    /// The JSON of these metadata; verbatim blocks go to `blob`.
+    pub(crate) fn of(metadata: &Metadata, blob: &mut Vec<u8>) -> Self {
+        Self {
+            generator: metadata.generator.clone(),
+            lattice: metadata.lattice,
+            node_capacity: metadata.node_capacity,
+            attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
+            classes: metadata.classes.clone(),
+            planes: metadata.layout().planes().iter().map(plane_json).collect(),
+            sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
+            forest: metadata.forest.iter().map(tree_json).collect(),
+        }
+    }
+
+    /// What it says, not yet checked.
+    pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
+        let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
+        let planes = self.planes.iter().map(|p| PlaneSpec {
+            kind: PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE)),
+            hot: p.hot,
+            value_bytes: p.value_bytes,
+        });
+        let metadata = Metadata {
+            lattice: self.lattice,
+            schema: Schema { attributes: self.attributes.into_iter().map(attribute).collect() },
+            classes: self.classes,
+            node_capacity: self.node_capacity,
+            sources: self.sources.into_iter().map(source_record).collect(),
+            forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
+            generator: self.generator,
+        };
+        Ok((metadata, planes.collect(), blocks))
+    }
+}
+
+fn plane_json(plane: &PlaneSpec) -> PlaneJson {
+    PlaneJson {
+        kind: plane.kind.number(),
+        attribute: if let PlaneKind::Attribute(a) = plane.kind { Some(a) } else { None },
+        hot: plane.hot,
+        value_bytes: plane.value_bytes,
+    }
+}
+
+fn tree_json(tree: &TreeRef) -> TreeJson {
+    TreeJson { path: tree.path.clone(), footer_hash: format!("{:032x}", tree.footer_hash) }
+}
+
+fn tree_ref(tree: TreeJson) -> Result<TreeRef, Fault> {
+    let footer_hash = u128::from_str_radix(&tree.footer_hash, 16)
+        .map_err(|e| Fault::new("metadata", format!("forest: {e}")))?;
+    Ok(TreeRef { path: tree.path, footer_hash })
+}
+
+fn attribute_json(a: &Attribute) -> AttributeJson {
+    AttributeJson {
+        name: a.name.clone(),
+        ty: a.ty,
+        description: a.description.clone(),
+        scale: Real(a.scale),
+        offset: Real(a.offset),
+    }
+}
+
+fn attribute(a: AttributeJson) -> Attribute {
+    Attribute {
+        name: a.name,
+        ty: a.ty,
+        description: a.description,
+        scale: a.scale.0,
+        offset: a.offset.0,
+    }
+}
+
+impl SourceRecord {
+    fn to_json(&self, blob: &mut Vec<u8>) -> SourceJson {
+        let reals = |v: [f64; 3]| v.map(Real);
+        let verbatim = self.verbatim.iter().map(|(name, bytes)| {
+            let offset = blob.len() as u64;
+            blob.extend_from_slice(bytes);
+            BlockPlace { name: name.clone(), offset, bytes: bytes.len() as u64 }
+        });
+        SourceJson {
+            path: self.path.clone(),
+            format: self.format.clone(),
+            verbatim: verbatim.collect(),
+            grid: GridJson {
+                name: self.grid.name.clone(),
+                kind: self.grid.kind,
+                scale: reals(self.grid.grid.scale),
+                offset: reals(self.grid.grid.offset),
+                bounds: self.grid.bounds.map(|b| b.map(reals)),
+            },
+            points: self.points,
+            refused: self.refused.clone(),
+            rounding_error_max: Real(self.rounding_error_max),
+            colour_depth: self.colour_depth,
+            colour_depth_forced: self.colour_depth_forced,
+            class: self.class,
+            crs: self.crs.clone(),
+            notes: self.notes.clone(),
+        }
+    }
+}
+
+fn source_record(s: SourceJson) -> SourceRecord {
+    let plain = |v: [Real; 3]| v.map(|r| r.0);
+    SourceRecord {
+        path: s.path,
+        format: s.format,
+        grid: InputGrid {
+            name: s.grid.name,
+            kind: s.grid.kind,
+            grid: Grid { scale: plain(s.grid.scale), offset: plain(s.grid.offset) },
+            bounds: s.grid.bounds.map(|b| b.map(plain)),
+        },
+        points: s.points,
+        refused: s.refused,
+        rounding_error_max: s.rounding_error_max.0,
+        colour_depth: s.colour_depth,
+        colour_depth_forced: s.colour_depth_forced,
+        class: s.class,
+        crs: s.crs,
+        notes: s.notes,
+        verbatim: Vec::new(),
+    }
+}
