@@ -1,4 +1,5 @@
-//! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG files.
+//! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG files;
+//! with `ESKER_DATA` set, the bunny too.
 
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
@@ -36,6 +37,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let picture = Renderer::default().render(&frame)?;
             println!("{name}-{kind}: {:?}", picture.stats);
             write_png(&folder.join(format!("render-{name}-{kind}.png")), &picture)?;
+        }
+    }
+    if let Some(points) = scene::bunny() {
+        let scene = Scene::new(&points, 1e-7, 0.0011, 0.0014, 8192);
+        let (eye, centre) = (DVec3::new(0.1, 0.2, 0.35), DVec3::new(-0.017, 0.1, -0.0015));
+        let view = View::look_at(eye, centre, DVec3::Y, 0.5, 1024, 1024);
+        for normals in [true, false] {
+            let draws = scene.draws(true, false, normals);
+            let picture = Renderer::default().render(&scene.frame(&view, &draws))?;
+            write_png(&folder.join(format!("render-bunny-{normals}.png")), &picture)?;
         }
     }
     Ok(())

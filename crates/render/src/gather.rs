@@ -18,9 +18,12 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// points' ellipses, which covers less than they do: with covering radii as they are, up to 0.2 % of a
 /// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
 /// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
+const RADIUS_FACTOR: [f32; 2] = [1.3, 1.15];
 /// Added to radii in the picture, pixels: a projected point moves to its pixel's centre.
 const RADIUS_MARGIN_PX: f32 = 0.5;
+/// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
+/// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
+const MINOR_FACTOR: f32 = 1.3;
 /// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
 /// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
 const MINOR_MIN_PX: f32 = 1.4;
@@ -202,5 +205,5 @@ fn gather_level<const NORMALS: bool>(
 /// The z of the normal that an ellipse's minor axis is made with: never so small that the ellipse
 /// falls between pixels.
 fn filter_z(normal_z: f32, radius_px: f32) -> f32 {
-    normal_z.abs().max((MINOR_MIN_PX / radius_px).min(1.0))
+    (normal_z.abs() * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(1.0)
 }

@@ -106,9 +106,10 @@ fn project_run(
     let mut offsets = [[0; BLOCK]; 3];
     for start in run.clone().step_by(BLOCK) {
         let count = BLOCK.min(run.end - start);
-        for k in 0..count {
-            let offset = positions.offset(start + k).0;
-            (0..3).for_each(|axis| offsets[axis][k] = offset[axis]);
+        let [to_x, to_y, to_z] = &mut offsets;
+        let to = to_x.iter_mut().zip(to_y).zip(to_z).take(count);
+        for (k, ((x, y), z)) in to.enumerate() {
+            [*x, *y, *z] = positions.offset(start + k).0;
         }
         let [xs, ys, depths] = place_block(camera, &place, &offsets);
         for k in 0..count {

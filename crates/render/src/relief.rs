@@ -159,7 +159,7 @@ impl Surroundings<'_> {
     pub fn behind(&self, x: usize, flat: f32) -> f32 {
         let here = self.here[x];
         let per_slope = self.focal_px / (here * REACH as f32);
-        let dark = |d: f32| ((here - d) * per_slope - flat).max(0.0).min(BEHIND_MAX);
+        let dark = |d: f32| ((here - d) * per_slope - flat).clamp(0.0, BEHIND_MAX);
         let mut sum = dark(self.far[0][x]) + dark(self.far[2][x]);
         for row in self.far {
             sum += x.checked_sub(REACH).map_or(0.0, |x| dark(row[x]));

@@ -1,5 +1,6 @@
 //! Drawn points are where they are: the worst displacement on the picture against exact `f64`
 //! coordinates, in views from within large clouds far from the origin.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;

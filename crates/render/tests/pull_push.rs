@@ -1,5 +1,6 @@
 //! Pull and push do what the published algorithm does: against the `f64` reference, on random pixels of
 //! many sizes and on views of models.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod reference;
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
@@ -10,7 +11,7 @@ use esker_render::pyramid::{Level, Pyramid};
 use esker_render::{Renderer, pull, push};
 use glam::{DVec3, Vec4};
 use reference::{Image, Pixel, pull_push};
-use scene::{Dice, Scene, ScenePoint, sheet, sphere};
+use scene::{Dice, Scene, sheet, sphere};
 
 /// Relative to the picture's own scale of each value.
 const TOLERANCE: f64 = 1e-4;
@@ -165,34 +166,12 @@ fn views_of_models_agree_with_the_reference() {
     tally.finish();
 }
 
-/// The vertices of a binary little-endian PLY of six floats: position and normal.
-fn bunny(bytes: &[u8]) -> Vec<ScenePoint> {
-    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-    let count = std::str::from_utf8(&bytes[..end])
-        .unwrap()
-        .lines()
-        .find_map(|l| l.strip_prefix("element vertex ")?.trim().parse::<usize>().ok())
-        .unwrap();
-    let vertex = |b: &[u8]| {
-        let v: [f64; 6] = std::array::from_fn(|i| {
-            f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|k| b[i * 4 + k])))
-        });
-        let [at, normal] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
-        ScenePoint { at, normal: normal.normalize_or_zero(), colour: [200, 190, 180] }
-    };
-    bytes[end..].chunks_exact(24).take(count).map(vertex).collect()
-}
-
 #[test]
 fn the_bunny_agrees_with_the_reference() {
-    let Ok(data) = std::env::var("ESKER_DATA") else {
+    let Some(points) = scene::bunny() else {
         println!("skipped: ESKER_DATA is not set");
         return;
     };
-    let path = std::path::Path::new(&data).join("models/bunny-36k.ply");
-    let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut std::fs::File::open(path).unwrap(), &mut bytes).unwrap();
-    let points = bunny(&bytes);
     assert_eq!(points.len(), 35_947);
     let scene = Scene::new(&points, 1e-7, 0.001, 0.0014, 8192);
     let mut tally = Tally::default();

@@ -1,5 +1,6 @@
 //! What a user sees: surfaces are closed, nothing behind shows through, silhouettes are where they are,
 //! points keep their colours.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;
@@ -58,8 +59,8 @@ fn walls_are_closed_at_any_distance_and_tilt() {
                 let points = wall(&mut dice, DVec3::ZERO, 0.7, tilt, spacing, RED);
                 let scene = Scene::new(&points, 1e-6, spacing, spacing * 2f64.sqrt(), 10_000);
                 let holes = 256 * 256 - draw(&scene, &view, normals).stats.pixels_covered;
-                // 0.02 %: the mean of ellipses covers a little less than they do.
-                let allowed = 13;
+                // 0.012 %: the mean of ellipses covers a little less than they do.
+                let allowed = 8;
                 assert!(
                     holes <= allowed,
                     "{holes} holes: {tilt} degrees, {spacing_px} px, {normals}"

@@ -1,6 +1,7 @@
 //! Pull-push as published (marroquim2007 sections 3.2 and 3.3), plain and slow in `f64`: the reference
 //! that the passes are held against. Written from the paper; shares no code with the crate. Where the
 //! paper is silent it follows the rules written in the heads of `pull` and `push`.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 /// A pixel of any level.
 #[derive(Clone, Copy, Debug)]

@@ -1,5 +1,6 @@
 //! Synthetic scenes for tests, pictures and benchmarks: points in the world become nodes with planes,
 //! as the builder would lay them out (Morton order, hot positions and residuals), without its levels.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_lod::View;
 use esker_points::{AttrType, Cell, Lattice, Node, morton, quant};
@@ -176,4 +177,26 @@ pub fn sheet(
             ScenePoint { at: corner + u * a + v * b, normal, colour }
         })
         .collect()
+}
+
+/// The Stanford bunny of the data folder, where `ESKER_DATA` names one: the vertices of a binary
+/// little-endian PLY of six floats, position and normal.
+pub fn bunny() -> Option<Vec<ScenePoint>> {
+    let path = std::path::Path::new(&std::env::var_os("ESKER_DATA")?).join("models/bunny-36k.ply");
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut std::fs::File::open(path).unwrap(), &mut bytes).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let count = std::str::from_utf8(&bytes[..end])
+        .unwrap()
+        .lines()
+        .find_map(|l| l.strip_prefix("element vertex ")?.trim().parse::<usize>().ok())
+        .unwrap();
+    let vertex = |b: &[u8]| {
+        let v: [f64; 6] = std::array::from_fn(|i| {
+            f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|k| b[i * 4 + k])))
+        });
+        let [at, normal] = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
+        ScenePoint { at, normal: normal.normalize_or_zero(), colour: [200, 190, 180] }
+    };
+    Some(bytes[end..].chunks_exact(24).take(count).map(vertex).collect())
 }
