@@ -1,9 +1,18 @@
 //! Scan formats to columnar batches on the lattice. The only crate that knows LAS, LAZ, PLY and text.
 //! The format is told by content, never by the name.
+//!
+//! | format | what is read | coordinates |
+//! |---|---|---|
+//! | PLY | ASCII, binary of both byte orders, also compressed with zstd: all scalar properties of `vertex` | binary: the grid for floats; ASCII: the digits of the text, where they fit |
+//! | text | XYZ, TXT, CSV: lines of 3 to 1,024 numbers, with or without a line of names | the digits of the text |
+//!
+//! PCD, PTS and PTX are known by their content and refused by name.
 
 pub mod error;
+pub mod ply;
 pub mod registry;
 pub mod source;
+pub mod text;
 
 pub use error::ScanError;
 pub use registry::open;

@@ -1,0 +1,206 @@
+//! PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the vertices
+//! with all their scalar properties. Faces and other elements are ignored, lists left out, both with a
+//! word. One pass at opening finds the bounds; neither pass keeps more than a few blocks.
+
+mod ascii;
+mod header;
+mod plan;
+mod records;
+
+use crate::error::ScanError;
+use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::text::blocks::in_order;
+use crate::text::naming::wide_colours;
+use esker_points::lattice::Placement;
+use esker_points::{ColourDepth, InputGrid, Task};
+use header::{Encoding, Header, HeaderError, Shape};
+use plan::{Part, Plan, Survey};
+use records::{Vertices, too_few};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+/// PLY, as the registry knows it.
+pub const FORMAT: Format = Format { name: "PLY", recognises, open };
+
+/// How a zstd frame begins (RFC 8878, section 3.1.1).
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+/// Largest zstd window: 2^25 bytes, what level 20 needs; more would break the bound on memory.
+const ZSTD_WINDOW_LOG_MAX: u32 = 25;
+/// Bytes read from the file at once.
+const READ_BYTES: usize = 256 << 10;
+
+struct PlySource {
+    info: SourceInfo,
+    header: Header,
+    plan: Plan,
+}
+
+fn recognises(head: &[u8]) -> bool {
+    let Some(rest) = head.strip_prefix(b"ply") else {
+        // What else may be compressed is told after unpacking.
+        return head.starts_with(&ZSTD_MAGIC);
+    };
+    let end = rest.iter().find(|b| !matches!(b, b' ' | b'\t'));
+    matches!(end, Some(b'\r' | b'\n'))
+}
+
+/// Opens the stream of a file's bytes, unpacked; whether it was packed.
+fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
+    let io = |e| ScanError::io(path, e);
+    let mut file = BufReader::with_capacity(READ_BYTES, File::open(path).map_err(io)?);
+    if !file.fill_buf().map_err(io)?.starts_with(&ZSTD_MAGIC) {
+        return Ok((Box::new(file), false));
+    }
+    let mut unpacked = zstd::Decoder::with_buffer(file).map_err(io)?;
+    unpacked.window_log_max(ZSTD_WINDOW_LOG_MAX).map_err(io)?;
+    Ok((Box::new(BufReader::with_capacity(READ_BYTES, unpacked)), true))
+}
+
+fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let (mut stream, packed) = open_stream(path)?;
+    let header = Header::read(&mut stream).map_err(|e| match e {
+        HeaderError::Io(e) => ScanError::io(path, e),
+        HeaderError::Damaged(what) if packed => ScanError::unsupported(
+            path,
+            format!("is compressed with zstd, and what it holds is no sound PLY: {what}"),
+        ),
+        HeaderError::Damaged(what) => ScanError::damaged(path, what),
+    })?;
+    let mut plan = Plan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
+    let element = &header.elements[plan.vertex];
+    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    if !packed {
+        check_room(path, &header, &plan, bytes)?;
+    }
+    let survey = survey_stream(path, stream, &header, &plan, task)?;
+    let (kind, grid, bounds) = plan.choose_grid(element, &survey);
+    let packing = if packed { ", zstd" } else { "" };
+    let colour_depth = wide_colours(&plan.schema).map(|_| {
+        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
+        options.colour_depth.unwrap_or(detected)
+    });
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("PLY 1.0, {}{packing}", header.encoding.name()),
+        grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
+        schema: plan.schema.clone(),
+        points_hint: element.count,
+        bytes,
+        colour_depth,
+        crs: None,
+        verbatim: vec![("PLY header".into(), header.text.clone())],
+        notes: notes(&header, &plan),
+    };
+    Ok(Box::new(PlySource { info, header, plan }))
+}
+
+/// Refuses a count that the file has no room for, where that can be told before reading.
+fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(), ScanError> {
+    let element = &header.elements[plan.vertex];
+    let (Some(stride), true) = (element.stride(), header.encoding != Encoding::Ascii) else {
+        return Ok(());
+    };
+    let mut before = header.text.len() as u64;
+    for e in &header.elements[..plan.vertex] {
+        let Some(stride) = e.stride() else { return Ok(()) };
+        before = before.saturating_add(stride.saturating_mul(e.count));
+    }
+    let available = bytes.saturating_sub(before) / stride;
+    if available < element.count {
+        return Err(too_few(path, element.count, available));
+    }
+    Ok(())
+}
+
+/// What is left out.
+fn notes(header: &Header, plan: &Plan) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (i, e) in header.elements.iter().enumerate() {
+        match e.name.as_str() {
+            _ if i == plan.vertex || e.count == 0 => {}
+            "face" => notes.push(format!("{} faces ignored", e.count)),
+            name => notes.push(format!("{} elements `{name}` ignored", e.count)),
+        }
+    }
+    for property in &header.elements[plan.vertex].properties {
+        if let Shape::List { .. } = property.shape {
+            notes.push(format!("the list `{}` of each vertex is left out", property.name));
+        }
+    }
+    notes
+}
+
+fn survey_stream(
+    path: &Path,
+    body: Box<dyn BufRead + Send>,
+    header: &Header,
+    plan: &Plan,
+    task: &dyn Task,
+) -> Result<Survey, ScanError> {
+    let element = &header.elements[plan.vertex];
+    let mut vertices = Vertices::new(path, body, header, plan.vertex, task)?;
+    let mut found = Survey::EMPTY;
+    in_order(
+        task,
+        || vertices.next(header.encoding),
+        |raw| plan.survey(path, element, raw),
+        |part| {
+            found.merge(part);
+            Ok(())
+        },
+    )?;
+    Ok(found)
+}
+
+impl PlySource {
+    /// The stream after the header.
+    fn body(&self) -> Result<Box<dyn BufRead + Send>, ScanError> {
+        let (mut stream, _) = open_stream(&self.info.path)?;
+        let mut header = vec![0; self.header.text.len()];
+        stream.read_exact(&mut header).map_err(|e| ScanError::io(&self.info.path, e))?;
+        if header != self.header.text {
+            return Err(ScanError::damaged(&self.info.path, "it changed since it was opened"));
+        }
+        Ok(stream)
+    }
+}
+
+impl Source for PlySource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let path = &self.info.path;
+        let element = &self.header.elements[self.plan.vertex];
+        let mut report = ReadReport::default();
+        let mut vertices = Vertices::new(path, self.body()?, &self.header, self.plan.vertex, task)?;
+        in_order(
+            task,
+            || vertices.next(self.header.encoding),
+            |raw| self.plan.decode(path, element, raw, placement),
+            |part: Part| {
+                if part.not_finite > 0 {
+                    *report.refused.entry(Part::REASON.into()).or_default() += part.not_finite;
+                }
+                report.points += part.batch.len() as u64;
+                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
+                report.colour_max = report.colour_max.max(part.colour_max);
+                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+            },
+        )?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        let body = self.body()?;
+        Ok(survey_stream(&self.info.path, body, &self.header, &self.plan, task)?.bounds())
+    }
+}

@@ -1,0 +1,270 @@
+//! How a PLY file's vertices become points: which properties are coordinates, what the attributes are
+//! called, and, after one pass over the vertices, on which grid they lie.
+
+use super::ascii::parse_line;
+use super::header::{Element, Encoding, Header, Shape};
+use super::records::{Field, Raw, Record};
+use crate::error::ScanError;
+use crate::text::naming::{NOT_FINITE, axes, colour_max, name_of, schema_of, wide_colours};
+use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
+use esker_points::{AttrType, Batch, Schema};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Digits after the point up to which decimal text has a grid of its own.
+const DECIMALS_MAX: u32 = 15;
+/// Steps of a decimal grid up to which `f64` still tells them apart with certainty.
+const STEPS_MAX: f64 = 9.0e15;
+
+/// How the records of a file are read.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Which element has the vertices.
+    pub vertex: usize,
+    pub encoding: Encoding,
+    /// The records that are read. Of an ASCII file the coordinates are `f64`, since they are decimals,
+    /// unless [`Plan::as_declared`] was called.
+    pub record: Record,
+    /// Fields of x, y and z.
+    axes: [usize; 3],
+    pub schema: Arc<Schema>,
+    /// The field of each attribute of the schema.
+    sources: Vec<usize>,
+}
+
+/// What one pass over vertices finds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Survey {
+    bounds: [[f64; 3]; 2],
+    decimals: [u32; 3],
+    /// Greatest value of 16-bit colours.
+    pub colour_max: u16,
+}
+
+impl Survey {
+    pub const EMPTY: Self = Self {
+        bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+        decimals: [0; 3],
+        colour_max: 0,
+    };
+
+    pub fn merge(&mut self, other: Self) {
+        for i in 0..3 {
+            self.bounds[0][i] = self.bounds[0][i].min(other.bounds[0][i]);
+            self.bounds[1][i] = self.bounds[1][i].max(other.bounds[1][i]);
+            self.decimals[i] = self.decimals[i].max(other.decimals[i]);
+        }
+        self.colour_max = self.colour_max.max(other.colour_max);
+    }
+
+    /// World bounds of the points that have a place.
+    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        (self.bounds[0][0] <= self.bounds[1][0]).then_some(self.bounds)
+    }
+
+    /// The decimal grid of the text, where all its digits fit a lattice.
+    fn decimal_grid(&self) -> Option<Grid> {
+        let grid = decimal_grid(self.decimals);
+        let [lo, hi] = self.bounds;
+        let fits = |i: usize| {
+            let steps = |length: f64| length / grid.scale[i];
+            self.decimals[i] <= DECIMALS_MAX
+                && steps(hi[i] - lo[i]) <= f64::from(u32::MAX) - 2.0
+                && steps(lo[i].abs().max(hi[i].abs())) < STEPS_MAX
+        };
+        (0..3).all(fits).then_some(grid)
+    }
+}
+
+/// The points of a block, and what became of the others.
+pub(crate) struct Part {
+    pub batch: Batch,
+    pub not_finite: u64,
+    pub rounding_error_max: f64,
+    pub colour_max: u16,
+}
+
+impl Part {
+    /// The reason for which points are refused.
+    pub const REASON: &'static str = NOT_FINITE;
+}
+
+impl Plan {
+    /// Finds coordinates and attributes.
+    ///
+    /// # Errors
+    /// Where there is no vertex element, or it lacks a coordinate.
+    pub fn new(header: &Header) -> Result<Self, String> {
+        let is_vertex = |e: &Element| e.name.eq_ignore_ascii_case("vertex");
+        let vertex = header
+            .elements
+            .iter()
+            .position(is_vertex)
+            .ok_or("has no element `vertex`: no points")?;
+        let scalars: Vec<(&str, AttrType)> = scalars(&header.elements[vertex]).collect();
+        let axes = axes(scalars.iter().map(|(name, _)| *name))
+            .ok_or("its vertices lack x, y or z (as numbers, not lists): no points")?;
+        let others: Vec<usize> = (0..scalars.len()).filter(|f| !axes.contains(f)).collect();
+        let attributes =
+            others.iter().map(|&f| (name_of(scalars[f].0, scalars[f].1), scalars[f].1));
+        let (schema, columns) = schema_of(attributes.collect());
+        let mut sources = vec![0; others.len()];
+        for (&field, column) in others.iter().zip(columns) {
+            sources[column] = field;
+        }
+        let encoding = header.encoding;
+        let ascii = encoding == Encoding::Ascii;
+        let types = scalars
+            .iter()
+            .enumerate()
+            .map(|(f, &(_, ty))| if ascii && axes.contains(&f) { AttrType::F64 } else { ty });
+        Ok(Self { vertex, encoding, record: Record::new(types), axes, schema, sources })
+    }
+
+    /// Decides the grid after the survey. Decimal text keeps its digits where they fit a lattice of
+    /// 32 bits; else, and for binary numbers, it is the grid for floats, and the coordinates of ASCII
+    /// files are then read as the type that they are declared as.
+    pub fn choose_grid(
+        &mut self,
+        element: &Element,
+        survey: &Survey,
+    ) -> (GridKind, Grid, Option<[[f64; 3]; 2]>) {
+        let bounds = survey.bounds();
+        if self.encoding == Encoding::Ascii {
+            match survey.decimal_grid() {
+                Some(grid) if bounds.is_some() => return (GridKind::Decimal, grid, bounds),
+                _ => {}
+            }
+            self.as_declared(element);
+        }
+        let bounds = bounds.map(|b| b.map(|corner| self.rounded(corner)));
+        (GridKind::Float, float_grid(bounds.unwrap_or([[0.0; 3]; 2])), bounds)
+    }
+
+    /// From now on single-precision coordinates of an ASCII file are read as such.
+    fn as_declared(&mut self, element: &Element) {
+        let types: Vec<AttrType> = scalars(element)
+            .enumerate()
+            .map(|(f, (_, ty))| match ty {
+                AttrType::F32 => ty,
+                _ => self.record.fields[f].ty,
+            })
+            .collect();
+        self.record = Record::new(types.into_iter());
+    }
+
+    /// A position as the types of the coordinates hold it.
+    fn rounded(&self, corner: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| match self.record.fields[self.axes[i]].ty {
+            AttrType::F32 => f64::from(corner[i] as f32),
+            _ => corner[i],
+        })
+    }
+
+    /// Records of a block, little-endian.
+    fn records(
+        &self,
+        path: &Path,
+        element: &Element,
+        raw: Raw,
+        mut on_scalar: impl FnMut(usize, &[u8]),
+    ) -> Result<Vec<u8>, ScanError> {
+        match raw {
+            Raw::Binary(mut bytes) => {
+                if self.encoding == Encoding::BigEndian {
+                    self.record.swap_bytes(&mut bytes);
+                }
+                Ok(bytes)
+            }
+            Raw::Lines { block, skip, rows } => {
+                let mut out = Vec::new();
+                for (n, line) in block.lines().skip(skip as usize).take(rows as usize) {
+                    parse_line(line, element, &self.record, &mut out, &mut on_scalar)
+                        .map_err(|why| ScanError::damaged(path, format!("line {n} {why}")))?;
+                }
+                Ok(out)
+            }
+        }
+    }
+
+    fn world(&self, record: &[u8]) -> [f64; 3] {
+        self.axes.map(|a| value(record, self.record.fields[a]))
+    }
+
+    /// Surveys a block.
+    ///
+    /// # Errors
+    /// Where a line of an ASCII file is not what the header says.
+    pub fn survey(&self, path: &Path, element: &Element, raw: Raw) -> Result<Survey, ScanError> {
+        let mut found = Survey::EMPTY;
+        let records = self.records(path, element, raw, |field, word| {
+            if let Some(i) = self.axes.iter().position(|&a| a == field) {
+                found.decimals[i] = found.decimals[i].max(crate::text::number::decimals(word));
+            }
+        })?;
+        let colours = wide_colours(&self.schema);
+        let colours = colours.map(|rgb| rgb.map(|c| self.record.fields[self.sources[c]]));
+        for record in records.chunks_exact(self.record.stride) {
+            let world = self.world(record);
+            if !world.iter().all(|c| c.is_finite()) {
+                continue;
+            }
+            for (i, c) in world.into_iter().enumerate() {
+                found.bounds[0][i] = found.bounds[0][i].min(c);
+                found.bounds[1][i] = found.bounds[1][i].max(c);
+            }
+            for field in colours.into_iter().flatten() {
+                found.colour_max = found.colour_max.max(value(record, field) as u16);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Places the points of a block on the lattice.
+    ///
+    /// # Errors
+    /// As [`Plan::survey`]; [`ScanError::OffLattice`].
+    pub fn decode(
+        &self,
+        path: &Path,
+        element: &Element,
+        raw: Raw,
+        placement: &Placement,
+    ) -> Result<Part, ScanError> {
+        let records = self.records(path, element, raw, |_, _| {})?;
+        let stride = self.record.stride;
+        let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
+        let (mut not_finite, mut rounding_error_max) = (0, 0.0);
+        let mut kept = Vec::with_capacity(records.len() / stride);
+        for record in records.chunks_exact(stride) {
+            let world = self.world(record);
+            if !world.iter().all(|c| c.is_finite()) {
+                not_finite += 1;
+                continue;
+            }
+            let placed = placement.real(world, &mut rounding_error_max);
+            let off = |e: OffLattice| ScanError::OffLattice { path: path.into(), world: e.world };
+            batch.positions.push(placed.map_err(off)?);
+            kept.push(record);
+        }
+        for (&source, column) in self.sources.iter().zip(&mut batch.columns) {
+            let Field { ty, offset } = self.record.fields[source];
+            for record in &kept {
+                column.extend_from_slice(&record[offset..][..ty.size()]);
+            }
+        }
+        let colour_max = colour_max(&batch);
+        Ok(Part { batch, not_finite, rounding_error_max, colour_max })
+    }
+}
+
+fn scalars(element: &Element) -> impl Iterator<Item = (&str, AttrType)> {
+    element.properties.iter().filter_map(|p| match p.shape {
+        Shape::Scalar(ty) => Some((p.name.as_str(), ty)),
+        Shape::List { .. } => None,
+    })
+}
+
+fn value(record: &[u8], field: Field) -> f64 {
+    field.ty.to_f64(&record[field.offset..])
+}

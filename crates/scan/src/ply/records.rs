@@ -1,0 +1,279 @@
+//! Vertices as records of fixed length: the scalar properties in the file's order, little-endian, lists
+//! left out. Binary bodies of either byte order and ASCII bodies come out alike, in blocks of bounded
+//! size; what stands before the vertices is skipped.
+
+use super::header::{Element, Encoding, Header, Shape};
+use crate::error::ScanError;
+use crate::source::BATCH_POINTS;
+use crate::text::blocks::{Block, LineBlocks};
+use esker_points::{AttrType, Task};
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+
+/// Bytes of a block of binary records, unless one record is longer.
+const BLOCK_BYTES: usize = 1 << 20;
+
+/// One scalar property in a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Field {
+    pub ty: AttrType,
+    pub offset: usize,
+}
+
+/// How a record is laid out.
+#[derive(Clone, Debug)]
+pub(crate) struct Record {
+    /// Its fields, in the file's order.
+    pub fields: Vec<Field>,
+    /// Its bytes.
+    pub stride: usize,
+}
+
+impl Record {
+    /// The record of fields of these types.
+    pub fn new(types: impl Iterator<Item = AttrType>) -> Self {
+        let mut stride = 0;
+        let fields = types.map(|ty| {
+            let field = Field { ty, offset: stride };
+            stride += ty.size();
+            field
+        });
+        Self { fields: fields.collect(), stride }
+    }
+
+    /// Turns big-endian records into little-endian ones.
+    pub fn swap_bytes(&self, records: &mut [u8]) {
+        for record in records.chunks_exact_mut(self.stride) {
+            for field in &self.fields {
+                record[field.offset..][..field.ty.size()].reverse();
+            }
+        }
+    }
+}
+
+/// A run of vertices as it comes from the file.
+pub(crate) enum Raw {
+    /// Records in the file's byte order.
+    Binary(Vec<u8>),
+    /// Lines, of which some are vertices: so many rows from `skip` on.
+    Lines { block: Block, skip: u64, rows: u64 },
+}
+
+impl Raw {
+    /// Number of vertices.
+    pub fn len(&self, stride: usize) -> u64 {
+        match self {
+            Self::Binary(bytes) => (bytes.len() / stride) as u64,
+            Self::Lines { rows, .. } => *rows,
+        }
+    }
+}
+
+/// Reads the vertices of a file, block by block.
+pub(crate) struct Vertices<'a> {
+    path: PathBuf,
+    element: &'a Element,
+    stride: usize,
+    left: u64,
+    body: Body,
+}
+
+enum Body {
+    Binary(Box<dyn BufRead + Send>),
+    Ascii { lines: LineBlocks<Box<dyn BufRead + Send>>, skip: u64 },
+}
+
+impl<'a> Vertices<'a> {
+    /// Begins at the body (`input`), skipping the elements before number `vertex`.
+    ///
+    /// # Errors
+    /// Where those are cut off or damaged; [`ScanError::Cancelled`].
+    pub fn new(
+        path: &Path,
+        mut input: Box<dyn BufRead + Send>,
+        header: &'a Header,
+        vertex: usize,
+        task: &dyn Task,
+    ) -> Result<Self, ScanError> {
+        let (before, element) = (&header.elements[..vertex], &header.elements[vertex]);
+        let types = element.properties.iter().filter_map(|p| match p.shape {
+            Shape::Scalar(ty) => Some(ty),
+            Shape::List { .. } => None,
+        });
+        let stride = types.map(AttrType::size).sum();
+        let body = if header.encoding == Encoding::Ascii {
+            // An element without properties has no lines.
+            let rows = before.iter().filter(|e| !e.properties.is_empty()).map(|e| e.count);
+            let skip = rows.fold(0, u64::saturating_add);
+            let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
+            Body::Ascii { lines: LineBlocks::new(input, path.to_owned(), first_line), skip }
+        } else {
+            for e in before {
+                skip_element(&mut input, e, header.encoding, task).map_err(|e| e.at(path))?;
+            }
+            Body::Binary(input)
+        };
+        Ok(Self { path: path.to_owned(), element, stride, left: element.count, body })
+    }
+
+    /// The next vertices; `None` after the last.
+    ///
+    /// # Errors
+    /// Where there are fewer than the header claims, or the file cannot be read.
+    pub fn next(&mut self, encoding: Encoding) -> Result<Option<Raw>, ScanError> {
+        if self.left == 0 {
+            return Ok(None);
+        }
+        let raw = match &mut self.body {
+            Body::Binary(input) => {
+                let n = (BLOCK_BYTES / self.stride).clamp(1, BATCH_POINTS) as u64;
+                let n = n.min(self.left) as usize;
+                let read = match self.element.stride() {
+                    Some(_) => read_fixed(input, n * self.stride),
+                    None => read_without_lists(input, self.element, encoding, n),
+                };
+                let mut bytes = read.map_err(|e| e.at(&self.path))?;
+                bytes.truncate(bytes.len() / self.stride * self.stride);
+                (!bytes.is_empty()).then_some(Raw::Binary(bytes))
+            }
+            Body::Ascii { lines, skip } => loop {
+                let Some(block) = lines.next()? else { break None };
+                let skipped = block.rows.min(*skip);
+                *skip -= skipped;
+                let rows = (block.rows - skipped).min(self.left);
+                if rows > 0 {
+                    break Some(Raw::Lines { block, skip: skipped, rows });
+                }
+            },
+        };
+        let Some(raw) = raw else {
+            return Err(too_few(&self.path, self.element.count, self.element.count - self.left));
+        };
+        self.left -= raw.len(self.stride);
+        Ok(Some(raw))
+    }
+}
+
+/// The error of a header that claims more vertices than there are.
+pub(crate) fn too_few(path: &Path, claimed: u64, available: u64) -> ScanError {
+    let what =
+        format!("the header claims {claimed} vertices, the file holds {available}; it is cut");
+    ScanError::damaged(path, what)
+}
+
+/// What goes wrong inside a body.
+pub(crate) enum BodyError {
+    Io(std::io::Error),
+    Damaged(String),
+    Cancelled(esker_points::Cancelled),
+}
+
+impl BodyError {
+    fn at(self, path: &Path) -> ScanError {
+        match self {
+            Self::Io(e) => ScanError::io(path, e),
+            Self::Damaged(what) => ScanError::damaged(path, what),
+            Self::Cancelled(c) => c.into(),
+        }
+    }
+}
+
+fn skip_element(
+    input: &mut impl BufRead,
+    element: &Element,
+    encoding: Encoding,
+    task: &dyn Task,
+) -> Result<(), BodyError> {
+    let cut = || BodyError::Damaged(format!("ends within its element `{}`", element.name));
+    if let Some(stride) = element.stride() {
+        let bytes = stride.checked_mul(element.count).ok_or_else(cut)?;
+        return if skip(input, bytes)? { Ok(()) } else { Err(cut()) };
+    }
+    for i in 0..element.count {
+        if i % (1 << 16) == 0 {
+            task.check().map_err(BodyError::Cancelled)?;
+        }
+        if !read_one(input, element, encoding, &mut None)? {
+            return Err(cut());
+        }
+    }
+    Ok(())
+}
+
+/// Up to `bytes` bytes; fewer at the end of the file.
+fn read_fixed(input: &mut impl BufRead, bytes: usize) -> Result<Vec<u8>, BodyError> {
+    let mut out = Vec::new();
+    input.by_ref().take(bytes as u64).read_to_end(&mut out).map_err(BodyError::Io)?;
+    Ok(out)
+}
+
+/// Up to `n` records without their lists; fewer at the end of the file.
+fn read_without_lists(
+    input: &mut impl BufRead,
+    element: &Element,
+    encoding: Encoding,
+    n: usize,
+) -> Result<Vec<u8>, BodyError> {
+    let mut out = Some(Vec::new());
+    for _ in 0..n {
+        let whole = out.as_ref().map_or(0, Vec::len);
+        if !read_one(input, element, encoding, &mut out)? {
+            out.iter_mut().for_each(|o| o.truncate(whole));
+            break;
+        }
+    }
+    Ok(out.unwrap_or_default())
+}
+
+/// Reads one element, its scalars into `out`; `false` at the end of the file.
+fn read_one(
+    input: &mut impl BufRead,
+    element: &Element,
+    encoding: Encoding,
+    out: &mut Option<Vec<u8>>,
+) -> Result<bool, BodyError> {
+    let mut value = [0; 8];
+    for property in &element.properties {
+        let (Shape::Scalar(ty) | Shape::List { count: ty, .. }) = property.shape;
+        let value = &mut value[..ty.size()];
+        match input.read_exact(value) {
+            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => return Ok(false),
+            other => other.map_err(BodyError::Io)?,
+        }
+        match property.shape {
+            Shape::Scalar(_) => out.iter_mut().for_each(|o| o.extend_from_slice(value)),
+            Shape::List { item, .. } => {
+                if encoding == Encoding::BigEndian {
+                    value.reverse();
+                }
+                let count = ty.to_f64(value);
+                if count < 0.0 {
+                    let name = &property.name;
+                    return Err(BodyError::Damaged(format!("a list `{name}` has {count} items")));
+                }
+                // Saturates: more items than a u64 counts end with the file all the same.
+                if !skip(input, (count as u64).saturating_mul(item.size() as u64))? {
+                    return Ok(false);
+                }
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// Skips bytes; `false` where the file ends before.
+fn skip(input: &mut impl BufRead, mut bytes: u64) -> Result<bool, BodyError> {
+    while bytes > 0 {
+        let here = match input.fill_buf() {
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+            other => other.map_err(BodyError::Io)?.len(),
+        };
+        if here == 0 {
+            return Ok(false);
+        }
+        let n = bytes.min(here as u64);
+        input.consume(n as usize);
+        bytes -= n;
+    }
+    Ok(true)
+}

@@ -1,0 +1,263 @@
+//! Points as text: XYZ, TXT, CSV. Lines of numbers separated by blanks, tabs, commas or semicolons,
+//! optionally after a line of names; `#`, `//` and `%` begin comments. A first pass finds bounds, digits
+//! and types ([`survey`]), a second one hands the points over; neither keeps more than a few blocks.
+//!
+//! Lines that are not as many numbers as the first are refused and counted while they are fewer than
+//! 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file is.
+
+pub(crate) mod blocks;
+mod layout;
+pub(crate) mod naming;
+pub(crate) mod number;
+mod survey;
+
+use crate::error::ScanError;
+use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use blocks::{Block, LineBlocks, in_order};
+use esker_points::lattice::{GridKind, Placement, decimal_grid};
+use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
+use layout::{Kind, Layout, classify, is_comment};
+use naming::{NOT_FINITE, colour_max, wide_colours};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use survey::{Plan, Survey, axes_of, parse_row};
+
+/// XYZ, TXT and CSV, as the registry knows them.
+pub const FORMAT: Format =
+    Format { name: "text (XYZ, TXT, CSV)", recognises: |head| classify(head).is_some(), open };
+
+/// Bytes in which the first lines are looked for.
+const HEAD_BYTES: u64 = 64 << 10;
+/// Lines that are no points: fewer than this.
+const MALFORMED_MAX: u64 = 1000;
+/// ... and at most one in so many.
+const LINES_PER_MALFORMED: u64 = 100;
+
+struct TextSource {
+    info: SourceInfo,
+    layout: Layout,
+    plan: Plan,
+}
+
+fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let layout = read_layout(path)?;
+    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    let survey = survey_file(path, &layout, task)?;
+    check_malformed(path, &layout, &survey, true)?;
+    let plan = Plan::new(&layout, &survey);
+    let named = if layout.names.is_some() { ", named" } else { "" };
+    let mut notes = plan.notes.clone();
+    if survey.decimals.iter().any(|&d| d > 15) {
+        notes.push("coordinates have more than 15 digits after the point; 15 are kept".into());
+    }
+    let mut info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("text, {} columns{named}", layout.columns),
+        grid: InputGrid {
+            name: path.display().to_string(),
+            kind: GridKind::Decimal,
+            grid: decimal_grid(survey.decimals),
+            bounds: survey.bounds(plan.axes),
+        },
+        schema: plan.schema.clone(),
+        points_hint: survey.points,
+        bytes,
+        colour_depth: None,
+        crs: None,
+        verbatim: Vec::new(),
+        notes,
+    };
+    if let Some(names) = &layout.names {
+        info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
+    }
+    if wide_colours(&info.schema).is_some() {
+        // Colours are 16 bits wide only where a value needs more than 8.
+        info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
+    }
+    Ok(Box::new(TextSource { info, layout, plan }))
+}
+
+fn read_layout(path: &Path) -> Result<Layout, ScanError> {
+    let mut head = Vec::new();
+    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
+    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|e| ScanError::io(path, e))?;
+    if head.len() as u64 == HEAD_BYTES {
+        // The last line may be cut, unless it is the only one.
+        let end = head.iter().rposition(|&b| b == b'\n').unwrap_or(head.len());
+        head.truncate(end);
+    }
+    match classify(&head) {
+        Some(Kind::Columns(layout)) => Ok(layout),
+        Some(Kind::DecimalCommas(line)) => Err(decimal_commas(path, line)),
+        Some(Kind::Foreign(name)) => Err(ScanError::unsupported(
+            path,
+            format!("{name} files are not read yet; convert it to LAS, PLY or plain XYZ text"),
+        )),
+        None => Err(ScanError::damaged(path, "its lines are not three or more numbers each")),
+    }
+}
+
+fn decimal_commas(path: &Path, line: u64) -> ScanError {
+    ScanError::unsupported(
+        path,
+        format!("line {line} writes decimals with a comma; write them with a point"),
+    )
+}
+
+fn lines_of(path: &Path) -> Result<LineBlocks<impl Read>, ScanError> {
+    let mut file = File::open(path).map_err(|e| ScanError::io(path, e))?;
+    let mut start = Vec::new();
+    file.by_ref().take(3).read_to_end(&mut start).map_err(|e| ScanError::io(path, e))?;
+    if start == b"\xEF\xBB\xBF" {
+        start.clear();
+    }
+    Ok(LineBlocks::new(std::io::Cursor::new(start).chain(file), path.to_owned(), 1))
+}
+
+fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, ScanError> {
+    let axes = axes_of(layout);
+    let mut lines = lines_of(path)?;
+    let mut found = Survey::empty(layout.columns);
+    let work = |block: Block| Ok(Survey::of_block(&block, layout, axes));
+    in_order(
+        task,
+        || lines.next(),
+        work,
+        |part| {
+            found.merge(part);
+            check_malformed(path, layout, &found, false)
+        },
+    )?;
+    Ok(found)
+}
+
+/// Refuses a file of too many lines that are no points (see the module's head).
+fn check_malformed(
+    path: &Path,
+    layout: &Layout,
+    found: &Survey,
+    ended: bool,
+) -> Result<(), ScanError> {
+    let Some((line, excerpt)) = &found.first_malformed else { return Ok(()) };
+    let good = found.points + found.not_finite;
+    let few = found.malformed < MALFORMED_MAX
+        && (!ended || good > 0 && found.malformed <= (good / LINES_PER_MALFORMED).max(1));
+    if few {
+        return Ok(());
+    }
+    if number::has_decimal_commas(excerpt.as_bytes()) {
+        return Err(decimal_commas(path, *line));
+    }
+    let more = match found.malformed {
+        1 => String::new(),
+        n => format!(", and so are {} more", n - 1),
+    };
+    let n = layout.columns;
+    Err(ScanError::damaged(path, format!("line {line} is not {n} numbers (`{excerpt}`){more}")))
+}
+
+/// The points of a block, and what became of the others.
+struct Part {
+    batch: Batch,
+    not_finite: u64,
+    malformed: u64,
+    rounding_error_max: f64,
+}
+
+impl TextSource {
+    fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
+        let path = &self.info.path;
+        // Not by its lines alone: short lines of a file of many columns are no points.
+        let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
+        let capacity = points_max.min(block.rows as usize);
+        let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
+        let mut part = Part { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
+        let mut row = Vec::with_capacity(self.layout.columns);
+        for (n, line) in block.lines() {
+            if is_comment(line) || Some(n) == self.layout.names_line {
+                continue;
+            }
+            if !parse_row(line, self.layout.columns, &mut row) {
+                part.malformed += 1;
+                continue;
+            }
+            let world = self.plan.axes.map(|a| row[a]);
+            if !world.iter().all(|c| c.is_finite()) {
+                part.not_finite += 1;
+                continue;
+            }
+            let placed = placement.real(world, &mut part.rounding_error_max);
+            let off = |e: esker_points::lattice::OffLattice| ScanError::OffLattice {
+                path: path.clone(),
+                world: e.world,
+            };
+            part.batch.positions.push(placed.map_err(off)?);
+            let attributes = self.info.schema.attributes.iter().zip(&self.plan.sources);
+            for ((attribute, &source), column) in attributes.zip(&mut part.batch.columns) {
+                if !put(row[source], attribute.ty, column) {
+                    return Err(ScanError::damaged(path, "it changed while it was read"));
+                }
+            }
+        }
+        Ok(part)
+    }
+}
+
+/// Appends a value as this type; `false` where the type does not hold it, which the survey rules out
+/// for a file that stays as it is.
+fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
+    match ty {
+        AttrType::U8 => out.push(v as u8),
+        AttrType::U16 => out.extend((v as u16).to_le_bytes()),
+        AttrType::I32 => out.extend((v as i32).to_le_bytes()),
+        AttrType::F32 => {
+            out.extend((v as f32).to_le_bytes());
+            return true;
+        }
+        _ => {
+            out.extend(v.to_le_bytes());
+            return true;
+        }
+    }
+    ty.to_f64(&out[out.len() - ty.size()..]) == v
+}
+
+impl Source for TextSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let mut report = ReadReport::default();
+        let mut lines = lines_of(&self.info.path)?;
+        let not_numbers = format!("line is not {} numbers", self.layout.columns);
+        let work = |block: Block| self.decode(&block, placement);
+        in_order(
+            task,
+            || lines.next(),
+            work,
+            |part: Part| {
+                for (reason, n) in [(NOT_FINITE, part.not_finite), (&not_numbers, part.malformed)] {
+                    if n > 0 {
+                        *report.refused.entry(reason.to_owned()).or_default() += n;
+                    }
+                }
+                report.points += part.batch.len() as u64;
+                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
+                report.colour_max = report.colour_max.max(colour_max(&part.batch));
+                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+            },
+        )?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        Ok(survey_file(&self.info.path, &self.layout, task)?.bounds(self.plan.axes))
+    }
+}

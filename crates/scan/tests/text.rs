@@ -1,0 +1,304 @@
+//! Text: numbers come back exact at their digits, columns get the narrowest types, and what is not a
+//! table of points is refused in one line that says why.
+
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
+
+use esker_points::lattice::{GridKind, Lattice};
+use esker_points::task::Silent;
+use esker_points::{AttrType, ColourDepth};
+use esker_scan::{OpenOptions, ReadReport, ScanError, SourceInfo};
+use proptest::prelude::*;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// All that a file holds, as read.
+struct Cloud {
+    info: SourceInfo,
+    report: ReadReport,
+    world: Vec<[f64; 3]>,
+    columns: Vec<Vec<u8>>,
+}
+
+impl Cloud {
+    fn column(&self, name: &str) -> (AttrType, Vec<f64>) {
+        let i = self.info.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
+        let ty = self.info.schema.attributes[i].ty;
+        (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
+    }
+
+    fn types(&self) -> Vec<(&str, AttrType)> {
+        self.info.schema.attributes.iter().map(|a| a.key()).collect()
+    }
+}
+
+fn read_path(path: &Path) -> Result<Cloud, ScanError> {
+    let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
+    let info = source.info().clone();
+    let lattice = Lattice::choose(std::slice::from_ref(&info.grid)).unwrap();
+    let (mut world, mut columns) = (Vec::new(), vec![Vec::new(); info.schema.attributes.len()]);
+    let report = source.read(&lattice.placement(&info.grid), &Silent, &mut |batch| {
+        assert!(batch.is_consistent() && batch.len() <= esker_scan::source::BATCH_POINTS);
+        world.extend(batch.positions.iter().map(|&p| lattice.world(p)));
+        for (all, column) in columns.iter_mut().zip(&batch.columns) {
+            all.extend_from_slice(column);
+        }
+        Ok(())
+    })?;
+    assert_eq!(report.points, world.len() as u64);
+    assert_eq!(source.survey(&Silent)?, info.grid.bounds);
+    Ok(Cloud { info, report, world, columns })
+}
+
+fn read(text: &str) -> Result<Cloud, ScanError> {
+    let dir = tempfile::tempdir().unwrap();
+    // The name says nothing: the content decides.
+    let path = dir.path().join("cloud.las");
+    std::fs::write(&path, text).unwrap();
+    read_path(&path)
+}
+
+fn error(text: &str) -> String {
+    let error = read(text).err().expect("an error").to_string();
+    assert!(error.contains("cloud.las: ") && !error.contains('\n'), "{error}");
+    error
+}
+
+#[test]
+fn a_line_of_names_decides_the_columns() {
+    for header in
+        ["Intensity;R;G;B;Nx;Ny;Nz;Z;Y;X;Label\n", "//Intensity R G B Nx Ny Nz Z Y X Label\n"]
+    {
+        let cloud = read(&format!(
+            "{header}7 1 2 3 0.6 0 0.8 1.25 2.5 1e3 -4\n# in between\n\n9 0 0 256 0 0 1 0 0 0 1\n"
+        ))
+        .unwrap();
+        assert_eq!(cloud.world, [[1000.0, 2.5, 1.25], [0.0; 3]]);
+        assert_eq!(
+            cloud.types(),
+            [
+                ("Label", AttrType::I32),
+                ("blue", AttrType::U16),
+                ("green", AttrType::U16),
+                ("intensity", AttrType::U16),
+                ("nx", AttrType::F32),
+                ("ny", AttrType::F32),
+                ("nz", AttrType::F32),
+                ("red", AttrType::U16),
+            ]
+        );
+        assert_eq!(cloud.column("intensity").1, [7.0, 9.0]);
+        assert_eq!(cloud.column("Label").1, [-4.0, 1.0]);
+        assert_eq!(cloud.info.colour_depth, Some(ColourDepth::Sixteen));
+        assert_eq!(cloud.report.colour_max, 256);
+        assert_eq!(cloud.info.grid.grid.scale, [1.0, 0.1, 0.01]);
+    }
+}
+
+#[test]
+fn columns_without_names_get_the_narrowest_type() {
+    let cloud =
+        read("\u{FEFF}0 0 0 255 65535 -1 0.1 -0 3000000000\r\n1 1 1 0 0 0 1 0 0\r\n").unwrap();
+    let want = [
+        ("column_4", AttrType::U8),
+        ("column_5", AttrType::U16),
+        ("column_6", AttrType::I32),
+        ("column_7", AttrType::F64),
+        ("column_8", AttrType::F64),
+        ("column_9", AttrType::F64),
+    ];
+    assert_eq!(cloud.types(), want);
+    assert_eq!(cloud.column("column_7").1, [0.1, 1.0]);
+    assert!(cloud.column("column_8").1[0].is_sign_negative());
+}
+
+#[test]
+fn colours_and_intensity_are_guessed_where_the_values_allow() {
+    let names = |text: &str| -> Vec<String> {
+        let cloud = read(text).unwrap();
+        let all_unnamed = cloud.types().iter().all(|(n, _)| n.starts_with("column_"));
+        assert_eq!(cloud.info.notes.is_empty(), all_unnamed);
+        cloud.types().iter().map(|(n, t)| format!("{n}:{}", t.name())).collect()
+    };
+    assert_eq!(names("1 2 3 4"), ["intensity:u16"]);
+    assert_eq!(names("1 2 3 4.5"), ["column_4:f64"]);
+    assert_eq!(names("1 2 3 4 5"), ["column_4:u8", "column_5:u8"]);
+    assert_eq!(names("1 2 3 255 0 1"), ["blue:u8", "green:u8", "red:u8"]);
+    assert_eq!(names("1 2 3 256 0 1"), ["column_4:u16", "column_5:u8", "column_6:u8"]);
+    assert_eq!(names("1 2 3 255 0 1 900"), ["blue:u8", "green:u8", "intensity:u16", "red:u8"]);
+    assert_eq!(names("1 2 3 -900 255 0 1"), ["blue:u8", "column_4:i32", "green:u8", "red:u8"]);
+    assert_eq!(names("1 2 3 900 255 0 1"), ["blue:u8", "green:u8", "intensity:u16", "red:u8"]);
+    assert_eq!(names("1 2 3 9 255 0 1")[0], "column_4:u8");
+    assert_eq!(names("1 2 3 255 0 1 .5"), ["blue:u8", "column_7:f64", "green:u8", "red:u8"]);
+}
+
+#[test]
+fn a_table_of_names_only_is_a_cloud_of_no_points() {
+    let cloud = read("x,y,z,intensity\n").unwrap();
+    assert_eq!((cloud.report.points, cloud.info.grid.bounds), (0, None));
+}
+
+#[test]
+fn a_few_bad_lines_are_refused_and_counted() {
+    let mut text = "1 2 3\n".repeat(200);
+    text += "4 5\nnan 5 6\n1 1e999 0\n1 2 3 4\n";
+    let cloud = read(&text).unwrap();
+    assert_eq!(cloud.report.points, 200);
+    let refused: Vec<_> = cloud.report.refused.iter().map(|(r, n)| (r.as_str(), *n)).collect();
+    assert_eq!(refused, [("coordinate is not a finite number", 2), ("line is not 3 numbers", 2)]);
+    assert_eq!(read("1 2 3\n4 5 6\n7 8").unwrap().report.points, 2);
+}
+
+#[test]
+fn many_bad_lines_are_an_error_that_names_the_first() {
+    let one = error("1 2 3\n4 5\n6 7 8 9\n");
+    assert!(one.contains("line 2 is not 3 numbers (`4 5`), and so are 1 more"), "{one}");
+    let two_in_a_hundred = "1 2 3\n".repeat(100) + "x\n" + &"1 2 3\n".repeat(99) + "y\nz\n";
+    assert!(error(&two_in_a_hundred).contains("line 101"));
+    let thousand = "1 2 3\n".repeat(200_000) + &"4 5\n".repeat(1000);
+    assert!(error(&thousand).contains("line 200001"));
+}
+
+#[test]
+fn what_is_not_read_is_named() {
+    for (text, want) in [
+        ("1,5;2,5;3,5\n", "line 1 writes decimals with a comma"),
+        ("0;0;0\n1,5;2,5;3,5\n1,5;2,5;3,5\n", "line 2 writes decimals with a comma"),
+        ("# .PCD v0.7\nVERSION 0.7\n", "PCD files are not read"),
+        ("1\n1 2 3 4\n", "PTS files are not read"),
+        ("1\n1\n0 0 0\n", "PTX files are not read"),
+        ("# nothing here\n", "not a scan file that Esker knows"),
+        ("v 1 2 3\nf 1 1 1\n", "not a scan file that Esker knows"),
+    ] {
+        let error = error(text);
+        assert!(error.contains(want), "{error}");
+    }
+    assert!(error(&format!("1 2 3\n{}", "1".repeat(70_000))).contains("line 2 is longer"));
+}
+
+#[test]
+fn many_columns_and_short_lines_cost_no_memory() {
+    let wide = vec!["1"; 1024].join(" ");
+    let text = format!("{wide}\n").repeat(500) + "\n2\n2\n";
+    let cloud = read(&text).unwrap();
+    assert_eq!((cloud.report.points, cloud.types().len()), (500, 1021));
+}
+
+/// A coordinate as an integer and the number of its decimals, in the notation `style`.
+fn decimal(value: i64, decimals: u32, style: u8) -> String {
+    let digits = format!("{:0>1$}", value.abs(), decimals as usize + 1);
+    let sign = if value < 0 { "-" } else { "" };
+    let (whole, part) = digits.split_at(digits.len() - decimals as usize);
+    match style {
+        0 => format!("{sign}{whole}.{part}"),
+        1 => format!("{sign}{whole}.{part}000"),
+        _ => format!("{value}e-{decimals}"),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn decimals_come_back_exact(
+        decimals in [0u32..8, 0u32..8, 0u32..8],
+        base in [-1_000_000_000i64..1_000_000_000, 0..1, -5..5],
+        points in prop::collection::vec(([0i64..2_000_000_000, 0..2_000_000_000, 0..2_000_000_000], 0u8..3), 1..60),
+        mark in 0usize..5,
+    ) {
+        let mut text = String::new();
+        let marks = [" ", "\t", ", ", ";", " , "];
+        for (p, style) in &points {
+            let [x, y, z] = [0, 1, 2].map(|i| decimal(base[i] + p[i], decimals[i], *style));
+            let m = marks[mark];
+            writeln!(text, "{x}{m}{y}{m}{z}").unwrap();
+        }
+        let cloud = read(&text).unwrap();
+        prop_assert_eq!(cloud.info.grid.kind, GridKind::Decimal);
+        for (got, (p, _)) in cloud.world.iter().zip(&points) {
+            for i in 0..3 {
+                let d = decimals[i] as usize;
+                let want: f64 = decimal(base[i] + p[i], decimals[i], 0).parse().unwrap();
+                prop_assert_eq!(format!("{:.*}", d, got[i]), format!("{want:.d$}"));
+            }
+        }
+        prop_assert_eq!(cloud.report.rounding_error_max, 0.0);
+    }
+
+    #[test]
+    fn attributes_come_back_as_the_nearest_double(values in prop::collection::vec(any::<f64>().prop_filter("finite", |v| v.is_finite()), 1..50)) {
+        let mut text = "x y z value\n".to_owned();
+        for v in &values {
+            writeln!(text, "0 0 0 {v:e}").unwrap();
+        }
+        prop_assert_eq!(read(&text).unwrap().column("value").1, values);
+    }
+
+    #[test]
+    fn random_bytes_never_panic(start in 0usize..4, tail in prop::collection::vec(any::<u8>(), 0..200)) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("cloud");
+        let mut bytes = ["", "1 2 3\n4 5 6\n", "x y z\n", "# .PCD"][start].as_bytes().to_vec();
+        bytes.extend(tail);
+        std::fs::write(&path, &bytes).unwrap();
+        if let Err(e) = read_path(&path) {
+            prop_assert!(!e.to_string().contains('\n'));
+        }
+    }
+
+    #[test]
+    fn random_tables_never_panic(text in "([-+0-9.eE,; \\txn]{0,12}\n){0,12}") {
+        if let Err(e) = read(&format!("1 2 3\n{text}")) {
+            prop_assert!(!e.to_string().contains('\n'));
+        }
+    }
+}
+
+fn data() -> Option<PathBuf> {
+    let data = std::env::var_os("ESKER_DATA");
+    if data.is_none() {
+        println!("skipped: ESKER_DATA is not set");
+    }
+    data.map(PathBuf::from)
+}
+
+#[test]
+fn real_files_have_the_points_of_the_manifest() {
+    let Some(data) = data() else { return };
+    let manifest = std::fs::read_to_string(data.join("manifest.csv")).unwrap();
+    let mut files = 0;
+    for line in manifest.lines().filter(|l| l.starts_with("xyz/")) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let cloud = read_path(&data.join(fields[0])).unwrap();
+        assert_eq!(cloud.report.points, fields[2].parse::<u64>().unwrap(), "{}", fields[0]);
+        // Written with six digits wherever the point is, two of them pass 2^32 steps of their last
+        // digit; steps coarsen by tens, so that a step is at most ten times what would fit.
+        let [lo, hi] = cloud.info.grid.bounds.unwrap();
+        let extent = (0..3).map(|i| hi[i] - lo[i]).fold(0.0, f64::max);
+        let allowed = extent * 10.0 / 2f64.powi(33);
+        assert!(cloud.report.rounding_error_max <= allowed, "{}", fields[0]);
+        assert_eq!(fields[0] == "xyz/tree-tls.txt", cloud.report.rounding_error_max == 0.0);
+        assert!(cloud.report.refused.is_empty(), "{}", fields[0]);
+        files += 1;
+    }
+    assert_eq!(files, 3);
+}
+
+#[test]
+fn relatives_among_the_real_files_are_refused_by_name() {
+    let Some(data) = data() else { return };
+    for folder in ["pcd", "pts", "ptx"] {
+        for file in std::fs::read_dir(data.join(folder)).unwrap() {
+            let path = file.unwrap().path();
+            if path.ends_with("ripple.pts") {
+                // It lacks the count, and so is plain text.
+                assert_eq!(read_path(&path).unwrap().report.points, 10_201);
+                continue;
+            }
+            let error = read_path(&path).err().unwrap().to_string();
+            let want = format!("{} files are not read", folder.to_uppercase());
+            assert!(error.contains(&want), "{error}");
+        }
+    }
+    let error = read_path(&data.join("bad/obj-no-vertex.obj")).err().unwrap().to_string();
+    assert!(error.contains("obj-no-vertex.obj: not a scan file"), "{error}");
+}
