@@ -1,5 +1,16 @@
 //! What to draw for a view: frustum, prefixes, budget; pure, without threads, files or GPU.
+//! [`View`] and a node table go in, a [`Selection`] (nodes, prefixes, counters) comes out; the
+//! [`CompactOctree`] of a selection tells the renderer how densely each place is drawn.
 
+pub mod frustum;
+pub mod octree;
+pub mod oriented_box;
+pub mod prefix;
+pub mod select;
 pub mod view;
 
+pub use frustum::Frustum;
+pub use octree::CompactOctree;
+pub use oriented_box::OrientedBox;
+pub use select::{Counters, Drawn, Options, Selection, select};
 pub use view::View;

@@ -121,7 +121,7 @@ impl View {
     /// at one half), z its eye depth. `None` where it is nearer than the near plane.
     pub fn project_view(&self, v: DVec3) -> Option<DVec3> {
         let depth = -v.z;
-        if !(depth >= self.near) {
+        if depth.is_nan() || depth < self.near {
             return None;
         }
         let scale = self.focal_px() / depth;
@@ -168,7 +168,7 @@ fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
 /// Unit vector, also of very short and very long ones; `None` for zero and what is not finite.
 fn unit(v: DVec3) -> Option<DVec3> {
     let greatest = v.abs().max_element();
-    if !(greatest.is_finite() && greatest > 0.0) || !v.is_finite() {
+    if !(greatest > 0.0 && v.is_finite()) {
         return None;
     }
     (v / greatest).try_normalize()

@@ -1,0 +1,159 @@
+//! The compact octree of a cut: the drawn cells with their effective spacings. The renderer asks it,
+//! for each covered pixel, how densely the place of a point is drawn, and sizes the point's splat by
+//! that (kanzok2015, section 3.2; DESIGN, section 8).
+
+use crate::select::Drawn;
+use esker_points::{Cell, Node, NodeTable};
+use std::collections::HashMap;
+
+/// No entry.
+const NONE: u32 = u32::MAX;
+
+/// The drawn cells. Entry `i` belongs to `drawn[i]`; entries behind those are undrawn nodes between
+/// drawn ones, which lead on and have the spacing of what is drawn above them.
+#[derive(Clone, Debug, Default)]
+pub struct CompactOctree {
+    entries: Vec<Entry>,
+    root: u32,
+}
+
+/// One cell in one cache line.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    corner: [u32; 3],
+    log2: u32,
+    spacing: f32,
+    /// The cell below in each octant, which may be smaller than the octant (chains are skipped).
+    children: [u32; 8],
+}
+
+const _: () = assert!(size_of::<Entry>() == 64);
+
+impl Entry {
+    fn of(node: &Node, spacing: f32) -> Self {
+        Self { corner: node.corner, log2: u32::from(node.cell_log2), spacing, children: [NONE; 8] }
+    }
+
+    /// As [`Cell::contains`], in `u64` so that the shift of the whole lattice is one as well.
+    fn contains(&self, p: [u32; 3]) -> bool {
+        let differing = (p[0] ^ self.corner[0]) | (p[1] ^ self.corner[1]) | (p[2] ^ self.corner[2]);
+        u64::from(differing) >> self.log2 == 0
+    }
+
+    /// As [`Cell::octant`]; for cells above a single lattice point.
+    fn octant(&self, p: [u32; 3]) -> usize {
+        let bit = self.log2 - 1;
+        ((p[0] >> bit & 1) | (p[1] >> bit & 1) << 1 | (p[2] >> bit & 1) << 2) as usize
+    }
+}
+
+impl CompactOctree {
+    /// The octree of what is drawn; `drawn` names nodes of `table`, each at most once.
+    ///
+    /// # Panics
+    /// If `drawn` names a node that the table has not.
+    pub fn new(table: &NodeTable, drawn: &[Drawn]) -> Self {
+        let mut entries: Vec<_> = drawn
+            .iter()
+            .map(|d| Entry::of(&table.nodes[d.node as usize], d.effective_spacing))
+            .collect();
+        // Entries by node; a continuation has its parent's cell and is never stepped down to.
+        let mut entry_of: HashMap<u32, u32> =
+            drawn.iter().zip(0u32..).map(|(d, i)| (d.node, i)).collect();
+        let mut root = NONE;
+        for d in drawn {
+            let (mut index, mut node) = (d.node, &table.nodes[d.node as usize]);
+            if node.is_continuation() {
+                continue;
+            }
+            // Links the node to its parent, and parents that are not drawn to theirs.
+            loop {
+                let entry = entry_of[&index];
+                let Some(parent) =
+                    table.nodes.get(node.parent as usize).filter(|_| node.parent < index)
+                else {
+                    root = entry;
+                    break;
+                };
+                let known = entry_of.get(&node.parent).copied();
+                let above = known.unwrap_or(entries.len() as u32);
+                if known.is_none() {
+                    entries.push(Entry::of(parent, f32::NAN));
+                    entry_of.insert(node.parent, above);
+                }
+                if let Some(octant) = octant_below(parent, &node.cell()) {
+                    entries[above as usize].children[usize::from(octant)] = entry;
+                }
+                if known.is_some() {
+                    break;
+                }
+                (index, node) = (node.parent, parent);
+            }
+        }
+        let mut octree = Self { entries, root };
+        octree.inherit();
+        octree
+    }
+
+    /// Gives entries that are not drawn the spacing of what is above them; 0 where nothing is.
+    fn inherit(&mut self) {
+        let mut open = vec![(self.root, 0.0f32)];
+        while let Some((index, above)) = open.pop() {
+            let Some(entry) = self.entries.get_mut(index as usize) else { continue };
+            if entry.spacing.is_nan() {
+                entry.spacing = above;
+            }
+            let spacing = entry.spacing;
+            open.extend(entry.children.iter().filter(|&&c| c != NONE).map(|&c| (c, spacing)));
+        }
+    }
+
+    /// Number of cells, those between drawn ones included.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point `p`;
+    /// 0 where none does.
+    pub fn spacing_at(&self, p: [u32; 3]) -> f32 {
+        match self.entries.get(self.root as usize) {
+            Some(root) if root.contains(p) => self.descend(root, p),
+            _ => 0.0,
+        }
+    }
+
+    /// As [`CompactOctree::spacing_at`], from the cell of `drawn[index]` downwards: the shorter way
+    /// for a point of that node. The spacing of `drawn[index]` where `p` is outside of its cell (hot
+    /// positions without residuals can be, by half a hot step).
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    #[inline]
+    pub fn spacing_from(&self, index: usize, p: [u32; 3]) -> f32 {
+        let entry = &self.entries[index];
+        if entry.contains(p) { self.descend(entry, p) } else { entry.spacing }
+    }
+
+    #[inline]
+    fn descend<'a>(&'a self, mut entry: &'a Entry, p: [u32; 3]) -> f32 {
+        while entry.log2 > 0 {
+            match self.entries.get(entry.children[entry.octant(p)] as usize) {
+                Some(child) if child.contains(p) => entry = child,
+                _ => break,
+            }
+        }
+        entry.spacing
+    }
+}
+
+/// The octant of the parent's cell that holds the child's; `None` where the child's is no smaller.
+fn octant_below(parent: &Node, child: &Cell) -> Option<u8> {
+    let cell = parent.cell();
+    (child.log2 < cell.log2 && cell.contains_cell(child)).then(|| cell.octant(child.corner))
+}

@@ -1,0 +1,225 @@
+//! What holds of every cut, whatever the tree, the view and the options.
+
+mod tree;
+
+use esker_lod::{CompactOctree, Drawn, Options, OrientedBox, Selection, View, select};
+use esker_points::strata::prefix_at_least;
+use glam::DVec3;
+use proptest::prelude::*;
+use tree::{Random, Recipe, Tree, grow, recipes};
+
+/// A view from somewhere in or around the tree to somewhere in it.
+fn view(tree: &Tree, seed: u64) -> View {
+    let mut random = Random(seed);
+    let (min, max) = tree.bounds();
+    let mut pick = |reach: f64| {
+        let t = DVec3::new(random.unit(), random.unit(), random.unit());
+        min + (max - min) * ((t - DVec3::splat(0.5)) * reach + DVec3::splat(0.5))
+    };
+    let (eye, target) = (pick(4.0), pick(1.0));
+    View::look_at(eye, target, DVec3::Z, 0.3 + 1.5 * random.unit(), 320, 200)
+}
+
+fn options(points_budget: u64, target_spacing_px: f64) -> Options {
+    Options { points_budget, target_spacing_px }
+}
+
+fn is_seen(tree: &Tree, view: &View, p: [u32; 3]) -> bool {
+    view.project(tree.world(p)).is_some_and(|on| view.is_on_picture(on))
+}
+
+fn has_seen_point(tree: &Tree, view: &View, node: u32) -> bool {
+    tree.points[node as usize].iter().any(|&p| is_seen(tree, view, p))
+}
+
+fn focal_over_distance(tree: &Tree, view: &View, node: u32) -> f64 {
+    let cell = OrientedBox::of_cell(&tree.table.nodes[node as usize].cell(), &tree.lattice);
+    view.focal_px() / cell.distance(view.eye).max(view.near)
+}
+
+/// What must hold of any cut.
+fn assert_is_a_cut(tree: &Tree, view: &View, options: &Options, s: &Selection) {
+    let nodes = &tree.table.nodes;
+    let c = s.counters;
+    assert_eq!(c.drawn, s.drawn.len() as u64);
+    assert_eq!(c.missing, s.missing.len() as u64);
+    assert_eq!(c.points, s.drawn.iter().map(|d| d.prefix as u64).sum::<u64>());
+    assert_eq!(
+        c.visited,
+        c.culled + c.contour_culled + c.continuations + c.withheld + c.missing + c.drawn
+    );
+    assert!(c.points <= options.points_budget);
+    let mut drawn = vec![None; nodes.len()];
+    for d in &s.drawn {
+        let node = &nodes[d.node as usize];
+        assert!(d.prefix > 0);
+        assert_eq!(prefix_at_least(node.levels(), d.prefix), d.prefix, "whole strata");
+        let mut above = node.parent;
+        while let Some(parent) = nodes.get(above as usize) {
+            match drawn[above as usize] {
+                Some((prefix, spacing)) => {
+                    assert_eq!(prefix, parent.points(), "the parent is drawn whole");
+                    assert!(d.effective_spacing <= spacing);
+                    break;
+                }
+                None => assert!(!has_seen_point(tree, view, above), "the parent is in view"),
+            }
+            above = parent.parent;
+        }
+        let twice = drawn[d.node as usize].replace((d.prefix, d.effective_spacing));
+        assert_eq!(twice, None, "a node is drawn once");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn a_cut_is_closed_within_budget_in_whole_strata_and_its_counters_add_up(
+        recipe in recipes(true), seed: u64, budget in prop_oneof![0u64..2000, Just(u64::MAX)],
+        target in prop_oneof![Just(0.0), 0.1f64..20.0],
+    ) {
+        let tree = grow(&recipe);
+        let (view, options) = (view(&tree, seed), options(budget, target));
+        let s = select(&tree.table, &tree.lattice, &view, &options, |_| true);
+        assert_is_a_cut(&tree, &view, &options, &s);
+        prop_assert_eq!(s.counters.missing, 0);
+        let again = select(&tree.table, &tree.lattice, &view, &options, |_| true);
+        prop_assert_eq!(s, again);
+    }
+
+    #[test]
+    fn absent_nodes_are_asked_for_and_never_drawn(recipe in recipes(true), seed: u64, absent: u64) {
+        let tree = grow(&recipe);
+        let (view, options) = (view(&tree, seed), options(u64::MAX, 0.5));
+        let resident = |n: u32| n == 0 || Random(absent ^ u64::from(n)).below(3) > 0;
+        let s = select(&tree.table, &tree.lattice, &view, &options, resident);
+        assert_is_a_cut(&tree, &view, &options, &s);
+        prop_assert!(s.drawn.iter().all(|d| resident(d.node)));
+        prop_assert!(s.missing.iter().all(|&n| !resident(n)));
+        prop_assert!(!s.drawn.is_empty() || !has_seen_point(&tree, &view, 0), "the root serves");
+    }
+
+    #[test]
+    fn a_target_of_zero_draws_every_point_in_view(recipe in recipes(true), seed: u64) {
+        let tree = grow(&recipe);
+        let view = view(&tree, seed);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.0), |_| true);
+        let mut whole = vec![false; tree.points.len()];
+        for d in &s.drawn {
+            whole[d.node as usize] = d.prefix == tree.points[d.node as usize].len();
+        }
+        for (node, points) in tree.points.iter().enumerate() {
+            for &p in points {
+                prop_assert!(whole[node] || !is_seen(&tree, &view, p), "point {p:?} of node {node}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_place_in_view_is_drawn_as_densely_as_asked(
+        recipe in recipes(false), seed: u64, target in 0.1f64..20.0,
+    ) {
+        // Cubes as contours: those fill as much of the picture from every side.
+        let tree = grow(&recipe);
+        let view = view(&tree, seed);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), |_| true);
+        let octree = CompactOctree::new(&tree.table, &s.drawn);
+        for (node, points) in tree.points.iter().enumerate() {
+            let node = node as u32;
+            if s.drawn.iter().any(|d| d.node == node) || tree.table.nodes[node as usize].is_continuation() {
+                continue;
+            }
+            // It was left out: what is drawn in its place is fine enough already.
+            for &p in points.iter().filter(|&&p| is_seen(&tree, &view, p)) {
+                let px = f64::from(octree.spacing_at(p)) * focal_over_distance(&tree, &view, node);
+                prop_assert!(px <= target * 1.000_01, "{px} at {p:?} of {node}");
+            }
+        }
+    }
+
+    #[test]
+    fn going_nearer_never_draws_less(recipe in recipes(false), seed: u64, target in 0.1f64..20.0, step in 0.0f64..1.0) {
+        let tree = grow(&recipe);
+        let (min, max) = tree.bounds();
+        let mut random = Random(seed);
+        let direction = DVec3::new(random.unit(), random.unit(), random.unit()) - DVec3::splat(0.5);
+        // From the nearest place that shows all, so that nothing leaves the picture.
+        let near = View::fit(min, max, direction, 1.0, 300, 300);
+        let size = (max - min).length() + 1.0;
+        let mut far = near;
+        far.eye -= near.forward() * size * 3.0 * step;
+        let [near, far] = [near, far].map(|view| {
+            select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), |_| true).counters
+        });
+        prop_assert!(near.points >= far.points, "{near:?} {far:?}");
+    }
+
+    #[test]
+    fn more_budget_never_draws_less(recipe in recipes(true), seed: u64, budget in 0u64..1500) {
+        let tree = grow(&recipe);
+        let view = view(&tree, seed);
+        let points = |budget| {
+            select(&tree.table, &tree.lattice, &view, &options(budget, 0.5), |_| true).counters.points
+        };
+        let all = points(u64::MAX);
+        prop_assert!(points(budget) <= all);
+        prop_assert_eq!(points(all), all);
+    }
+
+    #[test]
+    fn the_compact_octree_finds_the_finest_drawn_cell(recipe in recipes(true), seed: u64) {
+        // Any set of nodes, with gaps between them as contours out of view leave them.
+        let tree = grow(&recipe);
+        let nodes = &tree.table.nodes;
+        let mut random = Random(seed);
+        let drawn: Vec<_> = (0..nodes.len() as u32)
+            .filter(|&n| !nodes[n as usize].is_continuation() && random.below(2) == 0)
+            .map(|node| Drawn { node, prefix: 1, effective_spacing: 1.0 + node as f32 })
+            .collect();
+        let octree = CompactOctree::new(&tree.table, &drawn);
+        prop_assert!(octree.len() >= drawn.len());
+        for &p in tree.points.iter().flatten().step_by(5) {
+            let at = drawn.iter().filter(|d| nodes[d.node as usize].cell().contains(p));
+            let finest = at.clone().min_by_key(|d| nodes[d.node as usize].cell_log2);
+            prop_assert_eq!(octree.spacing_at(p), finest.map_or(0.0, |d| d.effective_spacing));
+        }
+        for (i, d) in drawn.iter().enumerate() {
+            for &p in &tree.points[d.node as usize] {
+                prop_assert_eq!(octree.spacing_from(i, p), octree.spacing_at(p));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_flat_node_seen_edge_on_gets_fewer_points_than_face_on() {
+    let recipe = Recipe { seed: 5, points: 1000, capacity: 1000, tight: false };
+    let mut tree = grow(&recipe);
+    assert_eq!(tree.table.nodes.len(), 1);
+    let node = &mut tree.table.nodes[0];
+    node.shape = 2;
+    node.contour_half[2] = 0.001;
+    let half = f64::from(node.contour_half[0]);
+    let centre = OrientedBox::of_contour(node, &tree.lattice).centre;
+    // Wide enough that the target asks for half of the points face-on.
+    let points = |direction: DVec3| {
+        let view = View::look_at(centre - direction * half * 12.0, centre, DVec3::Y, 0.5, 512, 512);
+        let spacing_px = view.focal_px() * f64::from(tree.table.nodes[0].spacing) / (half * 12.0);
+        let options = options(u64::MAX, spacing_px * 2f64.sqrt());
+        select(&tree.table, &tree.lattice, &view, &options, |_| true).counters.points
+    };
+    let (face_on, edge_on) = (points(DVec3::Z), points(DVec3::X));
+    assert!((450..700).contains(&face_on), "{face_on}");
+    assert!(edge_on * 2 < face_on, "{edge_on} against {face_on}");
+}
+
+#[test]
+fn an_empty_table_draws_nothing() {
+    let tree = grow(&Recipe { seed: 1, points: 1, capacity: 1, tight: true });
+    let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, 8, 8);
+    let nothing = esker_points::NodeTable::default();
+    let s = select(&nothing, &tree.lattice, &view, &Options::default(), |_| true);
+    assert_eq!(s, Selection::default());
+    assert_eq!(CompactOctree::new(&nothing, &s.drawn).spacing_at([0; 3]), 0.0);
+}
