@@ -3,12 +3,14 @@
 //!
 //! | format | what is read | coordinates |
 //! |---|---|---|
+//! | LAS, LAZ | see [`las`] | the file's integers |
 //! | PLY | ASCII, binary of both byte orders, also compressed with zstd: all scalar properties of `vertex` | binary: the grid for floats; ASCII: the digits of the text, where they fit |
 //! | text | XYZ, TXT, CSV: lines of 3 to 1,024 numbers, with or without a line of names | the digits of the text |
 //!
 //! PCD, PTS and PTX are known by their content and refused by name.
 
 pub mod error;
+pub mod las;
 pub mod ply;
 pub mod registry;
 pub mod source;

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// All formats; text comes last, since nearly anything could be text.
-pub static FORMATS: &[Format] = &[crate::ply::FORMAT, crate::text::FORMAT];
+pub static FORMATS: &[Format] = &[crate::las::FORMAT, crate::ply::FORMAT, crate::text::FORMAT];
 
 /// Bytes of a file's beginning by which its format is told.
 const HEAD_BYTES: u64 = 4096;

@@ -19,12 +19,12 @@ pub struct Format {
     /// Whether a file that begins with these bytes (up to 4 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.
-    pub open: fn(
-        path: &Path,
-        options: &OpenOptions,
-        task: &dyn Task,
-    ) -> Result<Box<dyn Source>, ScanError>,
+    pub open: Open,
 }
+
+/// Opens a file; may decode some of it to learn what [`SourceInfo`] tells.
+pub type Open =
+    fn(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError>;
 
 /// What the user may say about an input.
 #[derive(Clone, Debug, Default)]

@@ -1,0 +1,366 @@
+//! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes in,
+//! whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are decoded on
+//! all cores of the current pool, a group at a time, while the sink takes the group before. What a
+//! chunk claims is checked before the decoder allocates for it.
+
+use super::laszip::{Chunk, Compression, layered_chunk};
+use crate::error::ScanError;
+use crate::source::BATCH_POINTS;
+use esker_points::Task;
+use laz::DecompressionSelection;
+use laz::record::{
+    LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor,
+};
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+
+/// Raw records of a run at most: bounds batches of files with very long records.
+const RUN_BYTES: usize = 4 << 20;
+/// Raw records of a group: enough chunks of the usual 50,000 points for a dozen cores.
+const GROUP_BYTES: usize = 16 << 20;
+/// Chunks of a group at most: bounds what tiny chunks cost beside their points.
+const GROUP_PIECES: usize = 512;
+/// A chunk of more raw bytes than this is decoded in passing, on one core.
+const CHUNK_BYTES_MAX: usize = 2 * GROUP_BYTES;
+/// Compressed bytes of a layered chunk at most: its decoder needs all of them at once.
+const LAYERED_BYTES_MAX: u64 = 256 << 20;
+const READ_BYTES: usize = 256 << 10;
+
+/// Where the points of a file are, and how they are stored.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// The file.
+    pub path: PathBuf,
+    /// First byte of points.
+    pub start: u64,
+    /// Points to read.
+    pub count: u64,
+    /// Bytes of a record.
+    pub record_bytes: usize,
+    /// How they are compressed, if they are.
+    pub compression: Option<Compression>,
+}
+
+/// Makes something of whole records; called on any thread.
+pub type Convert<'a, T> = dyn Fn(&[u8]) -> Result<T, ScanError> + Sync + 'a;
+
+/// How far the reading is.
+struct Reader {
+    file: File,
+    at: u64,
+    point: u64,
+    chunk: usize,
+}
+
+/// Bytes read together and decoded in parallel.
+#[derive(Default)]
+struct Group {
+    bytes: Vec<u8>,
+    pieces: Vec<Piece>,
+}
+
+/// A run of records or a chunk in a group.
+struct Piece {
+    bytes: std::ops::Range<usize>,
+    points: usize,
+    first_point: u64,
+}
+
+impl Points {
+    /// Decodes the first `points_max` points, in runs of at most [`BATCH_POINTS`].
+    ///
+    /// # Errors
+    /// What is wrong with the file, what `convert` or `sink` say, or [`ScanError::Cancelled`].
+    pub fn for_each_run<T: Send>(
+        &self,
+        points_max: u64,
+        task: &dyn Task,
+        convert: &Convert<'_, T>,
+        sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
+    ) -> Result<(), ScanError> {
+        let file = File::open(&self.path).map_err(|e| self.io(e))?;
+        let mut reader = Reader { file, at: self.start, point: 0, chunk: 0 };
+        let end = self.count.min(points_max);
+        if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
+            return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
+        }
+        let mut ready = Vec::new();
+        let mut group = Group::default();
+        while reader.point < end {
+            task.check()?;
+            match self.large_chunk(&reader) {
+                Some((compression, chunk)) => {
+                    std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
+                    let chunk_end = end.min(reader.point + u64::from(chunk.points));
+                    let next = reader.at + u64::from(chunk.bytes);
+                    self.check_large(&mut reader, compression, chunk)?;
+                    self.stream(&mut reader, compression, None, chunk_end, task, convert, sink)?;
+                    (reader.at, reader.chunk) = (next, reader.chunk + 1);
+                }
+                None => {
+                    self.fill(&mut group, &mut reader, end)?;
+                    ready = self.decode_while_sinking(&group, ready, convert, sink)?;
+                }
+            }
+        }
+        ready.into_iter().try_for_each(sink)
+    }
+
+    /// Decodes a group on the pool while the sink takes, on this thread, what came before.
+    fn decode_while_sinking<T: Send>(
+        &self,
+        group: &Group,
+        ready: Vec<T>,
+        convert: &Convert<'_, T>,
+        sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
+    ) -> Result<Vec<T>, ScanError> {
+        let mut decoded = Ok(Vec::new());
+        let sunk = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| decoded = self.decode(group, convert));
+            ready.into_iter().try_for_each(sink)
+        });
+        sunk.and(decoded)
+    }
+
+    fn decode<T: Send>(
+        &self,
+        group: &Group,
+        convert: &Convert<'_, T>,
+    ) -> Result<Vec<T>, ScanError> {
+        let decode_piece = |piece: &Piece| {
+            let bytes = &group.bytes[piece.bytes.clone()];
+            match &self.compression {
+                None => Ok(vec![convert(bytes)?]),
+                Some(compression) => self.decode_chunk(compression, bytes, piece, convert),
+            }
+        };
+        // Collected before errors are looked at: the first in the file's order is reported.
+        let decoded: Vec<_> = group.pieces.par_iter().map(decode_piece).collect();
+        let mut runs = Vec::with_capacity(decoded.len());
+        for piece in decoded {
+            runs.append(&mut piece?);
+        }
+        Ok(runs)
+    }
+
+    fn decode_chunk<T>(
+        &self,
+        compression: &Compression,
+        bytes: &[u8],
+        piece: &Piece,
+        convert: &Convert<'_, T>,
+    ) -> Result<Vec<T>, ScanError> {
+        if let Some(layers) = compression.layers {
+            self.check_layers(bytes, bytes.len() as u64, layers, piece.points as u64)?;
+        }
+        let mut decoder = self.decoder(compression, Cursor::new(bytes), piece.first_point)?;
+        let mut runs = Vec::with_capacity(piece.points.div_ceil(self.run_points()));
+        let mut records = Vec::new();
+        let mut left = piece.points;
+        while left > 0 {
+            let points = left.min(self.run_points());
+            let point = piece.first_point + (piece.points - left) as u64;
+            records.resize(points * self.record_bytes, 0);
+            self.guarded(point, || decoder.decompress_many(&mut records))?;
+            runs.push(convert(&records)?);
+            left -= points;
+        }
+        Ok(runs)
+    }
+
+    /// Decodes on this thread, in passing, up to point `end`: one chunk, or chunks of `chunk_points`
+    /// that follow each other without a table.
+    #[expect(clippy::too_many_arguments, reason = "the caller's own arguments and the chunk's")]
+    fn stream<T>(
+        &self,
+        reader: &mut Reader,
+        compression: &Compression,
+        chunk_points: Option<u32>,
+        end: u64,
+        task: &dyn Task,
+        convert: &Convert<'_, T>,
+        sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
+    ) -> Result<(), ScanError> {
+        reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
+        let input = BufReader::with_capacity(READ_BYTES, &reader.file);
+        let mut decoder = self.decoder(compression, input, reader.point)?;
+        let chunk_points = chunk_points.map_or(u64::MAX, u64::from);
+        let mut in_chunk = 0;
+        let mut records = Vec::new();
+        while reader.point < end {
+            task.check()?;
+            let points = (end - reader.point).min(self.run_points() as u64) as usize;
+            records.resize(points * self.record_bytes, 0);
+            self.guarded(reader.point, || {
+                for record in records.chunks_exact_mut(self.record_bytes) {
+                    if in_chunk == chunk_points {
+                        decoder.reset();
+                        decoder
+                            .set_fields_from(&compression.items)
+                            .map_err(std::io::Error::other)?;
+                        in_chunk = 0;
+                    }
+                    decoder.decompress_next(record)?;
+                    in_chunk += 1;
+                }
+                Ok(())
+            })?;
+            sink(convert(&records)?)?;
+            reader.point += points as u64;
+        }
+        Ok(())
+    }
+
+    /// The chunk that comes next, where it is too large for a group.
+    fn large_chunk(&self, reader: &Reader) -> Option<(&Compression, Chunk)> {
+        let compression = self.compression.as_ref()?;
+        let chunk = *compression.chunks.as_ref()?.get(reader.chunk)?;
+        let raw_bytes = chunk.points as usize * self.record_bytes;
+        (raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX)
+            .then_some((compression, chunk))
+    }
+
+    /// Checks the layers of a chunk that is decoded in passing.
+    fn check_large(
+        &self,
+        reader: &mut Reader,
+        compression: &Compression,
+        chunk: Chunk,
+    ) -> Result<(), ScanError> {
+        let Some(layers) = compression.layers else { return Ok(()) };
+        if u64::from(chunk.bytes) > LAYERED_BYTES_MAX {
+            let what = format!(
+                "its chunks are too large ({} compressed bytes; {LAYERED_BYTES_MAX} are read at most): compress it anew with chunks of 50000 points",
+                chunk.bytes
+            );
+            return Err(ScanError::unsupported(&self.path, what));
+        }
+        reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
+        let mut head = Vec::new();
+        let head_bytes = (self.record_bytes + 4 + 4 * layers) as u64;
+        (&reader.file).take(head_bytes).read_to_end(&mut head).map_err(|e| self.io(e))?;
+        self.check_layers(&head, chunk.bytes.into(), layers, chunk.points.into())
+    }
+
+    /// Whether a layered chunk has the points that it should and its layers lie inside it.
+    fn check_layers(
+        &self,
+        head: &[u8],
+        bytes: u64,
+        layers: usize,
+        points: u64,
+    ) -> Result<(), ScanError> {
+        match layered_chunk(head, self.record_bytes, layers) {
+            Some(told) if u64::from(told.bytes) > bytes => Err(self.damaged(format!(
+                "a chunk of {bytes} bytes claims layers of {}: the compressed points are damaged",
+                told.bytes
+            ))),
+            Some(told) if u64::from(told.points) < points => Err(self.damaged(format!(
+                "a chunk holds {} points where {points} should be: the compressed points are damaged",
+                told.points
+            ))),
+            Some(_) => Ok(()),
+            None => Err(self.damaged("a chunk is shorter than its own head: the chunk table or the compressed points are damaged".into())),
+        }
+    }
+
+    /// Reads the next group: at least one chunk or run.
+    fn fill(&self, group: &mut Group, reader: &mut Reader, end: u64) -> Result<(), ScanError> {
+        group.pieces.clear();
+        let (mut compressed, mut raw) = (0, 0);
+        while reader.point < end {
+            let (points, bytes) = match self.compression.as_ref().and_then(|c| c.chunks.as_ref()) {
+                None => {
+                    let points = (end - reader.point).min(self.run_points() as u64) as usize;
+                    (points, points * self.record_bytes)
+                }
+                // The chunks' counts add up to the file's (`Compression::trim`).
+                Some(chunks) => match chunks.get(reader.chunk) {
+                    Some(c) => {
+                        let points = u64::from(c.points).min(end - reader.point) as usize;
+                        (points, c.bytes as usize)
+                    }
+                    None => break,
+                },
+            };
+            (compressed, raw) = (compressed + bytes, raw + points * self.record_bytes);
+            let is_large = self.large_chunk(reader).is_some();
+            let is_full = raw.max(compressed) > GROUP_BYTES || group.pieces.len() >= GROUP_PIECES;
+            if !group.pieces.is_empty() && (is_full || is_large) {
+                compressed -= bytes;
+                break;
+            }
+            let bytes = compressed - bytes..compressed;
+            group.pieces.push(Piece { bytes, points, first_point: reader.point });
+            reader.point += points as u64;
+            reader.chunk += 1;
+        }
+        // As many pieces for one core as for another: the slowest decides when the group is done.
+        let excess = group.pieces.len() % rayon::current_num_threads();
+        let kept = group.pieces.len() - excess;
+        if kept > 0 && excess > 0 {
+            reader.point = group.pieces[kept].first_point;
+            reader.chunk -= excess;
+            compressed = group.pieces[kept].bytes.start;
+            group.pieces.truncate(kept);
+        }
+        reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
+        group.bytes.clear();
+        let read = (&reader.file).take(compressed as u64).read_to_end(&mut group.bytes);
+        if read.map_err(|e| self.io(e))? < compressed {
+            return Err(self.damaged("the file was cut short while it was read".into()));
+        }
+        reader.at += compressed as u64;
+        Ok(())
+    }
+
+    fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(
+        &self,
+        compression: &Compression,
+        input: R,
+        point: u64,
+    ) -> Result<Box<dyn RecordDecompressor<R> + 'a>, ScanError> {
+        let mut decoder: Box<dyn RecordDecompressor<R> + 'a> = match compression.layers {
+            Some(_) => Box::new(LayeredPointRecordDecompressor::new(input)),
+            None => Box::new(SequentialPointRecordDecompressor::new(input)),
+        };
+        self.guarded(point, || {
+            decoder.set_fields_from(&compression.items).map_err(std::io::Error::other)
+        })?;
+        decoder.set_selection(DecompressionSelection::all());
+        Ok(decoder)
+    }
+
+    /// Runs the decoder; its errors, and panics that damaged bytes may cause in it, become errors that
+    /// name the place.
+    fn guarded(
+        &self,
+        point: u64,
+        decode: impl FnOnce() -> std::io::Result<()>,
+    ) -> Result<(), ScanError> {
+        let place = format!("at or after point {} of {}", point + 1, self.count);
+        match catch_unwind(AssertUnwindSafe(decode)) {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(self.damaged(
+                format!("its compressed points end {place}: the file is cut short or damaged"),
+            )),
+            Ok(Err(e)) => Err(self.io(e)),
+            Err(_) => Err(self.damaged(format!("its compressed points are damaged {place}"))),
+        }
+    }
+
+    fn run_points(&self) -> usize {
+        (RUN_BYTES / self.record_bytes).clamp(1, BATCH_POINTS)
+    }
+
+    fn io(&self, source: std::io::Error) -> ScanError {
+        ScanError::io(&self.path, source)
+    }
+
+    fn damaged(&self, what: String) -> ScanError {
+        ScanError::damaged(&self.path, what)
+    }
+}

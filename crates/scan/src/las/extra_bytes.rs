@@ -1,0 +1,137 @@
+//! Extra bytes of point records: the descriptions of the extra-bytes VLR (LAS 1.4 R15, table 24, and
+//! the arrays that R15 deprecates) become attributes; bytes that nothing describes become one `u8`
+//! attribute each, so that no byte of a record is lost.
+
+use super::header::f64_at;
+use super::vlr::{Records, text};
+use esker_points::{AttrType, Attribute, attribute::names};
+
+const DESCRIPTION_BYTES: usize = 192;
+const OPTION_SCALE: u8 = 1 << 3;
+const OPTION_OFFSET: u8 = 1 << 4;
+
+/// Names that mean LAS fields (or their like) everywhere in Esker; an extra dimension of such a name
+/// gets a suffix, since it need not mean the same.
+const RESERVED: [&str; 24] = [
+    names::INTENSITY,
+    names::RETURNS,
+    names::FLAGS,
+    names::CLASSIFICATION,
+    names::USER_DATA,
+    names::SCAN_ANGLE_RANK,
+    names::SCAN_ANGLE,
+    names::POINT_SOURCE_ID,
+    names::GPS_TIME,
+    names::RED,
+    names::GREEN,
+    names::BLUE,
+    names::NIR,
+    names::WAVE_DESCRIPTOR,
+    names::WAVE_OFFSET,
+    names::WAVE_SIZE,
+    names::WAVE_RETURN_POINT,
+    names::WAVE_X_T,
+    names::WAVE_Y_T,
+    names::WAVE_Z_T,
+    names::NX,
+    names::NY,
+    names::NZ,
+    "extra_bytes",
+];
+
+/// The attributes of `extra` bytes after the format's own fields, in the record's order and without
+/// gaps. Malformed descriptions fall back to raw bytes with a note.
+pub fn attributes(records: &Records, extra: usize, notes: &mut Vec<String>) -> Vec<Attribute> {
+    let mut described = Vec::new();
+    let mut bytes = 0;
+    for vlr in records.all("LASF_Spec", 4) {
+        if vlr.data.len() % DESCRIPTION_BYTES != 0 {
+            notes.push(format!(
+                "the extra-bytes VLR has {} bytes, no multiple of {DESCRIPTION_BYTES}: extra bytes are kept raw",
+                vlr.data.len()
+            ));
+            return raw(0, extra);
+        }
+        for description in vlr.data.chunks_exact(DESCRIPTION_BYTES) {
+            match describe(description, &described) {
+                Ok(attributes) => {
+                    bytes += attributes.iter().map(|a| a.ty.size()).sum::<usize>();
+                    described.extend(attributes);
+                }
+                Err(what) => {
+                    notes.push(format!("{what}: extra bytes are kept raw"));
+                    return raw(0, extra);
+                }
+            }
+            // At once, so that a hostile VLR cannot describe without end.
+            if bytes > extra {
+                notes.push(format!(
+                    "the extra-bytes VLR describes more bytes than the {extra} that the records have: they are kept raw"
+                ));
+                return raw(0, extra);
+            }
+        }
+    }
+    let first = described.iter().filter(|a| a.name.starts_with("extra_bytes[")).count();
+    described.extend(raw(first, extra - bytes));
+    described
+}
+
+fn raw(first: usize, number: usize) -> Vec<Attribute> {
+    (first..first + number)
+        .map(|i| Attribute::new(format!("extra_bytes[{i}]"), AttrType::U8))
+        .collect()
+}
+
+/// The attributes of one description: one for a value, several for an array, one a byte for
+/// undocumented bytes.
+fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, String> {
+    let (kind, options) = (description[2], description[3]);
+    if kind == 0 {
+        if options == 0 {
+            return Ok(vec![]);
+        }
+        let first = before.iter().filter(|a| a.name.starts_with("extra_bytes[")).count();
+        return Ok(raw(first, usize::from(options)));
+    }
+    let (number, ty) = match kind {
+        1..=10 => (1, kind),
+        11..=20 => (2, kind - 10),
+        21..=30 => (3, kind - 20),
+        _ => return Err(format!("the extra-bytes VLR has the unknown data type {kind}")),
+    };
+    let ty = TYPES[usize::from(ty) - 1];
+    let base = match text(&description[4..36]) {
+        name if name.is_empty() => "unnamed".to_owned(),
+        name if RESERVED.contains(&name.as_str()) => format!("{name}_extra"),
+        name => name,
+    };
+    let option = |bit: u8, at: usize, default: f64| {
+        let value = f64_at(description, at);
+        let usable = options & bit != 0 && value.is_finite() && (value != 0.0 || default == 0.0);
+        if usable { value } else { default }
+    };
+    Ok((0..number)
+        .map(|i| Attribute {
+            name: if number == 1 { base.clone() } else { format!("{base}[{i}]") },
+            ty,
+            description: text(&description[160..]),
+            scale: option(OPTION_SCALE, 112 + 8 * i, 1.0),
+            offset: option(OPTION_OFFSET, 136 + 8 * i, 0.0),
+        })
+        .collect())
+}
+
+/// Data types 1 to 10 of the extra-bytes VLR.
+const TYPES: [AttrType; 10] = [
+    AttrType::U8,
+    AttrType::I8,
+    AttrType::U16,
+    AttrType::I16,
+    AttrType::U32,
+    AttrType::I32,
+    AttrType::U64,
+    AttrType::I64,
+    AttrType::F32,
+    AttrType::F64,
+];

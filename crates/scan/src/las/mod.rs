@@ -1,0 +1,246 @@
+//! LAS and LAZ: versions 1.0 to 1.5, point formats 0 to 10, extra bytes, COPC (which is LAZ 1.4). The
+//! file is looked at once when opened (header, VLRs, chunk table, the first points' colours); points
+//! are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is told by the
+//! point format's upper bits and the LASzip record, never by the name.
+
+mod crs;
+mod decode;
+mod extra_bytes;
+mod header;
+mod laszip;
+mod points;
+mod vlr;
+
+use crate::error::ScanError;
+use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use decode::Points;
+use esker_points::lattice::{GridKind, Placement};
+use esker_points::{ColourDepth, InputGrid, Task};
+use header::{Header, format_bytes};
+use laszip::Compression;
+use points::{Layout, raw_position};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+use vlr::Records;
+
+/// LAS and LAZ.
+pub const FORMAT: Format =
+    Format { name: "LAS/LAZ", recognises: |head| head.starts_with(b"LASF"), open };
+
+/// Bytes read as the header; that of 1.5 has 393.
+const HEAD_BYTES: u64 = 512;
+/// Extra bytes of a record at most: each may become an attribute of its own, and LASzip's models of
+/// each take up to 12 KiB a thread. Real files have a few dozen.
+const EXTRA_BYTES_MAX: usize = 1024;
+/// First points whose colours tell whether 16-bit fields hold 8-bit values.
+const COLOUR_PROBE_POINTS: u64 = 1 << 16;
+
+/// An opened LAS or LAZ file.
+struct LasSource {
+    info: SourceInfo,
+    layout: Layout,
+    points: Points,
+}
+
+fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let io = |e| ScanError::io(path, e);
+    let mut file = File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    let mut head = Vec::new();
+    (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
+    let mut header = Header::parse(&head, bytes, path)?;
+    let mut notes = Vec::new();
+    let records = Records::read(&mut file, &header, bytes, path, &mut notes)?;
+    let points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes)?;
+    let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
+    if extra > EXTRA_BYTES_MAX {
+        let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
+        return Err(ScanError::unsupported(path, what));
+    }
+    let extra = extra_bytes::attributes(&records, extra, &mut notes);
+    let layout = Layout::new(header.point_format, header.record_bytes, extra);
+    if matches!(header.point_format, 4 | 5 | 9 | 10) {
+        notes.push("waveform packets are not kept (the fields that point to them are)".into());
+    }
+    let colour_depth = layout
+        .rgb_offset
+        .map(|_| options.colour_depth.map_or_else(|| detect_depth(&layout, &points, task), Ok))
+        .transpose()?;
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!(
+            "{} 1.{}, point format {}",
+            if points.compression.is_some() { "LAZ" } else { "LAS" },
+            header.minor,
+            header.point_format
+        ),
+        grid: InputGrid {
+            name: path.display().to_string(),
+            kind: GridKind::Integer,
+            grid: header.grid,
+            bounds: (points.count > 0).then_some(header.bounds),
+        },
+        schema: Arc::clone(&layout.schema),
+        points_hint: points.count,
+        bytes,
+        colour_depth,
+        crs: crs::of(&records, &mut notes),
+        verbatim: records.verbatim,
+        notes,
+    };
+    Ok(Box::new(LasSource { info, layout, points }))
+}
+
+/// Where the points are, after the header's claims were held against the file.
+fn points_of(
+    header: &mut Header,
+    records: &Records,
+    file: &mut File,
+    file_bytes: u64,
+    path: &Path,
+    notes: &mut Vec<String>,
+) -> Result<Points, ScanError> {
+    let vlr = laszip::record(records);
+    let (start, compression) = match (header.is_compressed, vlr) {
+        (true, None) => {
+            let what = "its point format says that points are compressed, but the LASzip record is missing";
+            return Err(ScanError::damaged(path, what));
+        }
+        (true, Some(vlr)) => {
+            let compression = Compression::read(vlr, header, file, file_bytes, path, notes)?;
+            (compression.start, Some(compression))
+        }
+        (false, vlr) => {
+            if vlr.is_some() {
+                notes.push("it has a LASzip record, but its point format says that points are not compressed".into());
+            }
+            check_count(header, file_bytes, path, notes)?;
+            (header.points_start, None)
+        }
+    };
+    Ok(Points {
+        path: path.to_owned(),
+        start,
+        count: header.points,
+        record_bytes: header.record_bytes,
+        compression,
+    })
+}
+
+/// Holds the count of uncompressed points against the bytes that are there. Fewer points than claimed
+/// are an error, since points would be lost in silence; a count of 0 that was never filled in is
+/// replaced by the number of whole records.
+fn check_count(
+    header: &mut Header,
+    file_bytes: u64,
+    path: &Path,
+    notes: &mut Vec<String>,
+) -> Result<(), ScanError> {
+    let behind = [header.evlrs.map(|(start, _)| start), header.waveforms_start];
+    let is_behind = |&start: &u64| start >= header.points_start && start <= file_bytes;
+    let end = behind.into_iter().flatten().filter(is_behind).min().unwrap_or(file_bytes);
+    let record_bytes = header.record_bytes as u64;
+    let room = file_bytes - header.points_start;
+    let (whole, available) = (room / record_bytes, (end - header.points_start) / record_bytes);
+    if header.points > whole {
+        let what = format!(
+            "the header claims {} points, but there are bytes for {whole} only: it is cut short or damaged",
+            header.points
+        );
+        return Err(ScanError::damaged(path, what));
+    }
+    if header.points > available {
+        notes.push(format!(
+            "records behind the points are said to begin after {available} of {} points; all points are read",
+            header.points
+        ));
+    } else if header.points == 0
+        && available > 0
+        && (end - header.points_start).is_multiple_of(record_bytes)
+    {
+        notes.push(format!(
+            "the header claims no points, but {available} whole records are there and are read"
+        ));
+        header.points = available;
+    } else if header.points < available {
+        notes.push(format!(
+            "{} bytes behind the {} points that the header claims are left out",
+            end - header.points_start - header.points * record_bytes,
+            header.points
+        ));
+    }
+    Ok(())
+}
+
+/// Whether the 16-bit colours of the first points all fit 8 bits. Damage found here is reported when
+/// the points are read.
+fn detect_depth(
+    layout: &Layout,
+    points: &Points,
+    task: &dyn Task,
+) -> Result<ColourDepth, ScanError> {
+    let mut max = 0;
+    let probed = points.for_each_run(
+        COLOUR_PROBE_POINTS,
+        task,
+        &|records| Ok(layout.colour_max(records)),
+        &mut |of_run| {
+            max = max.max(of_run);
+            Ok(())
+        },
+    );
+    match probed {
+        Err(ScanError::Cancelled(c)) => Err(c.into()),
+        _ if (1..=255).contains(&max) => Ok(ColourDepth::Eight),
+        _ => Ok(ColourDepth::Sixteen),
+    }
+}
+
+impl Source for LasSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let mut report = ReadReport::default();
+        let grid = &self.info.grid.grid;
+        self.points.for_each_run(
+            u64::MAX,
+            task,
+            &|records| self.layout.convert(records, placement, grid, &self.info.path),
+            &mut |run| {
+                report.points += run.batch.len() as u64;
+                report.rounding_error_max = report.rounding_error_max.max(run.rounding_error);
+                report.colour_max = report.colour_max.max(run.colour_max);
+                sink(run.batch)
+            },
+        )?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        let mut bounds: Option<[[i32; 3]; 2]> = None;
+        let join = |a: [[i32; 3]; 2], b: [[i32; 3]; 2]| {
+            [[0, 1, 2].map(|i| a[0][i].min(b[0][i])), [0, 1, 2].map(|i| a[1][i].max(b[1][i]))]
+        };
+        let of_run = |records: &[u8]| {
+            let raw = records.chunks_exact(self.points.record_bytes).map(raw_position);
+            Ok(raw.map(|p| [p, p]).reduce(join))
+        };
+        self.points.for_each_run(u64::MAX, task, &of_run, &mut |run| {
+            bounds = bounds.into_iter().chain(run).reduce(join);
+            Ok(())
+        })?;
+        let grid = &self.info.grid.grid;
+        let world =
+            |raw: [i32; 3]| [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i]);
+        Ok(bounds.map(|b| b.map(world)))
+    }
+}

@@ -1,0 +1,158 @@
+//! Variable length records, before the points (VLRs) and after them (EVLRs): read within a limit,
+//! kept verbatim, and walked. Wrong counts and lengths end the walk with a note; points stay readable.
+
+use super::header::{Header, u16_at, u64_at};
+use crate::error::ScanError;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Header, VLRs and EVLRs together are kept up to here; real files have kilobytes.
+pub const VERBATIM_BYTES_MAX: u64 = 64 << 20;
+const VLR_HEAD_BYTES: usize = 54;
+const EVLR_HEAD_BYTES: usize = 60;
+/// Record id of waveform packets in an EVLR of `LASF_Spec`.
+const WAVEFORM_PACKETS: u16 = 65535;
+
+/// One record, its data as in the file.
+#[derive(Clone, Debug)]
+pub struct Vlr {
+    /// Who defined it: `LASF_Projection`, `LASF_Spec`, `laszip encoded` ...
+    pub user: String,
+    /// Its number among that user's.
+    pub record: u16,
+    /// Its payload.
+    pub data: Vec<u8>,
+}
+
+/// All records of a file, and its header, VLRs and EVLRs as bytes.
+#[derive(Debug, Default)]
+pub struct Records {
+    /// VLRs and then EVLRs, in the file's order.
+    pub vlrs: Vec<Vlr>,
+    /// Name and bytes of each block kept.
+    pub verbatim: Vec<(String, Vec<u8>)>,
+}
+
+impl Records {
+    /// The first record of this user and number.
+    pub fn find(&self, user: &str, record: u16) -> Option<&Vlr> {
+        self.vlrs.iter().find(|v| v.user == user && v.record == record)
+    }
+
+    /// All records of this user and number, in the file's order.
+    pub fn all<'a>(&'a self, user: &'a str, record: u16) -> impl Iterator<Item = &'a Vlr> {
+        self.vlrs.iter().filter(move |v| v.user == user && v.record == record)
+    }
+
+    /// Reads header, VLRs and EVLRs of a file.
+    ///
+    /// # Errors
+    /// Where the system refuses a read, or header and VLRs are larger than the limit.
+    pub fn read(
+        file: &mut File,
+        header: &Header,
+        file_bytes: u64,
+        path: &Path,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, ScanError> {
+        if header.points_start > VERBATIM_BYTES_MAX {
+            let what = format!(
+                "header and VLRs are said to take {} bytes; {VERBATIM_BYTES_MAX} are read at most",
+                header.points_start
+            );
+            return Err(ScanError::damaged(path, what));
+        }
+        // Bounded: `points_start` lies inside the file and under the limit.
+        let mut head = vec![0; header.points_start as usize];
+        let io = |e| ScanError::io(path, e);
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        file.read_exact(&mut head).map_err(io)?;
+        let region = head.split_off(header.header_bytes as usize);
+        let mut records = Self { vlrs: walk_vlrs(&region, header.vlrs, notes), verbatim: vec![] };
+        records.verbatim.push(("las header".into(), head));
+        if !region.is_empty() {
+            records.verbatim.push(("las vlrs".into(), region));
+        }
+        if let Some((start, number)) = header.evlrs {
+            let kept = records.read_evlrs(file, start, number, file_bytes, notes).map_err(io)?;
+            if !kept.is_empty() {
+                records.verbatim.push(("las evlrs".into(), kept));
+            }
+        }
+        Ok(records)
+    }
+
+    fn read_evlrs(
+        &mut self,
+        file: &mut File,
+        start: u64,
+        number: u32,
+        file_bytes: u64,
+        notes: &mut Vec<String>,
+    ) -> std::io::Result<Vec<u8>> {
+        let mut budget =
+            VERBATIM_BYTES_MAX - self.verbatim.iter().map(|(_, b)| b.len() as u64).sum::<u64>();
+        let mut kept = Vec::new();
+        let mut at = start;
+        for index in 0..number {
+            let data_at = at.saturating_add(EVLR_HEAD_BYTES as u64);
+            let mut head = [0; EVLR_HEAD_BYTES];
+            if data_at <= file_bytes {
+                file.seek(SeekFrom::Start(at))?;
+                file.read_exact(&mut head)?;
+            }
+            let data_bytes = u64_at(&head, 20);
+            if data_at > file_bytes || data_bytes > file_bytes - data_at {
+                notes.push(format!(
+                    "the header claims {number} EVLRs; number {} runs past the end of the file and is left out",
+                    index + 1
+                ));
+                break;
+            }
+            at = data_at + data_bytes;
+            let (user, record) = (text(&head[2..18]), u16_at(&head, 18));
+            if user == "LASF_Spec" && record == WAVEFORM_PACKETS {
+                continue;
+            }
+            let Some(left) = budget.checked_sub(EVLR_HEAD_BYTES as u64 + data_bytes) else {
+                notes.push(format!("the EVLR {user} {record} of {data_bytes} bytes is not kept"));
+                continue;
+            };
+            budget = left;
+            // Bounded by the file's size and the budget.
+            let mut data = vec![0; data_bytes as usize];
+            file.read_exact(&mut data)?;
+            kept.extend_from_slice(&head);
+            kept.extend_from_slice(&data);
+            self.vlrs.push(Vlr { user, record, data });
+        }
+        Ok(kept)
+    }
+}
+
+fn walk_vlrs(region: &[u8], number: u32, notes: &mut Vec<String>) -> Vec<Vlr> {
+    let mut vlrs = Vec::new();
+    let mut rest = region;
+    for index in 0..number {
+        let data_bytes = usize::from(u16_at(rest, 20));
+        let Some(data) = rest.get(VLR_HEAD_BYTES..).and_then(|r| r.get(..data_bytes)) else {
+            notes.push(format!(
+                "the header claims {number} VLRs; number {} runs into the points and is left out",
+                index + 1
+            ));
+            break;
+        };
+        vlrs.push(Vlr { user: text(&rest[2..18]), record: u16_at(rest, 18), data: data.to_vec() });
+        rest = &rest[VLR_HEAD_BYTES + data_bytes..];
+    }
+    vlrs
+}
+
+/// Text of a field padded with zeros.
+pub fn text(field: &[u8]) -> String {
+    let end = field.iter().position(|&b| b == 0).unwrap_or(field.len());
+    let printable =
+        |c: char| if c.is_control() || c == char::REPLACEMENT_CHARACTER { '_' } else { c };
+    String::from_utf8_lossy(&field[..end]).trim().chars().map(printable).collect()
+}

@@ -1,0 +1,369 @@
+//! LAS and LAZ as users meet them: files written here byte by byte, for every version and point
+//! format, come back to the bit; damaged ones end in an error. The writer below knows nothing of the
+//! reader's tables: it places every field by the specification.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod las_writer;
+
+use esker_points::lattice::{Lattice, ORIGIN};
+use esker_points::task::Silent;
+use esker_points::{Batch, ColourDepth};
+use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use las_writer::{File, Point, Variant};
+use proptest::prelude::*;
+use std::io::Write;
+
+fn on_disk(bytes: &[u8]) -> tempfile::NamedTempFile {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(bytes).unwrap();
+    file
+}
+
+fn open(file: &tempfile::NamedTempFile) -> Result<Box<dyn Source>, ScanError> {
+    esker_scan::open(file.path(), &OpenOptions::default(), &Silent)
+}
+
+fn read(source: &dyn Source) -> Result<(Vec<Batch>, ReadReport), ScanError> {
+    let grid = &source.info().grid;
+    let lattice = Lattice::choose(std::slice::from_ref(grid)).unwrap();
+    let mut batches = Vec::new();
+    let report = source.read(&lattice.placement(grid), &Silent, &mut |batch| {
+        assert!(batch.is_consistent());
+        batches.push(batch);
+        Ok(())
+    })?;
+    assert_eq!(report.points, batches.iter().map(|b| b.len() as u64).sum::<u64>());
+    Ok((batches, report))
+}
+
+/// All values of an attribute as raw bytes, a point.
+fn column(batches: &[Batch], name: &str) -> Vec<Vec<u8>> {
+    let mut values = Vec::new();
+    for batch in batches {
+        let at = batch.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
+        let size = batch.schema.attributes[at].ty.size();
+        values.extend(batch.columns[at].chunks(size).map(<[u8]>::to_vec));
+    }
+    values
+}
+
+/// Holds every attribute and coordinate of what was read against what was written.
+fn assert_equal(batches: &[Batch], points: &[Point], variant: Variant) {
+    let positions: Vec<_> = batches.iter().flat_map(|b| &b.positions).collect();
+    assert_eq!(positions.len(), points.len());
+    for (read, written) in positions.iter().zip(points) {
+        assert_eq!(read.map(|c| i64::from(c) - ORIGIN), written.position.map(i64::from));
+    }
+    let expected = las_writer::expected_columns(points, variant);
+    let names: Vec<_> = expected.iter().map(|(name, _)| name.clone()).collect();
+    if let Some(batch) = batches.first() {
+        let mut sorted = names.clone();
+        sorted.sort();
+        let read: Vec<_> = batch.schema.attributes.iter().map(|a| a.name.clone()).collect();
+        assert_eq!(read, sorted);
+    }
+    for (name, values) in expected {
+        if !points.is_empty() {
+            assert_eq!(column(batches, &name), values, "{name}");
+        }
+    }
+}
+
+fn variants() -> impl Strategy<Value = Variant> {
+    (0u8..=10, 0u8..=5, 0u16..9).prop_map(|(format, minor, extra)| {
+        let minor_min = [0, 0, 2, 2, 3, 3, 4, 4, 4, 4, 4][usize::from(format)];
+        Variant { format, minor: minor.max(minor_min), extra }
+    })
+}
+
+fn points(
+    extra: u16,
+    number: impl Into<prop::collection::SizeRange>,
+) -> impl Strategy<Value = Vec<Point>> {
+    let point = (
+        any::<[i32; 3]>(),
+        any::<[u8; 60]>(),
+        prop::collection::vec(any::<u8>(), usize::from(extra)),
+    );
+    let point = point.prop_map(|(position, fields, extra)| Point { position, fields, extra });
+    prop::collection::vec(point, number)
+}
+
+fn file_of(variant: Variant, points: Vec<Point>) -> File {
+    File { variant, points, vlrs: vec![] }
+}
+
+proptest! {
+    #[test]
+    fn every_bit_of_a_las_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40)))) {
+        let disk = on_disk(&file_of(variant, points.clone()).las());
+        let source = open(&disk).unwrap();
+        let (batches, report) = read(source.as_ref()).unwrap();
+        assert_equal(&batches, &points, variant);
+        prop_assert_eq!(report.rounding_error_max, 0.0);
+        prop_assert!(source.info().format.starts_with("LAS 1."));
+    }
+
+    #[test]
+    fn every_bit_of_a_laz_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40))), chunk in 1u32..20) {
+        let disk = on_disk(&file_of(variant, points.clone()).laz(chunk));
+        let source = open(&disk).unwrap();
+        let (batches, _) = read(source.as_ref()).unwrap();
+        assert_equal(&batches, &points, variant);
+        prop_assert!(source.info().format.starts_with("LAZ 1."));
+    }
+
+    #[test]
+    fn damaged_files_end_and_never_panic(
+        (variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 1..30))),
+        is_laz: bool,
+        only_points: bool,
+        flips in prop::collection::vec((0usize..3000, 0u8..8), 1..12),
+        cut in prop_oneof![3 => Just(0usize), 1 => 1usize..200],
+    ) {
+        let file = file_of(variant, points);
+        let mut bytes = if is_laz { file.laz(7) } else { file.las() };
+        let start = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+        let first = if only_points { start } else { 0 };
+        let length = bytes.len();
+        for (at, bit) in flips {
+            bytes[first + at % (length - first)] ^= 1 << bit;
+        }
+        bytes.truncate(length.saturating_sub(cut).max(4));
+        let disk = on_disk(&bytes);
+        if let Ok(source) = open(&disk) {
+            let _ = source.survey(&Silent);
+            let grid = &source.info().grid;
+            let lattice = Lattice::choose(std::slice::from_ref(grid)).unwrap();
+            let mut points = 0u64;
+            let report = source.read(&lattice.placement(grid), &Silent, &mut |b| { points += b.len() as u64; Ok(()) });
+            if let Err(e) = report {
+                prop_assert!(e.to_string().contains(&disk.path().display().to_string()), "{}", e);
+            }
+            prop_assert!(points < 1_000_000);
+        }
+    }
+}
+
+fn plain_points(number: usize, extra: u16) -> Vec<Point> {
+    (0..number)
+        .map(|i| Point {
+            position: [i as i32, -(i as i32), 7],
+            fields: [i as u8; 60],
+            extra: vec![i as u8; usize::from(extra)],
+        })
+        .collect()
+}
+
+#[test]
+fn more_points_than_a_batch_come_in_order_and_in_bounded_batches() {
+    let variant = Variant { format: 0, minor: 2, extra: 0 };
+    let file = file_of(variant, plain_points(150_000, 0));
+    for bytes in [file.las(), file.laz(50_000), file.laz(1000), file.laz(140_000)] {
+        let (batches, _) = read(open(&on_disk(&bytes)).unwrap().as_ref()).unwrap();
+        assert!(batches.iter().all(|b| b.len() <= 1 << 16));
+        assert_equal(&batches, &file.points, variant);
+    }
+}
+
+#[test]
+fn one_thread_and_many_give_the_same_batches() {
+    let file = file_of(Variant { format: 6, minor: 4, extra: 2 }, plain_points(20_000, 2));
+    let disk = on_disk(&file.laz(900));
+    let records = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (batches, _) = read(open(&disk).unwrap().as_ref()).unwrap();
+            let mut out = Vec::new();
+            batches.iter().for_each(|b| (0..b.len()).for_each(|i| b.record_into(i, &mut out)));
+            out
+        })
+    };
+    assert_eq!(records(1), records(4));
+}
+
+#[test]
+fn laz_of_varying_chunks_gives_all_points() {
+    for (format, minor) in [(3, 2), (7, 4)] {
+        let variant = Variant { format, minor, extra: 3 };
+        let file = file_of(variant, plain_points(1000, 3));
+        let disk = on_disk(&file.laz_of_varying_chunks(&[400, 1, 99, 500]));
+        let (batches, _) = read(open(&disk).unwrap().as_ref()).unwrap();
+        assert_equal(&batches, &file.points, variant);
+    }
+}
+
+#[test]
+fn laz_without_chunk_table_gives_all_points_and_says_so() {
+    for (format, minor) in [(3, 2), (7, 4)] {
+        let variant = Variant { format, minor, extra: 3 };
+        let file = file_of(variant, plain_points(1000, 3));
+        let disk = on_disk(&file.laz_without_chunk_table(300));
+        let source = open(&disk).unwrap();
+        assert!(source.info().notes.iter().any(|n| n.contains("no chunk table")));
+        let (batches, _) = read(source.as_ref()).unwrap();
+        assert_equal(&batches, &file.points, variant);
+    }
+}
+
+#[test]
+fn a_laszip_record_that_the_decoder_does_not_know_is_refused_by_name() {
+    let file = file_of(Variant { format: 1, minor: 2, extra: 0 }, plain_points(10, 0));
+    let good = file.laz(5);
+    let record = 227 + 54;
+    for (at, value, what) in [
+        (record, 9, "compressor 9"),
+        (record + 2, 3, "coder 3"),
+        (record + 34, 8, "do not make point format 1"),
+        (record + 36, 19, "bytes a point"),
+        (record + 38, 7, "version 7"),
+        (record + 32, 200, "cut short"),
+    ] {
+        let mut bytes = good.clone();
+        bytes[at] = value;
+        let error = open(&on_disk(&bytes)).err().unwrap().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+#[test]
+fn chunk_tables_that_lie_are_refused_without_believing_them() {
+    let file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(10, 0));
+    let good = file.laz(5);
+    let start = u32::from_le_bytes(good[96..100].try_into().unwrap()) as usize;
+    let table = u64::from_le_bytes(good[start..start + 8].try_into().unwrap()) as usize;
+    let length = good.len() as u64;
+    for place in [length, length - 4, length + 1000, i64::MAX as u64, start as u64 + 4] {
+        let mut bytes = good.clone();
+        bytes[start..start + 8].copy_from_slice(&place.to_le_bytes());
+        assert!(open(&on_disk(&bytes)).is_err(), "{place}");
+    }
+    let mut bytes = good.clone();
+    bytes[table + 4..table + 8].copy_from_slice(&u32::MAX.to_le_bytes());
+    let error = open(&on_disk(&bytes)).err().unwrap().to_string();
+    assert!(error.contains("claims 4294967295 chunks"), "{error}");
+    let mut bytes = good;
+    bytes[247..255].copy_from_slice(&11u64.to_le_bytes());
+    let error = open(&on_disk(&bytes)).err().unwrap().to_string();
+    assert!(error.contains("claims 11 points"), "{error}");
+}
+
+#[test]
+fn extra_bytes_get_their_names_types_and_scales() {
+    let variant = Variant { format: 1, minor: 2, extra: 4 + 6 + 1 + 2 };
+    let mut file = file_of(variant, plain_points(5, variant.extra));
+    file.vlrs.push(las_writer::extra_bytes_vlr(&[
+        (5, 0b11000, "intensity"),
+        (23, 0, "Colours"),
+        (0, 1, "what"),
+    ]));
+    let disk = on_disk(&file.las());
+    let source = open(&disk).unwrap();
+    let named: Vec<_> =
+        source.info().schema.attributes.iter().map(|a| (a.name.as_str(), a.ty.name())).collect();
+    for expected in [
+        ("intensity_extra", "u32"),
+        ("Colours[0]", "u16"),
+        ("Colours[2]", "u16"),
+        ("extra_bytes[0]", "u8"),
+        ("extra_bytes[1]", "u8"),
+        ("extra_bytes[2]", "u8"),
+        ("intensity", "u16"),
+    ] {
+        assert!(named.contains(&expected), "{expected:?} in {named:?}");
+    }
+    let scaled = source.info().schema.find("intensity_extra").unwrap();
+    let scaled = &source.info().schema.attributes[scaled];
+    assert_eq!(
+        (scaled.scale, scaled.offset, scaled.description.as_str()),
+        (0.25, -3.0, "about intensity")
+    );
+    let (batches, _) = read(source.as_ref()).unwrap();
+    assert_eq!(column(&batches, "Colours[1]")[3], [3, 3]);
+}
+
+#[test]
+fn descriptions_of_more_bytes_than_there_are_fall_back_to_raw_bytes() {
+    let mut file = file_of(Variant { format: 1, minor: 2, extra: 2 }, plain_points(5, 2));
+    file.vlrs.push(las_writer::extra_bytes_vlr(&[(10, 0, "wide")]));
+    let disk = on_disk(&file.las());
+    let source = open(&disk).unwrap();
+    assert!(
+        source.info().notes.iter().any(|n| n.contains("kept raw")),
+        "{:?}",
+        source.info().notes
+    );
+    assert!(source.info().schema.find("extra_bytes[1]").is_some());
+}
+
+#[test]
+fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
+    let variant = Variant { format: 2, minor: 2, extra: 0 };
+    let mut file = file_of(variant, plain_points(3, 0));
+    for (value, depth) in
+        [(0, ColourDepth::Sixteen), (255, ColourDepth::Eight), (256, ColourDepth::Sixteen)]
+    {
+        file.points.iter_mut().for_each(|p| p.set_colours(variant, [value, 0, value / 2]));
+        let disk = on_disk(&file.las());
+        let source = open(&disk).unwrap();
+        assert_eq!(source.info().colour_depth, Some(depth));
+        assert_eq!(read(source.as_ref()).unwrap().1.colour_max, value);
+        let options = OpenOptions { colour_depth: Some(ColourDepth::Eight) };
+        let overridden = esker_scan::open(disk.path(), &options, &Silent).unwrap();
+        assert_eq!(overridden.info().colour_depth, Some(ColourDepth::Eight));
+    }
+}
+
+#[test]
+fn counts_that_lie_are_named_or_put_right() {
+    let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
+    let with_count = |count: u32| {
+        let mut bytes = file.las();
+        bytes[107..111].copy_from_slice(&count.to_le_bytes());
+        on_disk(&bytes)
+    };
+    let error = open(&with_count(11)).err().unwrap().to_string();
+    assert!(error.contains("claims 11 points") && error.contains("for 10 only"), "{error}");
+    assert!(!error.contains('\n'));
+    for (claimed, read_points) in [(0, 10), (4, 4)] {
+        let disk = with_count(claimed);
+        let source = open(&disk).unwrap();
+        assert_eq!(source.info().notes.len(), 1, "{:?}", source.info().notes);
+        assert_eq!(read(source.as_ref()).unwrap().1.points, read_points);
+    }
+}
+
+#[test]
+fn header_and_records_are_kept_verbatim() {
+    let mut file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(2, 0));
+    file.vlrs.push((
+        "LASF_Projection".into(),
+        2112,
+        br#"PROJCS["x",UNIT["foot",0.3048]]"#.to_vec(),
+    ));
+    let bytes = file.las();
+    let disk = on_disk(&bytes);
+    let source = open(&disk).unwrap();
+    let kept: Vec<u8> = source.info().verbatim.iter().flat_map(|(_, b)| b.clone()).collect();
+    assert_eq!(kept, bytes[..kept.len()]);
+    assert_eq!(kept.len(), bytes.len() - 2 * 30);
+    assert_eq!(source.info().crs.as_ref().unwrap().unit.as_deref(), Some("foot"));
+}
+
+#[test]
+fn points_outside_the_lattice_are_reported_and_surveyed() {
+    let variant = Variant { format: 0, minor: 2, extra: 0 };
+    let mut points = plain_points(3, 0);
+    points[2].position = [i32::MAX, i32::MIN, 0];
+    let disk = on_disk(&file_of(variant, points).las());
+    let source = open(&disk).unwrap();
+    let mut other = source.info().grid.clone();
+    other.grid.scale = [2.0 * 0.01 / 3.0; 3];
+    let lattice = Lattice { scale: other.grid.scale, offset: [0.0; 3], shift: [0; 3] };
+    let placement = lattice.placement(&source.info().grid);
+    let error = source.read(&placement, &Silent, &mut |_| Ok(())).unwrap_err();
+    assert!(matches!(error, ScanError::OffLattice { .. }), "{error}");
+    let [min, max] = source.survey(&Silent).unwrap().unwrap();
+    assert_eq!((max[0], min[1]), (f64::from(i32::MAX) * 0.01, f64::from(i32::MIN) * 0.01));
+}
