@@ -6,7 +6,7 @@
 //! `high * 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
 
 use crate::error::RenderError;
-use crate::frame::{DrawNode, SIDE_MAX};
+use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
 use esker_lod::View;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
@@ -42,8 +42,11 @@ impl Camera {
     /// Where the view is no usable camera.
     pub fn new(view: &View, lattice: &Lattice) -> Result<Self, RenderError> {
         let (width, height) = (view.width, view.height);
-        if !(1..=SIDE_MAX).contains(&width) || !(1..=SIDE_MAX).contains(&height) {
-            return Err(RenderError::Size { width, height, max: SIDE_MAX });
+        let sides = 1..=SIDE_MAX;
+        if !(sides.contains(&width) && sides.contains(&height))
+            || u64::from(width) * u64::from(height) > PIXELS_MAX
+        {
+            return Err(RenderError::Size { width, height, side: SIDE_MAX, pixels: PIXELS_MAX });
         }
         let usable = |ok: bool, what| if ok { Ok(()) } else { Err(RenderError::Camera { what }) };
         usable(view.eye.is_finite(), "eye")?;

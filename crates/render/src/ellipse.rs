@@ -22,6 +22,9 @@ pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
 /// The normal of a disc that faces the viewer: the ellipse is a circle.
 pub const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 1.0);
 
+/// A point without a normal among points that have one: a circle, and nothing to add to a mean.
+pub const UNKNOWN: Vec4 = Vec4::new(0.0, 0.0, 0.0, 1.0);
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -52,7 +55,7 @@ mod tests {
         assert!(covers(Vec2::new(0.0, 1.5), 2.0, edge_on));
         assert!(!covers(Vec2::new(0.0, 2.5), 2.0, edge_on));
         assert!(!covers(Vec2::new(0.1, 0.0), 2.0, edge_on));
-        assert!(covers(Vec2::new(1.0, 1.0), 2.0, Vec4::ZERO));
-        assert!(!covers(Vec2::new(2.0, 1.0), 2.0, Vec4::ZERO));
+        assert!(covers(Vec2::new(1.0, 1.0), 2.0, UNKNOWN));
+        assert!(!covers(Vec2::new(2.0, 1.0), 2.0, UNKNOWN));
     }
 }

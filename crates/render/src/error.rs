@@ -5,14 +5,19 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// No pixels, or more than the passes are made for.
-    #[error("a picture of {width} x {height} pixels cannot be drawn; give 1 to {max} on each side")]
+    #[error(
+        "a picture of {width} x {height} pixels cannot be drawn; give 1 to {side} on each side and at \
+         most {pixels} in all"
+    )]
     Size {
         /// Width asked for.
         width: u32,
         /// Height asked for.
         height: u32,
         /// Most pixels on a side.
-        max: u32,
+        side: u32,
+        /// Most pixels in all.
+        pixels: u64,
     },
     /// An eye, direction, field of view or near plane that is no usable number.
     #[error("the camera's {what} is no usable number; give a finite eye, target and field of view")]

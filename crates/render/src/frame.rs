@@ -2,12 +2,14 @@
 //! they bring, how to colour them, and the picture with its counts and times. Plain borrowed data.
 
 use crate::colour::ColourBy;
-use esker_lod::View;
+use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
 
 /// Most pixels on a side of a picture.
 pub const SIDE_MAX: u32 = 16_384;
+/// Most pixels of a picture: the passes hold about 90 bytes a pixel.
+pub const PIXELS_MAX: u64 = 1 << 26;
 
 /// One node of the cut, with the planes that the frame needs. Planes shorter than the prefix end the
 /// prefix; any bits in them are drawn harmlessly.
@@ -15,6 +17,8 @@ pub const SIDE_MAX: u32 = 16_384;
 pub struct DrawNode<'a> {
     /// Its record.
     pub node: &'a Node,
+    /// Its place in the list of drawn nodes that the frame's octree was made from.
+    pub entry: usize,
     /// How many of its points are drawn, from the first.
     pub prefix: usize,
     /// Hot positions, [`esker_points::quant::HOT_POSITION_BYTES`] a point.
@@ -78,6 +82,9 @@ pub struct Frame<'a> {
     pub lattice: &'a Lattice,
     /// The cut. At most 2^32 - 1 points; what goes beyond is not drawn and shows in the counts.
     pub draws: &'a [DrawNode<'a>],
+    /// The cells of the cut with their effective spacings, which size the points; without it points
+    /// have their stored radii.
+    pub octree: Option<&'a CompactOctree>,
     /// How points become a picture.
     pub method: Method,
     /// What gives points their colour.

@@ -6,7 +6,7 @@
 
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::colour::{ColourBy, MapTable, PLAIN, class_colour, hue, linear};
-use crate::ellipse::FACING;
+use crate::ellipse::{FACING, UNKNOWN};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::project::{DrawList, EMPTY, normal_at, unpack};
 use crate::pyramid::{INVALID, Level, for_each_row};
@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// points' ellipses, which covers less than they do: with covering radii as they are, up to 0.2 % of a
 /// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
 /// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.3, 1.15];
+const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
 /// Added to radii in the picture, pixels: a projected point moves to its pixel's centre.
 const RADIUS_MARGIN_PX: f32 = 0.5;
 /// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
@@ -55,7 +55,7 @@ pub struct Hit {
     pub colour: Vec3,
     /// Drawn radius, the file's unit.
     pub radius: f32,
-    /// In view space, unit length; facing the viewer where the point has none.
+    /// In view space, unit length, and in w the z for its ellipse; zero and 1 where the point has none.
     pub normal: Vec4,
 }
 
@@ -116,20 +116,26 @@ impl<'a> Lookup<'a> {
     }
 
     /// Effective spacing of the finest drawn cell that holds the point.
-    fn spacing(&self, draw: &DrawNode<'_>, _offset: [u32; 3]) -> f32 {
-        draw.node.spacing
+    fn spacing(&self, draw: &DrawNode<'_>, offset: [u32; 3]) -> f32 {
+        let stored = draw.node.spacing;
+        let Some(octree) = self.frame.octree.filter(|o| draw.entry < o.len()) else {
+            return stored;
+        };
+        let p = [0, 1, 2].map(|i| draw.node.box_min[i].wrapping_add(offset[i]));
+        let drawn = octree.spacing_from(draw.entry, p);
+        if drawn > 0.0 { drawn } else { stored }
     }
 
     fn normal(&self, draw: &DrawNode<'_>, index: usize, d: usize, offset: [u32; 3]) -> Vec4 {
         let world = draw.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, index));
         if world == Vec3::ZERO {
-            return FACING;
+            return UNKNOWN;
         }
         let n = self.camera.to_view(world);
         // Where back faces are not culled, a normal may look either way: it is turned to the eye.
         let from_eye = self.draws[d].place.steps_from_eye(offset) * self.camera.step;
         let away = world.dot(from_eye) > 0.0 && !self.frame.cull_back_faces;
-        (if away { -n } else { n }).extend(0.0)
+        (if away { -n } else { n }).extend(n.z)
     }
 
     fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
@@ -194,7 +200,7 @@ fn gather_level<const NORMALS: bool>(
             row.tint[x] = hit.colour.extend(radius_px);
             row.depth[x] = depth;
             if NORMALS {
-                row.normal[x] = hit.normal.truncate().extend(filter_z(hit.normal.z, radius_px));
+                row.normal[x] = hit.normal.truncate().extend(filter_z(hit.normal.w, radius_px));
             }
             count += 1;
         }

@@ -2,8 +2,8 @@
 //! from differences of smoothed depth; and how much a pixel lies behind its surroundings, which darkens
 //! it (eye-dome lighting, after Boucheny 2009).
 //!
-//! Smoothing is a separable bilateral mean of five pixels an axis: what differs from the middle by more
-//! than the surface can between two pixels is another surface, and takes no part. Loops over rows are
+//! Smoothing is a separable bilateral mean of five pixels an axis, repeated until it is as wide as the discs: what
+//! differs from the middle by more than a surface can is another surface, and takes no part. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
 use glam::Vec3;
@@ -13,6 +13,8 @@ use rayon::prelude::*;
 const SLOPE_MAX: f32 = 6.0;
 /// Weights of the smoothing, from the middle outwards (binomial).
 const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
+/// Radius of discs over the widest distance of taps that they need.
+const RADIUS_PER_STEP: f32 = 1.8;
 /// Distance of the surroundings that darken, pixels.
 const REACH: usize = 2;
 /// Beyond this slope more depth darkens no more.
@@ -29,6 +31,9 @@ pub struct DepthImage<'a> {
     pub focal_px: f32,
     /// The picture's middle, pixels.
     pub centre_px: [f32; 2],
+    /// Typical radius of the discs that the surface was filled from, pixels: depth comes in steps this
+    /// far apart.
+    pub radius_px: f32,
 }
 
 /// Memory kept from frame to frame.
@@ -44,7 +49,7 @@ impl<'a> DepthImage<'a> {
         &self.depth[y * self.width..][..self.width]
     }
 
-    /// The image smoothed along both axes, at two widths.
+    /// The image smoothed along both axes.
     pub fn smoothed<'b>(self, scratch: &'b mut ReliefScratch) -> DepthImage<'b>
     where
         'a: 'b,
@@ -54,16 +59,28 @@ impl<'a> DepthImage<'a> {
         smooth.resize(self.depth.len(), 0.0);
         nothing.clear();
         nothing.resize(self.width, f32::INFINITY);
+        // Wider and wider (a trous): coarse taps alone would leave their own pattern.
         self.smooth_rows(1, rows);
         DepthImage { depth: rows, ..self }.smooth_columns(1, nothing, smooth);
-        DepthImage { depth: smooth, ..self }.smooth_rows(2, rows);
-        DepthImage { depth: rows, ..self }.smooth_columns(2, nothing, smooth);
+        for step in [2, 4, 8] {
+            if step > 2 && self.radius_px < RADIUS_PER_STEP * step as f32 {
+                break;
+            }
+            DepthImage { depth: smooth, ..self }.smooth_rows(step, rows);
+            DepthImage { depth: rows, ..self }.smooth_columns(step, nothing, smooth);
+        }
         DepthImage { depth: smooth, ..self }
+    }
+
+    /// The greatest relative change of depth over so many pixels within a surface. Between neighbouring
+    /// discs depth changes at once by what their distance makes.
+    fn near(&self, pixels: usize) -> f32 {
+        SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
     }
 
     /// The mean along rows, taps `step` pixels apart.
     fn smooth_rows(&self, step: usize, out: &mut [f32]) {
-        let (reach, per_px) = (2 * step, SLOPE_MAX / self.focal_px);
+        let reach = 2 * step;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
             let row = self.row(y);
             out.copy_from_slice(row);
@@ -72,19 +89,18 @@ impl<'a> DepthImage<'a> {
             let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
             let taps = [view(0), view(1), view(2), view(3), view(4)];
             let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
-            mean(taps, step as f32 * per_px, out);
+            mean(taps, self.near(step), out);
         });
     }
 
     /// The mean along columns, taps `step` pixels apart.
     fn smooth_columns(&self, step: usize, nothing: &[f32], out: &mut [f32]) {
-        let per_px = SLOPE_MAX / self.focal_px;
         let height = self.depth.len() / self.width;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
             let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
             let down =
                 |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
-            mean([up(2), up(1), self.row(y), down(1), down(2)], step as f32 * per_px, out);
+            mean([up(2), up(1), self.row(y), down(1), down(2)], self.near(step), out);
         });
     }
 
@@ -103,22 +119,23 @@ impl<'a> DepthImage<'a> {
             far: [up(REACH), self.row(y), down(REACH)],
             focal_px: self.focal_px,
             centre_px: self.centre_px,
+            near: self.near(1),
             y,
         }
     }
 }
 
-/// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the middle
-/// at the nearer taps.
+/// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the
+/// middle.
 fn mean(taps: [&[f32]; 5], near: f32, out: &mut [f32]) {
     let n = out.len();
     let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
     for x in 0..n {
         let m = middle[x];
-        let pair = |a: f32, b: f32, near: f32| (a - m).abs() < near && (b - m).abs() < near;
+        let pair = |a: f32, b: f32| (a - m).abs() < near * m && (b - m).abs() < near * m;
         // In pairs, so that a slope's edge does not bend towards its inside.
-        let w1 = if pair(a1[x], b1[x], near * m) { TAPS[1] } else { 0.0 };
-        let w2 = if pair(a2[x], b2[x], 2.0 * near * m) { TAPS[2] } else { 0.0 };
+        let w1 = if pair(a1[x], b1[x]) { TAPS[1] } else { 0.0 };
+        let w2 = if pair(a2[x], b2[x]) { TAPS[2] } else { 0.0 };
         let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
         let s2 = if w2 > 0.0 { a2[x] + b2[x] } else { 0.0 };
         out[x] = (m * TAPS[0] + s1 * w1 + s2 * w2) / (TAPS[0] + 2.0 * (w1 + w2));
@@ -133,6 +150,7 @@ pub struct Surroundings<'a> {
     far: [&'a [f32]; 3],
     focal_px: f32,
     centre_px: [f32; 2],
+    near: f32,
     y: usize,
 }
 
@@ -146,7 +164,7 @@ impl Surroundings<'_> {
         let d = self.here[x];
         let u = x as f32 + 0.5 - self.centre_px[0];
         let v = self.centre_px[1] - self.y as f32 - 0.5;
-        let limit = SLOPE_MAX * d / self.focal_px;
+        let limit = self.near * d;
         let left = if x > 0 { self.here[x - 1] } else { f32::INFINITY };
         let right = self.here.get(x + 1).copied().unwrap_or(f32::INFINITY);
         let du = slope(d - left, right - d, limit);
@@ -170,14 +188,18 @@ impl Surroundings<'_> {
 }
 
 /// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
-/// the surface, or none.
+/// the surface.
 #[inline]
 fn slope(before: f32, after: f32, limit: f32) -> f32 {
     match (before.abs() < limit, after.abs() < limit) {
         (true, true) => (before + after) * 0.5,
         (true, false) => before,
         (false, true) => after,
-        (false, false) => 0.0,
+        // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+        (false, false) => {
+            let nearer = if before.abs() < after.abs() { before } else { after };
+            if nearer.is_finite() { nearer.clamp(-limit, limit) } else { 0.0 }
+        }
     }
 }
 
@@ -202,8 +224,13 @@ mod tests {
         for n in [Vec3::Z, Vec3::new(0.5, -0.3, 1.0), Vec3::new(-1.0, 1.5, 1.0)] {
             let n = n.normalize_or(Vec3::Z);
             let depth = plane(n, 5.0, 40, 80.0);
-            let image =
-                DepthImage { width: 40, depth: &depth, focal_px: 80.0, centre_px: [20.0; 2] };
+            let image = DepthImage {
+                width: 40,
+                depth: &depth,
+                focal_px: 80.0,
+                centre_px: [20.0; 2],
+                radius_px: 0.0,
+            };
             let mut scratch = ReliefScratch::default();
             let nothing = [f32::INFINITY; 40];
             for image in [image, image.smoothed(&mut scratch)] {
@@ -218,7 +245,13 @@ mod tests {
     #[test]
     fn steps_between_surfaces_neither_blur_nor_tilt_and_darken_only_what_is_behind() {
         let depth: Vec<f32> = (0..400).map(|i| if i % 20 < 10 { 1.0 } else { 3.0 }).collect();
-        let image = DepthImage { width: 20, depth: &depth, focal_px: 400.0, centre_px: [10.0; 2] };
+        let image = DepthImage {
+            width: 20,
+            depth: &depth,
+            focal_px: 400.0,
+            centre_px: [10.0; 2],
+            radius_px: 0.0,
+        };
         let mut scratch = ReliefScratch::default();
         assert!(image.smoothed(&mut scratch).depth == depth);
         let row = image.surroundings(10, &depth[..20]);

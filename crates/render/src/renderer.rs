@@ -103,9 +103,8 @@ impl Renderer {
             stats.stages.pull_ms = clock.lap();
             push(&mut self.pyramid);
             stats.stages.push_ms = clock.lap();
-            let base = &self.pyramid.levels[0];
             stats.pixels_covered =
-                shade(&camera, base, frame.background, &mut self.scratch, picture);
+                shade(&camera, &self.pyramid, frame.background, &mut self.scratch, picture);
             stats.stages.shade_ms = clock.lap();
         }
         stats.stages.total_ms = ms(start.elapsed());

@@ -9,7 +9,7 @@
 use crate::camera::Camera;
 use crate::colour::Encoder;
 use crate::frame::{Background, Picture};
-use crate::pyramid::Level;
+use crate::pyramid::{Level, Pyramid};
 use crate::relief::{DepthImage, ReliefScratch};
 use crate::resolve::backdrop;
 use glam::Vec3;
@@ -34,11 +34,12 @@ const DOME: (f32, f32) = (2.0, 0.5);
 /// Lights level 0 and writes colours and depths of the picture. Returns the number of pixels covered.
 pub fn shade(
     camera: &Camera,
-    base: &Level,
+    pyramid: &Pyramid,
     background: Background,
     scratch: &mut ReliefScratch,
     picture: &mut Picture,
 ) -> u64 {
+    let base = &pyramid.levels[0];
     let width = base.width;
     let covered = AtomicU64::new(0);
     picture.depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -53,7 +54,13 @@ pub fn shade(
     });
     let has_normals = !base.normal.is_empty();
     let focal_px = camera.focal_px;
-    let raw = DepthImage { width, depth: &picture.depth, focal_px, centre_px: camera.centre_px };
+    let raw = DepthImage {
+        width,
+        depth: &picture.depth,
+        focal_px,
+        centre_px: camera.centre_px,
+        radius_px: mean_radius_px(base),
+    };
     let relief = if has_normals { raw } else { raw.smoothed(scratch) };
     let nothing = vec![f32::INFINITY; width];
     let (dark, flat) = if has_normals { EDGE } else { DOME };
@@ -74,7 +81,7 @@ pub fn shade(
             );
             let to_eye = -ray.normalize_or(Vec3::NEG_Z);
             let normal = if has_normals {
-                base.normal[pixel].truncate().normalize_or(to_eye)
+                normal_at(pyramid, x, y).unwrap_or(to_eye)
             } else {
                 around.normal(x)
             };
@@ -85,6 +92,27 @@ pub fn shade(
         }
     });
     covered.into_inner()
+}
+
+/// The interpolated normal; of a point that has none in a cloud that has them, the normal of its
+/// surroundings: that of the finest coarser pixel with one.
+fn normal_at(pyramid: &Pyramid, x: usize, y: usize) -> Option<Vec3> {
+    pyramid.levels.iter().enumerate().find_map(|(i, level)| {
+        let pixel = (y >> i) * level.width + (x >> i);
+        let normal = level.normal[pixel].truncate();
+        if level.is_valid(pixel) { normal.try_normalize() } else { None }
+    })
+}
+
+/// Mean radius over a sample of the pixels covered.
+fn mean_radius_px(base: &Level) -> f32 {
+    /// A prime, so that the sample runs across columns.
+    const EVERY: usize = 61;
+    let covered = (0..base.front.len()).step_by(EVERY).filter(|&i| base.is_valid(i));
+    let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
+        (sum + base.tint[i].w.min(base.width as f32), count + 1.0)
+    });
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// Phong lighting of a colour (linear light).

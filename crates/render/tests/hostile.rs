@@ -65,6 +65,7 @@ proptest! {
             AttrType::I32, AttrType::U64, AttrType::I64, AttrType::F32, AttrType::F64];
         let draw = DrawNode {
             node: &node,
+ entry: 0,
             prefix,
             position: &position,
             residual: residual.as_deref(),
@@ -78,7 +79,7 @@ proptest! {
         let draws = [draw, draw];
         let method = if points { Method::Points } else { Method::PullPush };
         let frame = Frame {
-            view: &view, lattice: &lattice, draws: &draws, method, colour, cull_back_faces,
+            view: &view, lattice: &lattice, draws: &draws, octree: None, method, colour, cull_back_faces,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();
@@ -119,4 +120,5 @@ fn a_camera_that_is_none_and_a_picture_too_large_are_refused() {
     assert!(refused(View { near: 0.0, ..good }));
     assert!(refused(View { width: 0, ..good }));
     assert!(refused(View { width: u32::MAX, ..good }));
+    assert!(refused(View { width: 16_384, height: 16_384, ..good }));
 }

@@ -102,6 +102,7 @@ fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
                     view.near = lattice.scale[0];
                     let draw = DrawNode {
                         node: &node,
+                        entry: 0,
                         prefix: points.len(),
                         position: &hot,
                         residual: Some(&residual),
@@ -134,6 +135,7 @@ fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
         let view = View::look_at(eye, target, DVec3::Z, 1.0, 1920, 1080);
         let draw = DrawNode {
             node: &node,
+            entry: 0,
             prefix: points.len(),
             position: &hot,
             residual: None,

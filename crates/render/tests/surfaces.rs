@@ -5,8 +5,10 @@
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;
 
-use esker_lod::View;
-use esker_render::{Background, ColourBy, Method, Picture, Renderer};
+use esker_lod::{CompactOctree, Drawn, View};
+use esker_points::{Lattice, Node, NodeTable};
+use esker_render::pyramid::Pyramid;
+use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
 use glam::DVec3;
 use scene::{Dice, Scene, ScenePoint, sphere};
 
@@ -182,4 +184,57 @@ fn a_prefix_draws_the_first_points_and_ends_with_the_planes() {
         assert_eq!(stats.points_drawn, expected);
         assert_eq!(stats.nodes_drawn, u32::from(expected > 0));
     }
+}
+
+/// Points of inner nodes shrink where finer nodes are drawn over them, and only there.
+#[test]
+fn radii_follow_the_finest_drawn_cell() {
+    const CORNER: u32 = 1 << 31;
+    let lattice = Lattice { scale: [1e-3; 3], offset: [0.0; 3], shift: [0; 3] };
+    let mut root: Node = bytemuck::Zeroable::zeroed();
+    (root.corner, root.cell_log2, root.box_min) = ([CORNER; 3], 16, [CORNER; 3]);
+    (root.spacing, root.parent, root.first_child, root.child_count) = (8.0, u32::MAX, 1, 1);
+    let mut child = root;
+    (child.corner[0], child.cell_log2, child.spacing) = (CORNER + (1 << 15), 15, 4.0);
+    (child.parent, child.first_child, child.child_count) = (0, 0, 0);
+    root.set_levels(&[2]);
+    child.set_levels(&[1]);
+    let table = NodeTable { nodes: vec![root, child] };
+    let drawn = [
+        Drawn { node: 0, prefix: 2, effective_spacing: 8.0 },
+        Drawn { node: 1, prefix: 1, effective_spacing: 2.0 },
+    ];
+    let octree = CompactOctree::new(&table, &drawn);
+    // Two points of the root as far from the eye: left, and right, where the child is drawn.
+    let hot: Vec<u8> = [[16_000u16, 9, 9, 128], [48_000, 9, 9, 128]]
+        .iter()
+        .flat_map(|p| p.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<_>>())
+        .collect();
+    let draws = [DrawNode {
+        node: &table.nodes[0],
+        entry: 0,
+        prefix: 2,
+        position: &hot,
+        residual: None,
+        colour: ColourPlane::None,
+        normal: None,
+    }];
+    let middle = DVec3::new(32.0, 0.0, 0.0);
+    let view = View::look_at(middle - DVec3::Y * 60.0, middle, DVec3::Z, 1.0, 64, 64);
+    let frame = Frame {
+        view: &view,
+        lattice: &lattice,
+        draws: &draws,
+        octree: Some(&octree),
+        method: Method::PullPush,
+        colour: ColourBy::Plain,
+        cull_back_faces: true,
+        background: Background::default(),
+    };
+    let mut pyramid = Pyramid::default();
+    assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 2);
+    let base = &pyramid.levels[0];
+    let depth: Vec<_> = base.front.iter().filter(|f| f.x.is_finite()).collect();
+    let [left, right] = [depth[0], depth[1]].map(|f| f.y - f.x);
+    assert!((left / right - 4.0).abs() < 1e-4, "{left} {right}");
 }

@@ -82,6 +82,7 @@ impl Scene {
             view,
             lattice: &self.lattice,
             draws,
+            octree: None,
             method: Method::PullPush,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
@@ -101,6 +102,7 @@ impl SceneNode {
     pub fn draw(&self, residual: bool, colour: bool, normal: bool) -> DrawNode<'_> {
         DrawNode {
             node: &self.node,
+            entry: 0,
             prefix: usize::MAX,
             position: &self.position,
             residual: residual.then_some(&self.residual[..]),
