@@ -27,7 +27,8 @@ pub enum ColourBy {
     Normal,
 }
 
-/// A map from a range of values to colours. What lies outside has the colour of the nearer end, what is
+/// A map from a range of values to colours; values as they are stored (where a schema scales an
+/// attribute, the caller scales the range back). What lies outside has the colour of the nearer end, what is
 /// no number is grey.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourMap {
