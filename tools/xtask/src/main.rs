@@ -1,2 +1,72 @@
-//! Developers' tasks.
-fn main() {}
+//! Developers' tasks: `cargo xtask ci` is the one gate of the project, and what CI runs; each of its
+//! steps can be run alone. A step that fails does not keep the others from being run.
+
+mod deps;
+mod fmt;
+mod house;
+mod lint;
+mod readme;
+mod shaders;
+mod shell;
+mod tally;
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use tally::Tally;
+
+/// A step: its name, what it does in a few words, and how. Tests add to the tally.
+struct Step {
+    name: &'static str,
+    about: &'static str,
+    run: fn(&mut Tally) -> anyhow::Result<()>,
+}
+
+const STEPS: [Step; 7] = [
+    Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
+    Step { name: "lint", about: "clippy, warnings are errors", run: |_| lint::check() },
+    Step { name: "deps", about: "directions of dependencies", run: |_| deps::check() },
+    Step { name: "shaders", about: "validation of shaders", run: |_| shaders::check() },
+    Step { name: "house", about: "house rules of files", run: |_| house::check() },
+    Step { name: "test", about: "the README's test command", run: readme::test },
+    Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
+];
+
+fn main() -> ExitCode {
+    let task = std::env::args().nth(1).unwrap_or_default();
+    let steps: Vec<&Step> = STEPS.iter().filter(|s| task == "ci" || task == s.name).collect();
+    if steps.is_empty() {
+        println!("cargo xtask ci    all of these, in this order:");
+        for step in &STEPS {
+            println!("cargo xtask {:<8}{}", step.name, step.about);
+        }
+        return ExitCode::from(if task.is_empty() { 0 } else { 2 });
+    }
+    if let Err(error) = shell::enter_root() {
+        eprintln!("error: {error:#}");
+        return ExitCode::FAILURE;
+    }
+    run(&steps)
+}
+
+/// Runs the steps and prints the closing lines.
+fn run(steps: &[&Step]) -> ExitCode {
+    let mut tally = Tally::default();
+    let mut times: Vec<(&str, bool, Duration)> = Vec::new();
+    for step in steps {
+        println!("== {}: {}", step.name, step.about);
+        let start = Instant::now();
+        let result = (step.run)(&mut tally);
+        if let Err(error) = &result {
+            eprintln!("error in {}: {error:#}", step.name);
+        }
+        times.push((step.name, result.is_ok(), start.elapsed()));
+    }
+    println!("== times");
+    for (name, ok, time) in &times {
+        println!("{name:<8} {:>7.1} s  {}", time.as_secs_f64(), if *ok { "ok" } else { "FAILED" });
+    }
+    if tally.suites > 0 {
+        println!("{tally}");
+    }
+    if times.iter().all(|(_, ok, _)| *ok) { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

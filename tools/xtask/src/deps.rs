@@ -1,0 +1,115 @@
+//! Directions of dependencies: which crate of the project may use which, and which outside crates
+//! some must never link. Reads what cargo says (`cargo metadata`, `cargo tree`), not the manifests.
+
+use crate::shell::{cargo, output};
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+/// Which crates of the project each may depend on, for its tests too. Whoever is not here may not be
+/// in the workspace.
+const ALLOWED: [(&str, &[&str]); 12] = [
+    ("esker-points", &[]),
+    ("esker-scan", &["points"]),
+    ("esker-format", &["points"]),
+    ("esker-build", &["points", "scan", "format"]),
+    ("esker-lod", &["points"]),
+    ("esker-stream", &["points", "format", "lod"]),
+    ("esker-render", &["points", "lod"]),
+    ("esker-trace", &["points", "render"]),
+    ("esker-engine", &["points", "scan", "format", "build", "lod", "stream", "render", "trace"]),
+    ("esker-view", &["engine"]),
+    ("esker", &["engine"]),
+    // Tools may use any library.
+    ("xtask", &["points", "scan", "format", "build", "lod", "stream", "render", "trace", "engine"]),
+];
+
+/// Outside crates that open windows.
+const WINDOW: [&str; 4] = ["winit", "eframe", "egui", "softbuffer"];
+/// Outside crates that drive a GPU.
+const GPU: [&str; 2] = ["wgpu", "naga"];
+
+/// What must be nowhere in the tree of each.
+const NEVER: [(&str, &[&[&str]]); 7] = [
+    ("esker-points", &[&WINDOW, &GPU]),
+    ("esker-scan", &[&WINDOW, &GPU]),
+    ("esker-format", &[&WINDOW, &GPU]),
+    ("esker-build", &[&WINDOW, &GPU]),
+    ("esker-lod", &[&WINDOW, &GPU]),
+    ("esker-stream", &[&WINDOW, &GPU]),
+    ("esker", &[&WINDOW, &GPU]),
+];
+
+/// Refuses every edge that the tables do not have.
+pub fn check() -> Result<()> {
+    let metadata = output(&cargo(), &["metadata", "--format-version", "1", "--no-deps"])?;
+    let metadata: Value = serde_json::from_str(&metadata).context("what cargo metadata says")?;
+    let packages = metadata["packages"].as_array().context("cargo metadata names no packages")?;
+    let mut faults = Vec::new();
+    let mut edges = 0;
+    for package in packages {
+        let dependencies = package["dependencies"].as_array();
+        let names = dependencies.into_iter().flatten().filter_map(|d| d["name"].as_str());
+        let ours: Vec<&str> = names.filter(|n| is_ours(n)).collect();
+        edges += ours.len();
+        faults.extend(refused(package["name"].as_str().unwrap_or_default(), &ours));
+    }
+    for (name, never) in NEVER {
+        if !packages.iter().any(|p| p["name"] == name) {
+            continue;
+        }
+        let tree =
+            ["tree", "-p", name, "-e", "normal,build", "--prefix", "none", "--target", "all"];
+        let tree = output(&cargo(), &tree)?;
+        faults.extend(linked(&tree, never).map(|bad| format!("{name} must never link {bad}")));
+    }
+    if !faults.is_empty() {
+        bail!("{}", faults.join("\n  "));
+    }
+    println!("deps: {} packages, {edges} edges between them, all allowed", packages.len());
+    Ok(())
+}
+
+fn is_ours(name: &str) -> bool {
+    name == "esker" || name == "xtask" || name.starts_with("esker-")
+}
+
+/// What is wrong with a package of the workspace that depends on these packages of the project.
+fn refused(package: &str, ours: &[&str]) -> Vec<String> {
+    let Some((_, allowed)) = ALLOWED.iter().find(|(name, _)| *name == package) else {
+        return vec![format!(
+            "{package} is not in the table of directions (tools/xtask/src/deps.rs)"
+        )];
+    };
+    ours.iter()
+        .filter(|n| !n.strip_prefix("esker-").is_some_and(|n| allowed.contains(&n)))
+        .map(|n| format!("{package} must not depend on {n}"))
+        .collect()
+}
+
+/// Which of the forbidden crates a tree, as `cargo tree --prefix none` prints it, has.
+fn linked<'a>(tree: &'a str, never: &'a [&'a [&'a str]]) -> impl Iterator<Item = &'a str> {
+    let in_tree = move |bad: &str| {
+        tree.lines().any(|line| line.split_whitespace().next().is_some_and(|name| name == bad))
+    };
+    never.iter().flat_map(|group| group.iter().copied()).filter(move |bad| in_tree(bad))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_against_the_direction_are_refused() {
+        assert!(refused("esker-build", &["esker-points", "esker-format"]).is_empty());
+        assert_eq!(refused("esker-lod", &["esker-points", "esker-render"]).len(), 1);
+        assert_eq!(refused("esker-points", &["esker"]).len(), 1);
+        assert_eq!(refused("esker", &["esker-engine", "esker-build"]).len(), 1);
+        assert_eq!(refused("esker-new", &[]).len(), 1);
+    }
+
+    #[test]
+    fn forbidden_crates_are_found_by_their_whole_name() {
+        let tree = "esker v0.1.0 (x)\nwgpu-types v30.0.0\nwinit v0.30.1 (*)\n";
+        assert_eq!(linked(tree, &[&WINDOW, &GPU]).collect::<Vec<_>>(), ["winit"]);
+    }
+}

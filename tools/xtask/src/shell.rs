@@ -1,0 +1,75 @@
+//! Running other programs from the root of the workspace, without a standard input: so that nothing
+//! ever waits for a person. What they print is passed through line by line where it is also read.
+
+use anyhow::{Context, Result, bail, ensure};
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Command, Stdio};
+
+/// Makes the root of the workspace the current folder.
+pub fn enter_root() -> Result<()> {
+    let manifest =
+        output(&cargo(), &["locate-project", "--workspace", "--message-format", "plain"])?;
+    let root = std::path::Path::new(manifest.trim()).parent().context("the manifest is nowhere")?;
+    std::env::set_current_dir(root).with_context(|| format!("{}", root.display()))
+}
+
+/// The cargo that runs this.
+pub fn cargo() -> OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+}
+
+/// Runs cargo, its output passed on; fails where it fails.
+pub fn run_cargo(args: &[&str]) -> Result<()> {
+    let status = Command::new(cargo()).args(args).stdin(Stdio::null()).status()?;
+    ensure!(status.success(), "cargo {} failed ({status})", args.join(" "));
+    Ok(())
+}
+
+/// What a program prints; fails where it fails.
+pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
+    let name = program.to_string_lossy();
+    let out = Command::new(program)
+        .args(args)
+        .stdin(Stdio::null())
+        .output()
+        .with_context(|| format!("{name} cannot be run"))?;
+    if !out.status.success() {
+        bail!("{name} {} failed: {}", args.join(" "), String::from_utf8_lossy(&out.stderr).trim());
+    }
+    Ok(String::from_utf8_lossy(&out.stdout).into_owned())
+}
+
+/// Runs a command line of plain words, passing on what it prints and collecting it line by line.
+/// Its lines, and whether it succeeded.
+pub fn follow(line: &str, environment: &[(&str, &str)]) -> Result<(Vec<String>, bool)> {
+    let mut words = line.split_whitespace();
+    let program = words.next().context("an empty command")?;
+    let mut child = Command::new(program)
+        .args(words)
+        .envs(environment.iter().copied())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .with_context(|| format!("`{line}` cannot be run"))?;
+    let stdout = child.stdout.take().context("no standard output")?;
+    let stderr = child.stderr.take().context("no standard error")?;
+    // Both are read at once: a full pipe would stop the child.
+    let aside = std::thread::Builder::new()
+        .name("stderr".into())
+        .spawn(move || pass_on(stderr, |l| eprintln!("{l}")))?;
+    let mut lines = pass_on(stdout, |l| println!("{l}"));
+    lines.extend(aside.join().unwrap_or_default());
+    Ok((lines, child.wait()?.success()))
+}
+
+fn pass_on(from: impl Read, print: fn(&str)) -> Vec<String> {
+    let mut lines = Vec::new();
+    for line in BufReader::new(from).split(b'\n').map_while(Result::ok) {
+        let line = String::from_utf8_lossy(&line).trim_end().to_owned();
+        print(&line);
+        lines.push(line);
+    }
+    lines
+}
