@@ -1,13 +1,12 @@
 //! Verify against the inputs: they are decoded again by the rule that the file recorded, and must be the
 //! same multiset of points.
 
-use crate::build::Options;
 use crate::error::BuildError;
-use crate::intake::Intake;
+use crate::intake::{Intake, open};
 use crate::row::RowLayout;
 use esker_format::EskerFile;
 use esker_points::{Batch, MultisetHash, Task};
-use esker_scan::ScanError;
+use esker_scan::{ScanError, Source};
 use std::path::{Path, PathBuf};
 
 /// What the inputs were found to hold.
@@ -29,7 +28,19 @@ pub fn against(
     inputs: &[PathBuf],
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
-    let intake = Intake::open(inputs, &Options::default(), task)?;
+    against_sources(file, open(inputs, None, task)?, task)
+}
+
+/// As [`against`], with opened inputs.
+///
+/// # Errors
+/// As [`against`].
+pub fn against_sources(
+    file: &EskerFile,
+    sources: Vec<Box<dyn Source>>,
+    task: &dyn Task,
+) -> Result<Against, BuildError> {
+    let intake = Intake::new(sources, false);
     let name = file.path();
     let recorded = &file.metadata().sources;
     if recorded.len() != intake.sources.len() {

@@ -1,7 +1,7 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
 use crate::error::BuildError;
-use crate::intake::{Intake, Plan, Taken};
+use crate::intake::{Intake, Plan, Taken, open};
 use crate::levels::{Raiser, assemble};
 use crate::memory::{self, Peak};
 use crate::row::RowLayout;
@@ -11,6 +11,7 @@ use esker_format::{
     CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
+use esker_scan::Source;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -84,12 +85,31 @@ pub fn build(
     options: &Options,
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
-    check(inputs, out, options)?;
+    if let Some(same) = inputs.iter().find(|i| same_file(i, out)) {
+        let same = same.display();
+        return Err(BuildError::Options(format!(
+            "{same}: is input and output at once; choose another output"
+        )));
+    }
+    build_sources(open(inputs, options.colour_depth, task)?, out, options, task)
+}
+
+/// As [`build`], from opened inputs.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_sources(
+    sources: Vec<Box<dyn Source>>,
+    out: &Path,
+    options: &Options,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
+    check(&sources, options)?;
     let start = memory::usage().anon_bytes;
     let peak = Peak::default();
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let mut scratch = Scratch::new(&folder)?;
-    let mut intake = Intake::open(inputs, options, task)?;
+    let mut intake = Intake::new(sources, options.colour_depth.is_some());
     let mut writer = FileWriter::create(out)?;
     let buffer_bytes_max = (options.memory_bytes as f64 * 0.25) as usize;
     let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
@@ -152,16 +172,10 @@ pub fn build(
     })
 }
 
-fn check(inputs: &[PathBuf], out: &Path, options: &Options) -> Result<(), BuildError> {
+fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildError> {
     let say = |text: String| Err(BuildError::Options(text));
-    if inputs.is_empty() {
+    if sources.is_empty() {
         return say("no input: name at least one scan file".into());
-    }
-    if let Some(same) = inputs.iter().find(|i| same_file(i, out)) {
-        return say(format!(
-            "{}: is input and output at once; choose another output",
-            same.display()
-        ));
     }
     if !CAPACITY_RANGE.contains(&options.node_capacity) {
         let (low, high) = (CAPACITY_RANGE.start(), CAPACITY_RANGE.end());

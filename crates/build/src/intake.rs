@@ -2,7 +2,6 @@
 //! decodes each once into a partition. Where a header lied (a point off the lattice, colours of another
 //! depth), it begins again with what is true.
 
-use crate::build::Options;
 use crate::error::BuildError;
 use crate::memory::Peak;
 use crate::partition::Partition;
@@ -63,6 +62,27 @@ enum Void {
     Colours,
 }
 
+fn path_bytes(source: &dyn Source) -> &[u8] {
+    source.info().path.as_os_str().as_encoded_bytes()
+}
+
+/// Opens all inputs, each format told by content.
+///
+/// # Errors
+/// Where one cannot be opened.
+pub fn open(
+    inputs: &[PathBuf],
+    colour_depth: Option<ColourDepth>,
+    task: &dyn Task,
+) -> Result<Vec<Box<dyn Source>>, BuildError> {
+    let options = OpenOptions { colour_depth };
+    let open = |path: &PathBuf| {
+        task.check()?;
+        Ok(esker_scan::open(path, &options, task)?)
+    };
+    inputs.iter().map(open).collect()
+}
+
 impl Plan {
     /// For each attribute of a source, the file's.
     pub fn to_file(&self, source: usize) -> &[usize] {
@@ -71,30 +91,13 @@ impl Plan {
 }
 
 impl Intake {
-    /// Opens all inputs.
-    ///
-    /// # Errors
-    /// Where one cannot be opened.
-    pub fn open(
-        inputs: &[PathBuf],
-        options: &Options,
-        task: &dyn Task,
-    ) -> Result<Self, BuildError> {
-        let mut paths = inputs.to_vec();
-        paths
-            .sort_by(|a, b| a.as_os_str().as_encoded_bytes().cmp(b.as_os_str().as_encoded_bytes()));
-        let open = OpenOptions { colour_depth: options.colour_depth };
-        let sources: Vec<_> = paths
-            .iter()
-            .map(|path| {
-                task.check()?;
-                esker_scan::open(path, &open, task)
-            })
-            .collect::<Result<_, ScanError>>()?;
+    /// Takes opened inputs; `forced_depth` where the user said what their colours hold.
+    pub fn new(mut sources: Vec<Box<dyn Source>>, forced_depth: bool) -> Self {
+        sources.sort_by(|a, b| path_bytes(a.as_ref()).cmp(path_bytes(b.as_ref())));
         let grids = sources.iter().map(|s| s.info().grid.clone()).collect();
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         let depths = sources.iter().map(|s| depth(s.as_ref())).collect();
-        Ok(Self { sources, grids, depths, forced_depth: options.colour_depth.is_some() })
+        Self { sources, grids, depths, forced_depth }
     }
 
     /// Chooses lattice, schema and classes.

@@ -17,8 +17,9 @@ mod row;
 mod sample;
 mod scratch;
 mod shape;
+mod thin;
 mod tree;
 
-pub use against::{Against, against};
-pub use build::{Options, Report, build};
+pub use against::{Against, against, against_sources};
+pub use build::{Options, Report, build, build_sources};
 pub use error::BuildError;

@@ -1,12 +1,6 @@
 //! The adaptive n-tree of a node (kanzok2015, section 3.1): its points keyed along the axes of their
 //! local shape, n = 2, 4 or 8 children a cell. Keys are quantised to integers once; every decision after
 //! that is integer arithmetic.
-//!
-//! A cell's representative is the point nearest its *target*, which lies at one third of the cell's edges
-//! on even and at two thirds on odd levels: the target of a cell then is the target of one of its
-//! children, so the representatives of a level are a sub-grid of those of the next. With the centre as
-//! target, as published, a cell's centre is the corner of its children, and a representative crowds
-//! the next level's (`ARCHITECTURE.md` has the measurement).
 
 use crate::row::Rows;
 use crate::shape::Shape;
@@ -17,7 +11,8 @@ use esker_points::{Cell, morton};
 pub struct Entry {
     /// Interleaved quantised coordinates.
     pub key: u64,
-    q: [u32; 3],
+    /// Quantised coordinates; those beyond the dimension are 0.
+    pub q: [u32; 3],
     /// Its row.
     pub row: u32,
 }
@@ -31,8 +26,6 @@ pub struct NTree {
     /// Edge of the whole, in the file's unit.
     edge: f64,
     bits: u32,
-    /// Parity of level 0, so that the targets of volumes agree between octree cells.
-    parity: u32,
 }
 
 impl NTree {
@@ -46,7 +39,7 @@ impl NTree {
     ) -> Self {
         let dimension = shape.dimension;
         let bits = if dimension == 3 { 21 } else { 31 };
-        let mut tree = Self { entries: Vec::new(), dimension, edge: 0.0, bits, parity: 0 };
+        let mut tree = Self { entries: Vec::new(), dimension, edge: 0.0, bits };
         let cubic = scale[0] == scale[1] && scale[1] == scale[2];
         if dimension == 3 && cubic {
             tree.key_along_cell(rows, points, cell, scale[0]);
@@ -57,13 +50,11 @@ impl NTree {
         tree
     }
 
-    /// In a volume the lattice's own axes serve: the grid nests in those of the octree's cells above and
-    /// below, which evens the union of a node and its ancestors; a volume has no axes of its own worth
-    /// following.
+    /// In a volume the lattice's own axes serve: it has none of its own worth following, and differences
+    /// of lattice coordinates need no rounding.
     fn key_along_cell(&mut self, rows: &Rows<'_>, points: &[u32], cell: &Cell, scale: f64) {
         let log2 = u32::from(cell.log2);
         self.edge = cell.edge() as f64 * scale;
-        self.parity = log2 & 1;
         let place = |c: u32, corner: u32| {
             let within = c - corner;
             if log2 >= self.bits {
@@ -178,30 +169,25 @@ impl NTree {
         })
     }
 
-    /// The entry of a run nearest the target of its cell at this level, among those that `eligible`
-    /// admits; of equals the first.
-    pub fn representative(
-        &self,
-        run: std::ops::Range<usize>,
-        level: u32,
-        eligible: impl Fn(usize) -> bool,
-    ) -> Option<usize> {
-        let below = self.bits - level;
-        let target = |q: u32| {
-            let third = 1 + u64::from((level + self.parity) & 1);
-            (u64::from(q) >> below << below) + ((third << below) / 3)
-        };
-        let first = &self.entries[run.start];
-        let target = first.q.map(target);
-        let distance = |e: &Entry| {
-            (0..self.dimension as usize)
-                .map(|i| {
-                    let off = u64::from(e.q[i]).abs_diff(target[i]);
-                    off * off
-                })
-                .sum::<u64>()
-        };
-        run.filter(|&i| eligible(i)).min_by_key(|&i| (distance(&self.entries[i]), i))
+    /// Cells of a level along an edge, in quantised steps: log2 of the edge of one.
+    pub fn cell_log2(&self, level: u32) -> u32 {
+        self.bits - level
+    }
+
+    /// The number of the cell at a level that holds quantised coordinates.
+    pub fn cell_at(&self, q: [u32; 3], level: u32) -> u64 {
+        let c = q.map(|c| c >> self.cell_log2(level));
+        match self.dimension {
+            3 => morton::encode3_21(c),
+            2 => morton::encode2([c[0], c[1]]),
+            _ => u64::from(c[0]),
+        }
+    }
+
+    /// Quantised steps of a length in the file's unit.
+    pub fn steps(&self, length: f64) -> u64 {
+        let steps = length / self.edge * f64::from(1u32 << self.bits);
+        if steps.is_finite() { steps as u64 } else { 0 }
     }
 
     /// Typical distance of points, in the file's unit, where this many of the tree's points stand evenly
@@ -287,23 +273,6 @@ pub(crate) mod tests {
             cells.dedup();
             assert_eq!(cells.len(), count, "level {level}");
             assert_eq!(tree.runs(0..500, level as u32).count(), count);
-        }
-    }
-
-    #[test]
-    fn targets_of_a_level_are_targets_of_the_next() {
-        // A full grid: the representative of a cell must be one of those of its children.
-        let points: Vec<_> = (0..64 * 64u32).map(|i| [i % 64 * 100, i / 64 * 100, 0]).collect();
-        let bytes = rows_of(&points);
-        let tree = tree_of(&points, &bytes, [0.01; 3]);
-        let all = |level| {
-            tree.runs(0..tree.entries.len(), level)
-                .filter_map(|r| tree.representative(r, level, |_| true))
-                .collect::<Vec<_>>()
-        };
-        for level in 1..5 {
-            let finer = all(level + 1);
-            assert!(all(level).iter().all(|r| finer.contains(r)), "level {level}");
         }
     }
 

@@ -1,18 +1,21 @@
-//! The order of a node's points: level by level of the n-tree, within a level in strata, within a stratum
-//! along the Morton curve; and the covering radius of each.
-//!
-//! Points of the cell that ancestors have taken count as already there: a cell of the n-tree that holds one
-//! needs no representative. So a prefix together with the ancestors' points is an even sample.
+//! The order of a node's points: level by level, within a level in strata, within a stratum along the
+//! Morton curve; and the covering radius of each. A level is what thinning picks while its radius halves, so
+//! a prefix is an even sample; points of the cell that ancestors have taken count as there before.
 
 use crate::ntree::NTree;
+use crate::thin::{STEPS_PER_LEVEL, Thinning};
 use esker_points::node::LEVELS_MAX;
-use esker_points::strata::{STRATA, residue};
+use esker_points::strata::{STRATA, residue, stratum_len};
 use std::ops::Range;
 
 /// The first levels, too small to be worth a prefix each, are one until they have so many points.
 const FIRST_LEVEL_POINTS: usize = 32;
 /// Points in a cell from which the local spacing is taken: enough that chance evens out.
 const LOCAL_POINTS: usize = 8;
+
+/// How far from the points that ancestors took thinning begins, in units of their spacing: beyond the
+/// greatest gap of an even sample.
+const TAKEN_REACH: f64 = 1.5;
 
 /// Entries of the n-tree in drawing order, and the points of each level.
 pub struct Order {
@@ -22,38 +25,28 @@ pub struct Order {
     pub levels: Vec<usize>,
 }
 
-/// A run of entries that share a cell and are not all placed.
-struct Open {
-    run: Range<usize>,
-}
-
-/// Orders all entries of `tree` but those `taken` by ancestors.
-pub fn order(tree: &NTree, taken: &[bool]) -> Order {
-    let n = tree.entries.len();
-    let mut placed = taken.to_vec();
-    let mut remaining = placed.iter().filter(|&&t| !t).count();
+/// Orders all entries of `tree` but those `taken` by ancestors, whose sample has the spacing `above`.
+pub fn order(tree: &NTree, taken: &[bool], above: Option<f64>) -> Order {
+    let start = match above {
+        Some(spacing) if taken.contains(&true) => tree.steps(spacing * TAKEN_REACH) as f64,
+        _ => tree.steps(tree.cell_edge(0)) as f64,
+    };
+    let mut thinning = Thinning::new(tree, |i| taken[i], start);
     let mut levels: Vec<Vec<u32>> = Vec::new();
-    let mut open = if remaining > 0 { vec![Open { run: 0..n }] } else { Vec::new() };
-    for level in 0..=tree.depth() {
-        if remaining == 0 || levels.len() == LEVELS_MAX {
+    while levels.len() < LEVELS_MAX && !thinning.is_exhausted() {
+        let mut level = Vec::new();
+        let mut indistinct = false;
+        for _ in 0..STEPS_PER_LEVEL {
+            indistinct = thinning.radius() <= 1.0;
+            level.extend(strided(thinning.step()));
+        }
+        append_level(&mut levels, level);
+        if indistinct {
             break;
         }
-        let mut new = Vec::new();
-        for Open { run } in &open {
-            if !placed[run.clone()].contains(&true) {
-                let representative = tree.representative(run.clone(), level, |_| true);
-                new.extend(representative.map(|i| i as u32));
-            }
-        }
-        new.iter().for_each(|&i| placed[i as usize] = true);
-        remaining -= new.len();
-        append_level(&mut levels, new);
-        if level < tree.depth() {
-            open = split(tree, &open, level + 1, &placed);
-        }
     }
-    if remaining > 0 {
-        let rest: Vec<u32> = (0..n as u32).filter(|&i| !placed[i as usize]).collect();
+    let rest = strided(thinning.left());
+    if !rest.is_empty() {
         let room = levels.len() < LEVELS_MAX && rest.len() >= FIRST_LEVEL_POINTS;
         match levels.last_mut() {
             Some(last) if !room => last.extend(rest),
@@ -71,23 +64,23 @@ fn append_level(levels: &mut Vec<Vec<u32>>, new: Vec<u32>) {
     }
 }
 
-/// The cells of the next level that still have points to place.
-fn split(tree: &NTree, open: &[Open], level: u32, placed: &[bool]) -> Vec<Open> {
-    open.iter()
-        .flat_map(|o| tree.runs(o.run.clone(), level))
-        .filter(|run| placed[run.clone()].contains(&false))
-        .map(|run| Open { run })
-        .collect()
+/// Every 16th along the curve first, so that a part of a step is spread over all of it.
+fn strided(step: Vec<u32>) -> Vec<u32> {
+    (0..STRATA).flat_map(|s| step.iter().skip(residue(s)).step_by(STRATA)).copied().collect()
 }
 
-/// Each level along the Morton curve (rows are sorted that way), every 16th first.
+/// Cuts each level's sequence into strata, each along the Morton curve (rows are sorted that way).
 fn arrange(tree: &NTree, levels: Vec<Vec<u32>>) -> Order {
     let mut out = Order { entries: Vec::new(), levels: levels.iter().map(Vec::len).collect() };
     for mut level in levels {
-        level.sort_unstable_by_key(|&i| tree.entries[i as usize].row);
+        let n = level.len();
+        let mut rest = level.as_mut_slice();
         for s in 0..STRATA {
-            out.entries.extend(level.iter().skip(residue(s)).step_by(STRATA));
+            let (stratum, after) = rest.split_at_mut(stratum_len(n, s));
+            stratum.sort_unstable_by_key(|&i| tree.entries[i as usize].row);
+            rest = after;
         }
+        out.entries.extend(level);
     }
     out
 }
@@ -136,7 +129,7 @@ mod tests {
             let bytes = rows_of(&points);
             let tree = tree_of(&points, &bytes, [0.01; 3]);
             let taken: Vec<bool> = (0..points.len()).map(|i| i % taken_every == 0).collect();
-            let order = order(&tree, &taken);
+            let order = order(&tree, &taken, Some(3.0));
             let mut seen = taken.clone();
             for &i in &order.entries {
                 prop_assert!(!seen[i as usize]);
@@ -165,7 +158,7 @@ mod tests {
         let points = vec![[4; 3]; 50];
         let bytes = rows_of(&points);
         let tree = tree_of(&points, &bytes, [1.0; 3]);
-        let order = order(&tree, &[false; 50]);
+        let order = order(&tree, &[false; 50], None);
         assert_eq!(order.entries.len(), 50);
         assert!(radii(&tree).iter().all(|&r| r == 0.0));
     }

@@ -1,9 +1,13 @@
 //! Which points represent a cell: as many as a node holds, evenly, from the points that its children
-//! offer (kanzok2015, section 3.1, figure 1, bottom-up). The deepest level of the n-tree that has no more
-//! cells than the node has room gives a point each; the room that is left goes to the next level's cells,
-//! evenly along their order.
+//! offer (kanzok2015, section 3.1, figure 1, bottom-up). They are thinned at a radius that leaves a few
+//! less than the node has room for; the room that is left goes to the next steps' points, evenly.
 
 use crate::ntree::NTree;
+use crate::thin::Thinning;
+
+/// Radius of a first step, in units of the spacing that the node's points would have on a grid: maximal
+/// Poisson-disk samples have about 0.7 points a squared radius, so this leaves room for 30 %.
+const FIRST_RADIUS: f64 = 1.0;
 
 /// The chosen points of a node.
 pub struct Sample {
@@ -16,33 +20,44 @@ pub struct Sample {
 /// Chooses `capacity` points, or all where there are fewer.
 pub fn choose(tree: &NTree, capacity: usize) -> Sample {
     let n = tree.entries.len();
-    let occupied = tree.occupied();
+    let spacing = tree.spacing(&tree.occupied(), n.min(capacity));
     if n <= capacity {
-        return Sample { chosen: vec![true; n], spacing: tree.spacing(&occupied, n) };
+        return Sample { chosen: vec![true; n], spacing };
     }
-    let level = occupied.iter().rposition(|&cells| cells <= capacity).unwrap_or(0) as u32;
-    let mut chosen = vec![false; n];
-    let mut count = 0;
-    for run in tree.runs(0..n, level) {
-        if let Some(i) = tree.representative(run, level, |_| true) {
-            chosen[i] = true;
-            count += 1;
+    let mut radius = tree.steps(spacing * FIRST_RADIUS) as f64;
+    loop {
+        if let Some(chosen) = fill(tree, capacity, radius) {
+            return Sample { chosen, spacing };
         }
+        // The estimate was off, as it can be where densities differ: fewer, then.
+        radius *= 1.5;
     }
-    let room = capacity - count;
-    let open: Vec<usize> = if level < tree.depth() {
-        tree.runs(0..n, level + 1)
-            .filter(|run| !chosen[run.clone()].contains(&true))
-            .filter_map(|run| tree.representative(run, level + 1, |_| true))
-            .collect()
-    } else {
-        // Positions that the n-tree cannot tell apart: any of them is as good.
-        (0..n).filter(|&i| !chosen[i]).collect()
-    };
-    for j in 0..room.min(open.len()) {
-        chosen[open[(2 * j + 1) * open.len() / (2 * room.min(open.len()))]] = true;
+}
+
+/// Thins from a radius down until `capacity` are chosen; `None` where the first step gives more.
+fn fill(tree: &NTree, capacity: usize, radius: f64) -> Option<Vec<bool>> {
+    let mut chosen = vec![false; tree.entries.len()];
+    let mut room = capacity;
+    let mut thinning = Thinning::new(tree, |_| false, radius);
+    let mut first = true;
+    while room > 0 {
+        let indistinct = thinning.radius() <= 1.0;
+        let mut new = thinning.step();
+        if first && new.len() > capacity && !indistinct {
+            return None;
+        }
+        first = false;
+        if new.is_empty() && indistinct {
+            // Positions that the n-tree cannot tell apart: any of them is as good.
+            new = thinning.left();
+        }
+        let take = room.min(new.len());
+        for j in 0..take {
+            chosen[new[(2 * j + 1) * new.len() / (2 * take)] as usize] = true;
+        }
+        room -= take;
     }
-    Sample { chosen, spacing: tree.spacing(&occupied, capacity) }
+    Some(chosen)
 }
 
 #[cfg(test)]

@@ -128,7 +128,7 @@ impl Context {
         let tree = NTree::new(rows, &pending.offered, &pending.cell, &shape, self.scale);
         let gone: Vec<bool> =
             tree.entries.iter().map(|e| taken.binary_search(&e.row).is_ok()).collect();
-        let order = order(&tree, &gone);
+        let order = order(&tree, &gone, above);
         if order.entries.is_empty() && pending.children.is_empty() {
             return None;
         }

@@ -1,0 +1,234 @@
+//! Thinning: points picked so that no two are nearer than a radius and none is farther from a picked one,
+//! with a radius that shrinks step by step (progressive Poisson-disk sampling; maximal at each step). Every
+//! beginning of the sequence so is an even sample, given the points that were there before.
+//!
+//! Each point that is not yet picked knows its distance to the nearest picked one: a picked point tells all
+//! within the radius. Distances are taken in the n-tree's quantised coordinates, so along a line or in
+//! a plane where that is the local shape; all arithmetic is on integers.
+
+use crate::ntree::NTree;
+
+/// By how much the radius shrinks from one step to the next: eight steps halve it. A gap within a step is at
+/// most a twelfth wider than at its end; what a step costs is a look at each point left.
+const STEP: f64 = 0.917_004_043_204_671_2;
+/// Steps that halve the radius.
+pub const STEPS_PER_LEVEL: u32 = 8;
+
+/// A point that is not yet picked.
+#[derive(Clone, Copy)]
+struct Rest {
+    q: [u32; 3],
+    /// Its entry in the n-tree; [`PICKED`] once picked.
+    entry: u32,
+    /// Square of the distance to the nearest picked point, where it is within the radius.
+    nearest2: u64,
+}
+
+const PICKED: u32 = u32::MAX;
+
+/// The points still to be picked from, along the n-tree's order.
+pub struct Thinning<'a> {
+    tree: &'a NTree,
+    rest: Vec<Rest>,
+    cells: Cells,
+    /// Level of the n-tree whose cells are no smaller than the radius.
+    level: u32,
+    radius: f64,
+    ready: bool,
+}
+
+impl<'a> Thinning<'a> {
+    /// Begins with points `there` before (entries; others may be picked), at a radius in quantised steps.
+    pub fn new(tree: &'a NTree, there: impl Fn(usize) -> bool, radius: f64) -> Self {
+        let rest = tree.entries.iter().enumerate().filter(|(i, _)| !there(*i));
+        let rest =
+            rest.map(|(i, e)| Rest { q: e.q, entry: i as u32, nearest2: u64::MAX }).collect();
+        let mut thinning = Self {
+            tree,
+            rest,
+            cells: Cells::default(),
+            level: 0,
+            radius: radius.max(1.0),
+            ready: false,
+        };
+        thinning.settle();
+        for (i, entry) in tree.entries.iter().enumerate() {
+            if there(i) {
+                thinning.tell(entry.q);
+            }
+        }
+        thinning
+    }
+
+    /// How many points are left, some of them perhaps picked in this level.
+    pub fn is_exhausted(&self) -> bool {
+        self.rest.iter().all(|r| r.entry == PICKED)
+    }
+
+    /// The points left, in the n-tree's order.
+    pub fn left(&self) -> Vec<u32> {
+        self.rest.iter().map(|r| r.entry).filter(|&e| e != PICKED).collect()
+    }
+
+    /// The radius of the next step, in quantised steps.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Picks until every point left is within the radius of a picked one; entries in the n-tree's order.
+    /// Then shrinks the radius: by a step, or to the farthest point left where that is nearer still.
+    pub fn step(&mut self) -> Vec<u32> {
+        let radius2 = square(self.radius);
+        let mut picked = Vec::new();
+        let mut farthest2 = 0;
+        for i in 0..self.rest.len() {
+            let Rest { q, entry, nearest2 } = self.rest[i];
+            if entry == PICKED {
+                continue;
+            }
+            if nearest2 >= radius2 {
+                picked.push(entry);
+                self.rest[i].entry = PICKED;
+                self.tell(q);
+            } else {
+                farthest2 = farthest2.max(nearest2);
+            }
+        }
+        let farthest = (farthest2 as f64).sqrt();
+        self.radius = (self.radius * STEP).min(farthest);
+        self.settle();
+        picked
+    }
+
+    /// Tells all points within the radius how near a picked point is.
+    fn tell(&mut self, q: [u32; 3]) {
+        let radius2 = square(self.radius);
+        let log2 = self.tree.cell_log2(self.level);
+        let reach = |axis: usize| {
+            let cell = q[axis] >> log2;
+            if axis >= self.tree.dimension as usize {
+                return 0..=0;
+            }
+            cell.saturating_sub(1)..=(cell + 1).min((1 << self.level) - 1)
+        };
+        for z in reach(2) {
+            for y in reach(1) {
+                for x in reach(0) {
+                    let cell = self.tree.cell_at([x << log2, y << log2, z << log2], self.level);
+                    let Some(range) = self.cells.find(cell) else { continue };
+                    for rest in &mut self.rest[range] {
+                        let d2 = distance2(rest.q, q);
+                        if d2 < radius2 && d2 < rest.nearest2 {
+                            rest.nearest2 = d2;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Chooses the cells for the radius; points already picked leave the list when the cells change.
+    fn settle(&mut self) {
+        let mut level = 0;
+        while level < self.tree.depth()
+            && (1u64 << self.tree.cell_log2(level + 1)) as f64 >= self.radius
+        {
+            level += 1;
+        }
+        if level == self.level && self.ready {
+            return;
+        }
+        self.level = level;
+        self.ready = true;
+        self.rest.retain(|r| r.entry != PICKED);
+        self.cells = Cells::new(self.rest.iter().map(|r| self.tree.cell_at(r.q, level)));
+    }
+}
+
+fn square(radius: f64) -> u64 {
+    let r = radius.max(1.0) as u64;
+    r.saturating_mul(r)
+}
+
+fn distance2(a: [u32; 3], b: [u32; 3]) -> u64 {
+    (0..3).map(|i| u64::from(a[i].abs_diff(b[i])).pow(2)).fold(0, u64::saturating_add)
+}
+
+/// Where the points of each cell stand: a table of cell numbers with open addressing.
+#[derive(Default)]
+struct Cells {
+    slots: Vec<(u64, u32, u32)>,
+    mask: usize,
+}
+
+impl Cells {
+    /// From the cell of each point; equal ones stand together.
+    fn new(cells: impl Iterator<Item = u64>) -> Self {
+        let mut runs: Vec<(u64, u32, u32)> = Vec::new();
+        for (i, cell) in cells.enumerate() {
+            match runs.last_mut() {
+                Some(last) if last.0 == cell => last.2 += 1,
+                _ => runs.push((cell, i as u32, i as u32 + 1)),
+            }
+        }
+        let size = (runs.len() * 2).next_power_of_two().max(2);
+        let mut table = Self { slots: vec![(0, 0, 0); size], mask: size - 1 };
+        for run in runs {
+            let mut at = table.home(run.0);
+            while table.slots[at].2 > 0 {
+                at = (at + 1) & table.mask;
+            }
+            table.slots[at] = run;
+        }
+        table
+    }
+
+    fn home(&self, cell: u64) -> usize {
+        (cell.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & self.mask
+    }
+
+    fn find(&self, cell: u64) -> Option<std::ops::Range<usize>> {
+        let mut at = self.home(cell);
+        loop {
+            match self.slots[at] {
+                (_, _, 0) => return None,
+                (c, first, end) if c == cell => return Some(first as usize..end as usize),
+                _ => at = (at + 1) & self.mask,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ntree::tests::{rows_of, tree_of};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_step_is_maximal_and_keeps_its_distance(points in prop::collection::vec([0u32..4000, 0u32..4000, 0u32..4000], 2..300), flat: bool, there_every in 2usize..20) {
+            let points: Vec<_> = points.into_iter().map(|p| if flat { [p[0], p[1], 7] } else { p }).collect();
+            let bytes = rows_of(&points);
+            let tree = tree_of(&points, &bytes, [0.01; 3]);
+            let there = |i: usize| i % there_every == 0;
+            let mut thinning = Thinning::new(&tree, there, tree.steps(20.0) as f64);
+            let mut picked: Vec<usize> = (0..points.len()).filter(|&i| there(i)).collect();
+            for _ in 0..30 {
+                let radius2 = square(thinning.radius());
+                let new = thinning.step();
+                let away = |a: usize, b: usize| distance2(tree.entries[a].q, tree.entries[b].q);
+                for (k, &e) in new.iter().enumerate() {
+                    let before = picked.iter().copied().chain(new[..k].iter().map(|&i| i as usize));
+                    for other in before {
+                        prop_assert!(away(e as usize, other) >= radius2);
+                    }
+                }
+                picked.extend(new.iter().map(|&i| i as usize));
+                for left in thinning.left() {
+                    prop_assert!(picked.iter().any(|&p| away(left as usize, p) < radius2));
+                }
+            }
+        }
+    }
+}

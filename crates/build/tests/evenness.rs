@@ -1,0 +1,215 @@
+//! A prefix of a node together with its ancestors' points is an even sample: against a Poisson-disk sample
+//! of as many points, the largest gap is at most 1.5 times and the mean distance to the nearest
+//! neighbour at least 0.7 times as large.
+
+mod cloud;
+
+use cloud::{below, built, cloud, random};
+use esker_format::EskerFile;
+use esker_points::strata::{STRATA, stratum_len};
+use std::collections::HashMap;
+
+type P = [f64; 3];
+
+fn distance2(a: &P, b: &P) -> f64 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
+}
+
+/// Points by cubes, for nearest-neighbour questions.
+struct Grid {
+    edge: f64,
+    cells: HashMap<[i64; 3], Vec<P>>,
+}
+
+impl Grid {
+    fn new(edge: f64) -> Self {
+        Self { edge, cells: HashMap::new() }
+    }
+
+    fn cell(&self, p: &P) -> [i64; 3] {
+        p.map(|c| (c / self.edge).floor() as i64)
+    }
+
+    fn add(&mut self, p: P) {
+        let cell = self.cell(&p);
+        self.cells.entry(cell).or_default().push(p);
+    }
+
+    /// Distance to the nearest point that is not at `p` itself; searches ever wider rings.
+    fn nearest(&self, p: &P, skip_self: bool) -> f64 {
+        let at = self.cell(p);
+        let mut best = f64::INFINITY;
+        for ring in 0i64..64 {
+            if best <= (ring - 1).max(0) as f64 * self.edge {
+                break;
+            }
+            for x in -ring..=ring {
+                for y in -ring..=ring {
+                    for z in -ring..=ring {
+                        if x.abs().max(y.abs()).max(z.abs()) != ring {
+                            continue;
+                        }
+                        for q in
+                            self.cells.get(&[at[0] + x, at[1] + y, at[2] + z]).into_iter().flatten()
+                        {
+                            if !(skip_self && q == p) {
+                                best = best.min(distance2(p, q).sqrt());
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        best
+    }
+}
+
+/// Largest gap (of any cloud point to the sample) and mean nearest-neighbour distance of a sample.
+fn spread(sample: &[P], cloud: &[P], edge: f64) -> (f64, f64) {
+    let mut grid = Grid::new(edge);
+    sample.iter().for_each(|&p| grid.add(p));
+    let gap = cloud.iter().map(|p| grid.nearest(p, false)).fold(0.0, f64::max);
+    let mean = sample.iter().map(|p| grid.nearest(p, true)).sum::<f64>() / sample.len() as f64;
+    (gap, mean)
+}
+
+/// Dart throwing over the cloud's points in random order: maximal for its radius.
+fn poisson(cloud: &[P], radius: f64) -> Vec<P> {
+    let mut order: Vec<usize> = (0..cloud.len()).collect();
+    order.sort_by_key(|&i| random(i as u64 ^ 0xabcd));
+    let mut grid = Grid::new(radius);
+    let mut sample = Vec::new();
+    for i in order {
+        let p = cloud[i];
+        if grid.nearest(&p, false) >= radius {
+            grid.add(p);
+            sample.push(p);
+        }
+    }
+    sample
+}
+
+/// A Poisson-disk sample of about `count` points, by bisecting the radius.
+fn poisson_of(cloud: &[P], count: usize, guess: f64) -> (Vec<P>, f64) {
+    let (mut low, mut high) = (guess * 0.2, guess * 2.0);
+    let mut best = (Vec::new(), 0.0);
+    for _ in 0..18 {
+        let radius = (low + high) / 2.0;
+        let sample = poisson(cloud, radius);
+        if sample.len() > count {
+            low = radius
+        } else {
+            high = radius
+        }
+        if sample.len().abs_diff(count) <= count / 60 {
+            return (sample, radius);
+        }
+        best = (sample, radius);
+    }
+    best
+}
+
+/// World positions of the first `prefix` points of a node.
+fn points_of(file: &EskerFile, node: u32, prefix: usize) -> Vec<P> {
+    let page = file.read_page(node).unwrap();
+    let points = page.points().unwrap();
+    points.positions[..prefix].iter().map(|&p| file.metadata().lattice.world(p)).collect()
+}
+
+/// Compares prefixes of the root and of deeper nodes, with their ancestors, to Poisson-disk samples.
+fn compare(name: &str, count: u64, position: fn(u64) -> [i32; 3]) {
+    let options = esker_build::Options { node_capacity: 1024, ..Default::default() };
+    let (_, file, _folder) = built(vec![cloud("cloud", 0.001, count, position)], &options);
+    let world: Vec<P> = (0..count).map(|i| position(i).map(|c| f64::from(c) * 0.001)).collect();
+    let table = file.table();
+    let depths = table.depths();
+    // The root, and the fullest inner node and leaf below it.
+    let pick = |inner: bool| {
+        let fits = |i: &usize| depths[*i] >= 2 && (table.nodes[*i].child_count > 0) == inner;
+        (0..table.nodes.len()).filter(fits).max_by_key(|&i| table.nodes[i].points())
+    };
+    for node in [Some(0), pick(true), pick(false)].into_iter().flatten() {
+        let record = &table.nodes[node];
+        let (cell, lattice) = (record.cell(), file.metadata().lattice);
+        let inside: Vec<P> = world
+            .iter()
+            .copied()
+            .filter(|p| {
+                let steps = [0, 1, 2].map(|i| lattice.steps_axis(i, p[i]).round() as u32);
+                cell.contains(steps)
+            })
+            .collect();
+        let mut ancestors = Vec::new();
+        let mut up = record.parent;
+        while up != u32::MAX {
+            let above = &table.nodes[up as usize];
+            ancestors.extend(
+                points_of(&file, up, above.points()).into_iter().filter(|p| inside.contains(p)),
+            );
+            up = above.parent;
+        }
+        let mut prefix = 0;
+        let mut tried = Vec::new();
+        for n in record.levels() {
+            for s in 0..STRATA {
+                prefix += stratum_len(n, s);
+                if ancestors.len() + prefix >= 100
+                    && [4, 15].contains(&s)
+                    && tried.last() != Some(&prefix)
+                {
+                    tried.push(prefix);
+                }
+            }
+        }
+        for prefix in tried {
+            let mut sample = ancestors.clone();
+            sample.extend(points_of(&file, node as u32, prefix));
+            let (gap, mean) = spread(&sample, &inside, f64::from(record.spacing));
+            let (reference, radius) = poisson_of(&inside, sample.len(), mean);
+            let (gap_poisson, mean_poisson) = spread(&reference, &inside, radius);
+            let what = format!(
+                "{name}, node {node} (depth {}, {} ancestors' points), prefix {prefix}: {} points against {}; gap {:.2}, nearest {:.2} of Poisson",
+                depths[node],
+                ancestors.len(),
+                sample.len(),
+                reference.len(),
+                gap / gap_poisson,
+                mean / mean_poisson
+            );
+            println!("{what}");
+            assert!(gap <= 1.5 * gap_poisson && mean >= 0.7 * mean_poisson, "{what}");
+        }
+    }
+}
+
+#[test]
+fn prefixes_are_even_in_a_tilted_plane() {
+    compare("plane", 12_000, |i| {
+        let (u, v) = (below(3 * i, 40_000), below(3 * i + 1, 30_000));
+        [u, v, u / 3 + v / 5]
+    });
+}
+
+#[test]
+fn prefixes_are_even_in_a_volume() {
+    compare("volume", 12_000, |i| {
+        [below(3 * i, 30_000), below(3 * i + 1, 30_000), below(3 * i + 2, 30_000)]
+    });
+}
+
+#[test]
+fn prefixes_are_even_on_a_line() {
+    compare("line", 12_000, |i| {
+        let t = below(i, 4_000_000);
+        [t, t / 2, t / 4]
+    });
+}
+
+#[test]
+fn prefixes_are_even_on_hilly_ground() {
+    compare("ground", 12_000, |i| {
+        let (x, y) = (below(3 * i, 50_000), below(3 * i + 1, 50_000));
+        let (u, v) = (f64::from(x) / 9000.0, f64::from(y) / 11000.0);
+        [x, y, (3000.0 * (u.sin() + v.cos() * u.cos())) as i32]
+    });
+}
