@@ -119,6 +119,7 @@ class Esker:
         rounding = max([0.0] + [float(s["rounding_error_max"]) for s in meta["sources"]])
         require(rounding == self.rounding, "rounding error differs from the footer's")
         self.lattice = meta["lattice"]
+        self.bounds = meta["bounds"]
         scale = self.lattice["scale"]
         require(all(s > 0 and math.isfinite(s) for s in scale), "a scale is not positive")
         self.attributes = meta["attributes"]
@@ -315,6 +316,7 @@ def check(esker, keep):
     checks.check_table(esker, require)
     total, kept = 0, []
     statistics = checks.Statistics(esker)
+    bounds = None
     for index in range(esker.nodes):
         try:
             planes = esker.read_page(index)
@@ -323,11 +325,15 @@ def check(esker, keep):
         except (Damaged, struct.error) as fault:
             raise Damaged(f"page of node {index}: {fault}") from None
         total += esker.page_hash(p, classes, values)
+        low, high = bounds or (p[0], p[0])
+        bounds = np.minimum(low, p.min(axis=0)), np.maximum(high, p.max(axis=0))
         statistics.add(classes, values)
         if keep:
             kept.append((p, classes, values))
     total %= 2**128
     require(total == esker.hash, f"multiset hash {total:032x}, the footer says {esker.hash:032x}")
+    found = [b.tolist() for b in bounds] if bounds else None
+    require(found == esker.bounds, "the metadata's bounds are not those of the points")
     statistics.compare(require)
     return kept
 
@@ -361,6 +367,7 @@ def summary(esker):
         "node_capacity": esker.capacity,
         "rounding_error_max": esker.rounding,
         "lattice": esker.lattice,
+        "bounds": esker.bounds,
         "attributes": [f"{a['name']}:{a['type']}" for a in esker.attributes],
         "classes": len(esker.classes),
         "sources": [s["path"] for s in esker.meta["sources"]],

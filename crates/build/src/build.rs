@@ -6,7 +6,7 @@ use crate::levels::{Raiser, assemble};
 use crate::memory::{self, Peak};
 use crate::row::RowLayout;
 use crate::scratch::Scratch;
-use crate::tree::Context;
+use crate::tree::{Context, Subtree};
 use esker_format::{
     CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
 };
@@ -138,6 +138,7 @@ pub fn build_sources(
     }
     .tree(buckets)?;
 
+    let bounds = root.as_ref().and_then(|r| bounds_of(r));
     let written = root.as_ref().map_or_else(MultisetHash::default, hash_of);
     let (table, own) = assemble(root);
     prove(&table, points, written, hash)?;
@@ -147,7 +148,8 @@ pub fn build_sources(
     }
     let statistics = Statistics::assemble(&table, &plan.schema, own, histograms);
     let depth = table.depths().into_iter().max().unwrap_or(0);
-    let metadata = metadata(&intake, &plan, &reports, options);
+    let mut metadata = metadata(&intake, &plan, &reports, options);
+    metadata.bounds = bounds;
     peak.sample();
     task.check()?;
     let bytes_out = writer.finish(&table, &statistics, &metadata, points, hash)?;
@@ -205,7 +207,7 @@ fn chunk_rows_max(options: &Options, row_bytes: usize) -> u64 {
     (rows as u64).clamp(u64::from(options.node_capacity) * 4, (1 << 32) - 1)
 }
 
-fn hash_of(root: &crate::tree::Subtree) -> MultisetHash {
+fn hash_of(root: &Subtree) -> MultisetHash {
     let mut sum = MultisetHash::default();
     let mut open = vec![root];
     while let Some(tree) = open.pop() {
@@ -213,6 +215,22 @@ fn hash_of(root: &crate::tree::Subtree) -> MultisetHash {
         open.extend(&tree.children);
     }
     sum
+}
+
+/// Least and greatest coordinates of all points.
+fn bounds_of(root: &Subtree) -> Option<[[u32; 3]; 2]> {
+    let mut bounds: Option<[[u32; 3]; 2]> = None;
+    let mut open = vec![root];
+    while let Some(tree) = open.pop() {
+        let [low, high] = tree.bounds;
+        let [least, greatest] = bounds.unwrap_or(tree.bounds);
+        bounds = Some([
+            [0, 1, 2].map(|i| low[i].min(least[i])),
+            [0, 1, 2].map(|i| high[i].max(greatest[i])),
+        ]);
+        open.extend(&tree.children);
+    }
+    bounds
 }
 
 /// Points in and out, and their hashes, must be the same.
@@ -260,6 +278,7 @@ fn metadata(
     };
     Metadata {
         lattice: plan.lattice,
+        bounds: None,
         schema: plan.schema.clone(),
         classes: plan.classes.clone(),
         node_capacity: options.node_capacity,

@@ -54,6 +54,8 @@ pub struct Subtree {
     pub statistics: NodeStatistics,
     /// Hash of its own points.
     pub hash: MultisetHash,
+    /// Least and greatest lattice coordinates of its own points.
+    pub bounds: [[u32; 3]; 2],
     /// Its children, in Morton order.
     pub children: Vec<Subtree>,
 }
@@ -108,6 +110,13 @@ impl Context {
             .collect();
         offered.sort_unstable();
         drop(tree);
+        for child in &children {
+            // A node keeps a point of its own, or it could not stand between the one above and those below.
+            let gone = |row: &u32| offered.binary_search(row).is_ok();
+            if !child.children.is_empty() && child.offered.iter().all(gone) {
+                offered.retain(|row| *row != child.offered[0]);
+            }
+        }
         let children = children
             .into_par_iter()
             .filter_map(|child| self.finish(rows, child, &offered, Some(sample.spacing)))
@@ -116,7 +125,8 @@ impl Context {
     }
 
     /// Finishes a cell of whose offer `taken` (rows, ascending; others may be among them) have gone to the
-    /// cell above, whose sample has the spacing `above`. `None` where nothing is left of it.
+    /// cell above, whose sample has the spacing `above`. `None` where nothing is left of it, which only
+    /// happens to cells without children (see [`Context::combine`]).
     pub fn finish(
         &self,
         rows: &Rows<'_>,
@@ -129,7 +139,7 @@ impl Context {
         let gone: Vec<bool> =
             tree.entries.iter().map(|e| taken.binary_search(&e.row).is_ok()).collect();
         let order = order(&tree, &gone, above);
-        if order.entries.is_empty() && pending.children.is_empty() {
+        if order.entries.is_empty() {
             return None;
         }
         let spacing = self.spacing(&tree, above);
@@ -154,7 +164,7 @@ impl Context {
         node.shape = shape.dimension as u8;
         node.spacing = spacing as f32;
         node.set_levels(&order.levels);
-        self.set_box(&mut node, &points.positions);
+        let bounds = set_box(&mut node, &points.positions);
         let step =
             self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);
         contour::enclose(&mut node, &points.positions, self.scale, f64::from(reach) * 1.05 + step);
@@ -165,7 +175,7 @@ impl Context {
         if let Ok(mut histograms) = self.histograms[slot].lock() {
             histograms.add(&self.pages, &points);
         }
-        Some(Subtree { node, page, statistics, hash, children: pending.children })
+        Some(Subtree { node, page, statistics, hash, bounds, children: pending.children })
     }
 
     /// The spacing of a node: never more than that of the sample above, never zero.
@@ -179,22 +189,6 @@ impl Context {
         };
         // Half the largest f32 keeps a multiple of it finite.
         spacing.clamp(step.max(1e-30), 1e30)
-    }
-
-    fn set_box(&self, node: &mut Node, positions: &[[u32; 3]]) {
-        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
-        for p in positions {
-            for i in 0..3 {
-                min[i] = min[i].min(p[i]);
-                max[i] = max[i].max(p[i]);
-            }
-        }
-        if positions.is_empty() {
-            (min, max) = (node.corner, node.corner);
-        }
-        node.box_min = min;
-        let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap_or(0);
-        node.hot_shift = quant::hot_shift(extent);
     }
 
     /// The columns of a page, and the hash of its points.
@@ -227,4 +221,19 @@ impl Context {
         }
         (points, hash)
     }
+}
+
+/// Sets the integer box of a node's own points, and returns it; there is at least one.
+fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
+    let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
+    for p in positions {
+        for i in 0..3 {
+            min[i] = min[i].min(p[i]);
+            max[i] = max[i].max(p[i]);
+        }
+    }
+    node.box_min = min;
+    let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap_or(0);
+    node.hot_shift = quant::hot_shift(extent);
+    [min, max]
 }

@@ -1,2 +1,35 @@
-//! The `esker` binary.
-fn main() {}
+//! The `esker` binary: parses the command line, calls `esker_engine`, prints what comes back. Exit code 0
+//! means that all of it worked. With `--json` the last line of standard output is one object.
+
+mod args;
+mod commands;
+
+use clap::Parser;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+fn main() -> ExitCode {
+    let args = args::Args::parse();
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    // A second Ctrl-C ends the program at once; temporary files have no final name.
+    let handler = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::abort();
+        }
+    });
+    if let Err(error) = handler {
+        eprintln!("note: Ctrl-C cannot be handled: {error}");
+    }
+    match commands::run(args.command.unwrap_or(args::Command::Demo { out: "out".into() }), stop) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let mut message = format!("{error:#}");
+            // One line, whatever the cause wrote.
+            message = message.split_whitespace().collect::<Vec<_>>().join(" ");
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -97,6 +97,7 @@ struct TreeJson {
 pub(crate) struct MetadataJson {
     generator: String,
     lattice: Lattice,
+    bounds: Option<[[u32; 3]; 2]>,
     node_capacity: u32,
     attributes: Vec<AttributeJson>,
     classes: Vec<PointClass>,
@@ -114,6 +115,7 @@ impl MetadataJson {
         Self {
             generator: metadata.generator.clone(),
             lattice: metadata.lattice,
+            bounds: metadata.bounds,
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
             classes: metadata.classes.clone(),
@@ -133,6 +135,7 @@ impl MetadataJson {
         });
         let metadata = Metadata {
             lattice: self.lattice,
+            bounds: self.bounds,
             schema: Schema { attributes: self.attributes.into_iter().map(attribute).collect() },
             classes: self.classes,
             node_capacity: self.node_capacity,

@@ -23,6 +23,8 @@ pub struct Metadata {
     pub schema: Schema,
     /// Which of them the points of each class have. A class plane is there only where there are several.
     pub classes: Vec<PointClass>,
+    /// Least and greatest lattice coordinates of all points; `None` where there is no point.
+    pub bounds: Option<[[u32; 3]; 2]>,
     /// Points that a node is meant to hold at most.
     pub node_capacity: u32,
     /// Where the points come from, in the order given.

@@ -37,6 +37,7 @@ struct Sums {
     hash: MultisetHash,
     ranges: Ranges,
     histograms: Histograms,
+    bounds: Option<[[u32; 3]; 2]>,
 }
 
 /// Checks the whole file.
@@ -54,6 +55,7 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
         hash: MultisetHash::default(),
         ranges: Ranges::new(file.layout().schema()),
         histograms: Histograms::new(stored.histograms().ranges().clone()),
+        bounds: None,
     });
     task.phase("verify", Some(footer.points), "points");
     let own: Vec<NodeStatistics> = (0..file.table().nodes.len() as u32)
@@ -68,6 +70,9 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
         let what =
             format!("its multiset hash is {}, that of the points {}", footer.hash, sums.hash);
         return Err(damaged(Fault::new("footer", what)));
+    }
+    if sums.bounds != file.metadata().bounds {
+        return Err(damaged(Fault::new("metadata", "its bounds are not those of the points")));
     }
     if sums.ranges != *stored.histograms().ranges() {
         return Err(damaged(Fault::new(
@@ -126,6 +131,11 @@ fn verify_node(
     let mut sums = lock(sums);
     sums.points += points.len() as u64;
     sums.hash += hash;
+    for &p in &points.positions {
+        let [low, high] = sums.bounds.unwrap_or([p, p]);
+        let join = |f: fn(u32, u32) -> u32, a: [u32; 3]| [0, 1, 2].map(|i| f(a[i], p[i]));
+        sums.bounds = Some([join(u32::min, low), join(u32::max, high)]);
+    }
     sums.ranges.merge(&ranges);
     drop(sums);
     task.advance(points.len() as u64);

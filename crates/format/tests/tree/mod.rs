@@ -43,6 +43,7 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
         schema,
         classes,
+        bounds: None,
         node_capacity: 64,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],
@@ -177,6 +178,11 @@ pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: us
     }
     let each = parts.iter().map(|p| NodeStatistics::of(&layout, p)).collect();
     let statistics = Statistics::assemble(&table, &metadata.schema, each, histograms);
+    let corner = |f: fn(u32, u32) -> u32| {
+        [0, 1, 2].map(|i| points.positions.iter().map(|p| p[i]).reduce(f).unwrap_or(0))
+    };
+    let bounds = (!points.is_empty()).then(|| [corner(u32::min), corner(u32::max)]);
+    let metadata = &Metadata { bounds, ..metadata.clone() };
     let bytes = writer.finish(&table, &statistics, metadata, points.len() as u64, hash).unwrap();
     assert_eq!(bytes, std::fs::metadata(path).unwrap().len());
     table

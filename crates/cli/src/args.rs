@@ -1,0 +1,207 @@
+//! The command line.
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use esker_engine::camera::Camera;
+use esker_engine::progress::Style;
+use esker_engine::{ColourDepth, Method, quantity};
+use std::path::PathBuf;
+
+/// Laser scans of any size, as one layered file and as pictures.
+#[derive(Parser)]
+#[command(name = "esker", version, about)]
+pub struct Args {
+    /// Without a command: `demo`.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV).
+    Build(Build),
+    /// Say what an .esker file, or a scan, holds.
+    Info {
+        /// The file.
+        file: PathBuf,
+        /// Print one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Check an .esker file, byte for byte; with --against also that its points are those of the scans.
+    Verify(Verify),
+    /// Draw a picture of an .esker file, or of scans (which are built first, into a temporary file).
+    Render(Render),
+    /// Build, verify and draw the sample scan of the project.
+    Demo {
+        /// Folder for the file and the picture.
+        #[arg(short, long, default_value = "out")]
+        out: PathBuf,
+    },
+}
+
+#[derive(ClapArgs)]
+pub struct Build {
+    /// The scans.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to build.
+    #[arg(short, long, value_name = "OUT.esker")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub how: BuildHow,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+/// How scans are built, wherever they are.
+#[derive(ClapArgs)]
+pub struct BuildHow {
+    /// Memory that building may use, such as 4GiB; half of what the machine grants where not said.
+    #[arg(long, value_parser = quantity::bytes)]
+    pub memory: Option<u64>,
+    /// Folder for what does not fit memory; the system's where not said.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+    /// Points that a node holds.
+    #[arg(long, default_value_t = 65_536)]
+    pub node_capacity: u32,
+    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input where not said.
+    #[arg(long, value_enum)]
+    pub colour_bits: Option<ColourBits>,
+    /// Threads; one a core where not said.
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    pub threads: usize,
+}
+
+#[derive(ClapArgs)]
+pub struct Verify {
+    /// The file.
+    pub file: PathBuf,
+    /// The scans that it was built from.
+    #[arg(long, num_args = 1.., value_name = "IN")]
+    pub against: Vec<PathBuf>,
+    /// Threads; one a core where not said.
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    pub threads: usize,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(ClapArgs)]
+pub struct Render {
+    /// An .esker file, or scans.
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    /// The picture to write.
+    #[arg(short, long, value_name = "P.png")]
+    pub out: PathBuf,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    /// Points alone, or closed surfaces.
+    #[arg(long, value_enum, default_value_t)]
+    pub method: MethodArg,
+    /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates. Every part may be missing;
+    /// without an eye the scan is fitted, seen along "direction=x,y,z".
+    #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
+    pub camera: Camera,
+    /// Show all of the scan, whatever eye and target the camera names.
+    #[arg(long)]
+    pub fit: bool,
+    /// Points drawn at most.
+    #[arg(long, value_name = "N", default_value_t = 10_000_000)]
+    pub budget_points: u64,
+    /// Distance of neighbouring points on the picture that is fine enough, in pixels; 0 draws all.
+    #[arg(long, value_name = "PX", default_value_t = 1.0, value_parser = parse_spacing)]
+    pub target_spacing: f64,
+    /// rgb, intensity, elevation, classification, normal, level, depth, plain, or any attribute's name.
+    #[arg(long, value_name = "WHAT")]
+    pub colour_by: Option<String>,
+    #[command(flatten)]
+    pub how: BuildHow,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum ProgressArg {
+    /// A bar, on a terminal.
+    #[default]
+    Bar,
+    /// Lines of JSON.
+    Json,
+    /// Nothing.
+    None,
+}
+
+impl From<ProgressArg> for Style {
+    fn from(arg: ProgressArg) -> Self {
+        match arg {
+            ProgressArg::Bar => Self::Bar,
+            ProgressArg::Json => Self::Json,
+            ProgressArg::None => Self::None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum MethodArg {
+    /// One pixel a point.
+    Points,
+    /// Surfaces closed by pull-push interpolation.
+    #[default]
+    PullPush,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Points => Self::Points,
+            MethodArg::PullPush => Self::PullPush,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ColourBits {
+    /// 0 to 255 in 16-bit fields.
+    #[value(name = "8")]
+    Eight,
+    /// The full 16 bits, or 8 bits in the upper byte.
+    #[value(name = "16")]
+    Sixteen,
+}
+
+impl From<ColourBits> for ColourDepth {
+    fn from(arg: ColourBits) -> Self {
+        match arg {
+            ColourBits::Eight => Self::Eight,
+            ColourBits::Sixteen => Self::Sixteen,
+        }
+    }
+}
+
+fn parse_camera(text: &str) -> Result<Camera, String> {
+    Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+fn parse_spacing(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if (0.0..=1e6).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("{value} pixels are out of range"))
+    }
+}

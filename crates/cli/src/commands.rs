@@ -1,0 +1,96 @@
+//! Each command: from its arguments to a call of the engine, and what that returns to standard output.
+
+use crate::args::{Build, BuildHow, Command, Render, Verify};
+use anyhow::Result;
+use esker_engine::progress::{Progress, Style};
+use esker_engine::{BuildOptions, Value, build, demo, info, quantity, render, verify};
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Runs a command; `stop` is set when the user wants to stop.
+pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<()> {
+    match command {
+        Command::Build(args) => run_build(args, stop),
+        Command::Info { file, json } => {
+            let report = info::info(&file, &Progress::new(Style::None, stop))?;
+            print(json, &report, || info::text(&report))
+        }
+        Command::Verify(args) => run_verify(args, stop),
+        Command::Render(args) => run_render(args, stop),
+        Command::Demo { out } => {
+            let lines = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;
+            write(&lines.join("\n"))
+        }
+    }
+}
+
+fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
+    let progress = Progress::new(args.progress.into(), stop);
+    let (report, seconds) =
+        build::build(&args.inputs, &args.out, &options(&args.how), args.how.threads, &progress)?;
+    drop(progress);
+    print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, &args.out))
+}
+
+fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = verify::verify(&args.file, &args.against, args.threads, &progress)?;
+    drop(progress);
+    print(args.json, &report, || {
+        let points = quantity::grouped(report["points"].as_u64().unwrap_or(0));
+        let against = if args.against.is_empty() { "" } else { ", the points of the scans" };
+        format!("{}: ok, {points} points{against}", args.file.display())
+    })
+}
+
+fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
+    let mut camera = args.camera;
+    if args.fit {
+        (camera.eye, camera.target) = (None, None);
+    }
+    let request = render::Request {
+        size: args.size,
+        method: args.method.into(),
+        camera,
+        budget_points: args.budget_points,
+        target_spacing_px: args.target_spacing,
+        colour_by: args.colour_by,
+        threads: args.how.threads,
+        build: options(&args.how),
+    };
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = render::render(&args.inputs, &args.out, &request, &progress)?;
+    drop(progress);
+    print(args.json, &report, || render::text(&report))
+}
+
+fn options(how: &BuildHow) -> BuildOptions {
+    let default = BuildOptions::default();
+    BuildOptions {
+        memory_bytes: how.memory.unwrap_or(default.memory_bytes),
+        scratch: how.scratch.clone(),
+        node_capacity: how.node_capacity,
+        colour_depth: how.colour_bits.map(Into::into),
+    }
+}
+
+/// Where the sample scan lies: the current folder where it is a clone of the project, else where the
+/// program was built.
+fn project() -> &'static Path {
+    let built = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
+    if Path::new("tests/sample").is_dir() { Path::new(".") } else { built }
+}
+
+fn print(as_json: bool, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
+    write(&if as_json { report.to_string() } else { text() })
+}
+
+/// To standard output; a reader that went away is no reason to fail loudly.
+fn write(text: &str) -> Result<()> {
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,81 @@
+//! Building as a call, and its report as JSON and as text.
+
+use crate::pool;
+use crate::quantity::{grouped, readable_bytes};
+use anyhow::Result;
+use esker_build::{Options, Report};
+use esker_points::Task;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Builds `out` from scans on so many threads (0: one a core); the report and the seconds it took.
+///
+/// # Errors
+/// Where an input is damaged, space runs out, or on request; nothing is left under the final name.
+pub fn build(
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<(Report, f64)> {
+    let start = Instant::now();
+    let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
+    Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// The report for machines.
+pub fn json(report: &Report, seconds: f64) -> Value {
+    json!({
+        "points_in": report.points_in,
+        "points_out": report.points_out,
+        "points_refused": report.points_refused.values().sum::<u64>(),
+        "refused_reasons": report.points_refused,
+        "multiset_hash": report.hash.to_string(),
+        "seconds": seconds,
+        "points_per_second": report.points_in as f64 / seconds.max(1e-9),
+        "peak_anon_bytes": report.peak_anon_bytes,
+        "peak_rss_bytes": report.peak_rss_bytes,
+        "scratch_bytes": report.scratch_bytes,
+        "bytes_out": report.bytes_out,
+        "nodes": report.nodes,
+        "depth": report.depth,
+        "rounding_error_max": report.rounding_error_max,
+        "notes": report.notes,
+    })
+}
+
+/// The report for people.
+pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
+    let mut lines = vec![format!(
+        "{}: {} points in {} nodes, {} levels deep, {} ({:.1} bytes a point), in {seconds:.1} s",
+        out.display(),
+        grouped(report.points_out),
+        grouped(report.nodes),
+        report.depth + u32::from(report.nodes > 0),
+        readable_bytes(report.bytes_out),
+        report.bytes_out as f64 / report.points_out.max(1) as f64,
+    )];
+    lines.push(format!(
+        "proof: {} points in, {} out, multiset hash {}",
+        grouped(report.points_in),
+        grouped(report.points_out),
+        report.hash
+    ));
+    for (reason, n) in &report.points_refused {
+        lines.push(format!("refused: {} points: {reason}", grouped(*n)));
+    }
+    lines.push(match report.rounding_error_max {
+        0.0 => "coordinates: exact".into(),
+        error => format!("coordinates: rounded by at most {error:.3e}"),
+    });
+    lines.push(format!(
+        "memory: {} at most, {} resident, {} through scratch",
+        readable_bytes(report.peak_anon_bytes),
+        readable_bytes(report.peak_rss_bytes),
+        readable_bytes(report.scratch_bytes)
+    ));
+    lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
+    lines.join("\n")
+}

@@ -1,0 +1,138 @@
+//! The camera of a picture: as told on the command line, or fitted to the scan.
+
+use anyhow::{Context, Result, bail, ensure};
+use esker_lod::View;
+use glam::DVec3;
+
+/// What the user said of the camera; what is not said is fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Camera {
+    /// Where it stands.
+    pub eye: Option<DVec3>,
+    /// What it looks at; the middle of the scan where not said.
+    pub target: Option<DVec3>,
+    /// Upwards; z where not said.
+    pub up: Option<DVec3>,
+    /// Direction it looks along, where it is fitted.
+    pub direction: Option<DVec3>,
+    /// Vertical field of view, degrees; 60 where not said.
+    pub fovy_deg: Option<f64>,
+}
+
+/// Degrees of the vertical field of view where the user says nothing.
+const FOVY_DEG: f64 = 60.0;
+
+impl Camera {
+    /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60`; every part may be missing.
+    ///
+    /// # Errors
+    /// Where a part is unknown or no numbers.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut camera = Self::default();
+        for part in text.split(';').map(str::trim).filter(|p| !p.is_empty()) {
+            let (name, value) = part
+                .split_once('=')
+                .with_context(|| format!("`{part}` in the camera is not name=value"))?;
+            match name.trim() {
+                "eye" => camera.eye = Some(vector(value)?),
+                "target" => camera.target = Some(vector(value)?),
+                "up" => camera.up = Some(vector(value)?),
+                "direction" => camera.direction = Some(vector(value)?),
+                "fovy" => {
+                    let degrees: f64 =
+                        value.trim().parse().with_context(|| format!("`{value}` is no angle"))?;
+                    ensure!(
+                        degrees > 0.0 && degrees < 175.0,
+                        "fovy is {degrees}, it must be within 0 and 175 degrees"
+                    );
+                    camera.fovy_deg = Some(degrees);
+                }
+                other => bail!("the camera has eye, target, up, direction and fovy, no `{other}`"),
+            }
+        }
+        Ok(camera)
+    }
+
+    /// The view on a scan within these bounds, fitted where the user said no eye.
+    pub fn view(&self, bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
+        let fovy = self.fovy_deg.unwrap_or(FOVY_DEG).to_radians();
+        let [low, high] = bounds.map(DVec3::from_array);
+        let up = self.up.unwrap_or(DVec3::Z);
+        let target = self.target.unwrap_or(low.midpoint(high));
+        if let Some(eye) = self.eye {
+            return View::look_at(eye, target, up, fovy, size[0], size[1]);
+        }
+        let direction = self.direction.unwrap_or_else(|| oblique(up));
+        if self.up.is_none() && self.target.is_none() {
+            return View::fit(low, high, direction, fovy, size[0], size[1]);
+        }
+        // Another up or target: far enough for the sphere around the scan.
+        let radius = (high - low).length() * 0.5 + target.distance(low.midpoint(high));
+        let narrow = (fovy * 0.5).tan() * f64::from(size[0].min(size[1])) / f64::from(size[1]);
+        let distance = if radius > 0.0 { radius / narrow.atan().sin() } else { 1.0 };
+        let eye = target - direction.normalize_or(DVec3::NEG_Z) * distance;
+        View::look_at(eye, target, up, fovy, size[0], size[1])
+    }
+}
+
+/// A direction that looks down at about 35 degrees, a quarter turned from the axes.
+fn oblique(up: DVec3) -> DVec3 {
+    let up = up.normalize_or(DVec3::Z);
+    let side = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Y };
+    let right = side.reject_from(up).normalize_or(DVec3::Y);
+    let ahead = up.cross(right);
+    ahead * 0.75 - right * 0.35 - up * 0.55
+}
+
+fn vector(text: &str) -> Result<DVec3> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|n| n.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<_>>()
+        .with_context(|| format!("`{text}` is not three numbers"))?;
+    match numbers.as_slice() {
+        &[x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => bail!("`{text}` is not three numbers"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_camera_is_taken_as_told() {
+        let camera = Camera::parse("eye=1,2,3; target=4,5,6;up=0,1,0;fovy=40").unwrap();
+        let view = camera.view([[0.0; 3], [9.0; 3]], [640, 480]);
+        assert_eq!(view.eye, DVec3::new(1.0, 2.0, 3.0));
+        assert!((view.forward() - DVec3::ONE.normalize_or_zero()).length() < 1e-12);
+        assert!((view.fovy_rad.to_degrees() - 40.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn every_corner_of_a_fitted_scan_is_on_the_picture() {
+        for text in ["", "up=0,1,0", "direction=0,0,-1", "direction=1,0,0;up=0,0,1;fovy=20"] {
+            let view = Camera::parse(text)
+                .unwrap()
+                .view([[1e6, 2e6, -3.0], [1e6 + 80.0, 2e6 + 50.0, 40.0]], [800, 300]);
+            for corner in 0..8 {
+                let at = |bit: usize, low: f64, high: f64| {
+                    if corner >> bit & 1 == 1 { high } else { low }
+                };
+                let p =
+                    DVec3::new(at(0, 1e6, 1e6 + 80.0), at(1, 2e6, 2e6 + 50.0), at(2, -3.0, 40.0));
+                let on = view.project(p).is_some_and(|p| view.is_on_picture(p));
+                assert!(on, "{text}: {p} is off the picture");
+            }
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused_in_words() {
+        for text in
+            ["eye=1,2", "look=1,2,3", "fovy=0", "fovy=200", "eye=a,b,c", "eye=nan,0,0", "up"]
+        {
+            assert!(Camera::parse(text).is_err(), "{text}");
+        }
+    }
+}

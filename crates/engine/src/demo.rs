@@ -1,0 +1,40 @@
+//! The demonstration: the sample scan of the project, from the scan file to the picture.
+
+use crate::render::{Request, render, text as render_text};
+use crate::{build, verify};
+use anyhow::{Context, Result, ensure};
+use esker_build::Options;
+use esker_points::Task;
+use std::path::{Path, PathBuf};
+
+/// The sample scan, from the project's folder.
+const SAMPLE: &str = "tests/sample/lone-star.copc.laz";
+
+/// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the lines
+/// to show. `project` is where the project's sources lie.
+///
+/// # Errors
+/// Where a step fails.
+pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<Vec<String>> {
+    let sample = project.join(SAMPLE);
+    ensure!(
+        sample.is_file(),
+        "{}: the sample scan is missing; run this in a clone of the project, or name a scan: esker render SCAN -o picture.png",
+        sample.display()
+    );
+    std::fs::create_dir_all(out)
+        .with_context(|| format!("{}: cannot make the folder", out.display()))?;
+    let file = out.join("sample.esker");
+    let (report, seconds) =
+        build::build(std::slice::from_ref(&sample), &file, &Options::default(), 0, task)?;
+    let mut lines = vec![build::text(&report, seconds, &file)];
+    verify::verify(&file, &[sample], 0, task)?;
+    lines.push(
+        "verified: every byte, and against the scan every point with all its attributes".into(),
+    );
+    let picture: PathBuf = out.join("sample.png");
+    let request = Request { size: [1280, 960], ..Request::default() };
+    lines.push(render_text(&render(&[file], &picture, &request, task)?));
+    lines.push(format!("look at {}", picture.display()));
+    Ok(lines)
+}

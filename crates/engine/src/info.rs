@@ -1,0 +1,246 @@
+//! What a file says of itself: counts, bounds, attributes, sources, and how its points lie in the tree.
+
+use crate::quantity::{grouped, readable_bytes};
+use anyhow::Result;
+use esker_format::{EskerFile, Metadata};
+use esker_points::quant::residual_bytes;
+use esker_points::{Node, NodeTable, Task};
+use esker_scan::{OpenOptions, SourceInfo};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A node with less than this share of the capacity is a small one.
+const SMALL_SHARE: f64 = 1.0 / 16.0;
+
+/// World bounds of all points; zeros where there is no point.
+pub fn bounds(metadata: &Metadata) -> [[f64; 3]; 2] {
+    metadata.bounds.map_or([[0.0; 3]; 2], |b| b.map(|corner| metadata.lattice.world(corner)))
+}
+
+/// What there is to know of an `.esker` file, or, before building, of a scan.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
+    if !crate::render::is_esker(path)? {
+        let source = esker_scan::open(path, &OpenOptions::default(), task)?;
+        return Ok(scan(source.info()));
+    }
+    let file = EskerFile::open(path)?;
+    let (footer, metadata, table) = (file.footer(), file.metadata(), file.table());
+    let box_world = metadata.bounds.map(|_| bounds(metadata));
+    let sources: Vec<Value> = metadata
+        .sources
+        .iter()
+        .map(|s| {
+            json!({
+                "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
+                "rounding_error_max": s.rounding_error_max,
+                "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
+                "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
+                "notes": s.notes,
+            })
+        })
+        .collect();
+    let first_crs = metadata.sources.iter().find_map(|s| s.crs.as_ref());
+    let attributes: Vec<Value> = metadata
+        .schema
+        .attributes
+        .iter()
+        .map(|a| json!({"name": a.name, "type": a.ty.name(), "description": a.description, "scale": a.scale, "offset": a.offset}))
+        .collect();
+    Ok(json!({
+        "points": footer.points,
+        "bounds": box_world,
+        "scale": metadata.lattice.scale,
+        "offset": metadata.lattice.offset,
+        "shift": metadata.lattice.shift,
+        "rounding_error_max": footer.rounding_error_max,
+        "attributes": attributes,
+        "classes": metadata.classes.len(),
+        "crs": first_crs.map(|c| &c.text),
+        "unit": first_crs.and_then(|c| c.unit.as_ref()),
+        "nodes": footer.nodes,
+        "node_capacity": footer.node_capacity,
+        "node_fill_mean": fill(table, footer.node_capacity),
+        "small_nodes_share": small_share(table, footer.node_capacity),
+        "depths": depths(table),
+        "bytes": footer.file_bytes,
+        "bytes_a_point": bytes_a_point(&file),
+        "table_bytes_a_node": size_of::<Node>(),
+        "table_bytes": footer.table.bytes,
+        "multiset_hash": footer.hash.to_string(),
+        "generator": metadata.generator,
+        "sources": sources,
+    }))
+}
+
+fn bits(depth: esker_points::ColourDepth) -> u32 {
+    match depth {
+        esker_points::ColourDepth::Eight => 8,
+        esker_points::ColourDepth::Sixteen => 16,
+    }
+}
+
+/// A scan that is not yet built: what its header says, nothing decoded.
+fn scan(info: &SourceInfo) -> Value {
+    let attributes: Vec<Value> = info
+        .schema
+        .attributes
+        .iter()
+        .map(|a| json!({"name": a.name, "type": a.ty.name(), "description": a.description}))
+        .collect();
+    json!({
+        "scan": info.path.display().to_string(),
+        "format": info.format,
+        "points": info.points_hint,
+        "bounds": info.grid.bounds,
+        "scale": info.grid.grid.scale,
+        "offset": info.grid.grid.offset,
+        "attributes": attributes,
+        "colour_bits": info.colour_depth.map(bits),
+        "crs": info.crs.as_ref().map(|c| &c.text),
+        "unit": info.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "bytes": info.bytes,
+        "notes": info.notes,
+    })
+}
+
+fn fill(table: &NodeTable, capacity: u32) -> f64 {
+    let points: usize = table.nodes.iter().map(Node::points).sum();
+    points as f64 / (table.nodes.len().max(1) as f64 * f64::from(capacity.max(1)))
+}
+
+fn small_share(table: &NodeTable, capacity: u32) -> f64 {
+    let small =
+        table.nodes.iter().filter(|n| (n.points() as f64) < f64::from(capacity) * SMALL_SHARE);
+    small.count() as f64 / table.nodes.len().max(1) as f64
+}
+
+/// Nodes and points at each depth.
+fn depths(table: &NodeTable) -> Vec<Value> {
+    let mut out: Vec<(u64, u64)> = Vec::new();
+    for (node, depth) in table.nodes.iter().zip(table.depths()) {
+        let depth = depth as usize;
+        if out.len() <= depth {
+            out.resize(depth + 1, (0, 0));
+        }
+        out[depth].0 += 1;
+        out[depth].1 += node.points() as u64;
+    }
+    out.into_iter()
+        .enumerate()
+        .map(|(depth, (nodes, points))| json!({"depth": depth, "nodes": nodes, "points": points}))
+        .collect()
+}
+
+/// Bytes a point of hot planes, residuals, and everything else in the pages.
+fn bytes_a_point(file: &EskerFile) -> Value {
+    let layout = file.layout();
+    let (mut pages, mut hot, mut residual, mut directories) = (0u64, 0u64, 0u64, 0u64);
+    for node in &file.table().nodes {
+        let n = node.points();
+        pages += u64::from(node.page_bytes);
+        let planes =
+            layout.planes().iter().filter(|p| p.hot && p.kind != esker_format::PlaneKind::Residual);
+        hot += planes.map(|p| u64::from(p.value_bytes) * n as u64).sum::<u64>();
+        residual += (residual_bytes(node.hot_shift) * n) as u64;
+        directories += layout.directory_bytes() as u64;
+    }
+    let points = file.footer().points.max(1) as f64;
+    json!({
+        "hot": hot as f64 / points,
+        "residual": residual as f64 / points,
+        "cold": pages.saturating_sub(hot + residual + directories) as f64 / points,
+        "directories": directories as f64 / points,
+        "all": file.footer().file_bytes as f64 / points,
+    })
+}
+
+/// [`info`] for people.
+pub fn text(info: &Value) -> String {
+    let mut lines = Vec::new();
+    let count = |name: &str| grouped(info[name].as_u64().unwrap_or(0));
+    if let Some(scan) = info["scan"].as_str() {
+        lines.push(format!(
+            "{scan}: a scan ({}), not yet built",
+            info["format"].as_str().unwrap_or("?")
+        ));
+    }
+    lines.push(format!("points       {}", count("points")));
+    if let Some([low, high]) = info["bounds"].as_array().map(Vec::as_slice) {
+        lines.push(format!("bounds       {low} to {high}"));
+    }
+    lines.push(format!("step         {}  offset {}", info["scale"], info["offset"]));
+    if let Some(unit) = info["unit"].as_str() {
+        lines.push(format!("unit         {unit}"));
+    }
+    if let Some(crs) = info["crs"].as_str() {
+        lines.push(format!(
+            "crs          {}",
+            crs.split_whitespace()
+                .collect::<Vec<_>>()
+                .join(" ")
+                .chars()
+                .take(200)
+                .collect::<String>()
+        ));
+    }
+    let attributes = info["attributes"].as_array().into_iter().flatten();
+    let names: Vec<_> = attributes
+        .filter_map(|a| Some(format!("{}:{}", a["name"].as_str()?, a["type"].as_str()?)))
+        .collect();
+    lines.push(format!("attributes   {}", names.join(" ")));
+    if info["scan"].is_null() {
+        tree_lines(info, &mut lines);
+    } else if let Some(bits) = info["colour_bits"].as_u64() {
+        lines.push(format!("colours      {bits} bits"));
+    }
+    for note in info["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        lines.push(format!("note         {note}"));
+    }
+    lines.join("\n")
+}
+
+fn tree_lines(info: &Value, lines: &mut Vec<String>) {
+    let percent = |name: &str| info[name].as_f64().unwrap_or(0.0) * 100.0;
+    lines.push(format!(
+        "nodes        {} of at most {} points; {:.0} % full on average, {:.0} % under a sixteenth",
+        grouped(info["nodes"].as_u64().unwrap_or(0)),
+        info["node_capacity"],
+        percent("node_fill_mean"),
+        percent("small_nodes_share")
+    ));
+    for depth in info["depths"].as_array().into_iter().flatten() {
+        let n = |name: &str| grouped(depth[name].as_u64().unwrap_or(0));
+        lines.push(format!(
+            "  depth {:<4} {:>9} nodes {:>15} points",
+            depth["depth"],
+            n("nodes"),
+            n("points")
+        ));
+    }
+    let each = &info["bytes_a_point"];
+    let bytes = |name: &str| each[name].as_f64().unwrap_or(0.0);
+    lines.push(format!(
+        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold; {} a node in the table",
+        readable_bytes(info["bytes"].as_u64().unwrap_or(0)),
+        bytes("hot"),
+        bytes("residual"),
+        bytes("cold"),
+        info["table_bytes_a_node"]
+    ));
+    for source in info["sources"].as_array().into_iter().flatten() {
+        let colours =
+            source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));
+        lines.push(format!(
+            "source       {} ({}), {} points{colours}",
+            source["path"].as_str().unwrap_or("?"),
+            source["format"].as_str().unwrap_or("?"),
+            grouped(source["points"].as_u64().unwrap_or(0))
+        ));
+        for note in source["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            lines.push(format!("  note       {note}"));
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! The rayon pool that all parallel work runs in.
+
+use anyhow::{Context, Result};
+
+/// Runs `work` in a pool of so many threads; 0 is one a core.
+///
+/// # Errors
+/// Where the threads cannot be started, and those of `work`.
+pub fn run<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|i| format!("esker-{i}"))
+        .build()
+        .context("cannot start the worker threads")?
+        .install(work)
+}

@@ -1,0 +1,127 @@
+//! Progress on standard error: a bar with rate and time left, lines of JSON for machines, or nothing; and the
+//! flag that Ctrl-C sets.
+
+use esker_points::Task;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Style {
+    /// A bar, where standard error is a terminal.
+    #[default]
+    Bar,
+    /// A line of JSON twice a second.
+    Json,
+    /// Nothing but notes.
+    None,
+    /// Nothing at all.
+    Silent,
+}
+
+/// Between two lines of JSON.
+const LINE_EVERY: Duration = Duration::from_millis(500);
+
+/// Shows progress and knows whether the user wants to stop.
+pub struct Progress {
+    style: Style,
+    stop: Arc<AtomicBool>,
+    done: AtomicU64,
+    phase: Mutex<Phase>,
+}
+
+struct Phase {
+    name: String,
+    total: Option<u64>,
+    unit: &'static str,
+    start: Instant,
+    line: Instant,
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// Shows progress in this style; stops when `stop` is set.
+    pub fn new(style: Style, stop: Arc<AtomicBool>) -> Self {
+        let now = Instant::now();
+        let phase = Phase {
+            name: String::new(),
+            total: None,
+            unit: "",
+            start: now,
+            line: now,
+            bar: ProgressBar::hidden(),
+        };
+        Self { style, stop, done: AtomicU64::new(0), phase: Mutex::new(phase) }
+    }
+
+    fn with<T>(&self, f: impl FnOnce(&mut Phase) -> T) -> T {
+        f(&mut self.phase.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    fn line(&self, phase: &mut Phase) {
+        phase.line = Instant::now();
+        let done = self.done.load(Ordering::Relaxed);
+        let seconds = phase.start.elapsed().as_secs_f64();
+        let line = serde_json::json!({
+            "phase": phase.name, "done": done, "total": phase.total, "unit": phase.unit,
+            "seconds": seconds, "rate": if seconds > 0.0 { done as f64 / seconds } else { 0.0 },
+        });
+        eprintln!("{line}");
+    }
+}
+
+impl Task for Progress {
+    fn phase(&self, name: &str, total: Option<u64>, unit: &'static str) {
+        self.with(|phase| {
+            phase.bar.finish_and_clear();
+            if self.style == Style::Json && !phase.name.is_empty() {
+                self.line(phase);
+            }
+            self.done.store(0, Ordering::Relaxed);
+            let now = Instant::now();
+            (phase.name, phase.total, phase.unit, phase.start) = (name.to_owned(), total, unit, now);
+            if self.style == Style::Bar {
+                let target = ProgressDrawTarget::stderr_with_hz(5);
+                let bar = ProgressBar::with_draw_target(total, target).with_message(name.to_owned());
+                let template = format!("{{msg:16}} {{wide_bar}} {{percent:>3}} %  {{human_pos}} {unit}, {{per_sec}}, {{eta}} left");
+                if let Ok(style) = ProgressStyle::with_template(&template) {
+                    bar.set_style(style);
+                }
+                phase.bar = bar;
+            }
+        });
+    }
+
+    fn advance(&self, by: u64) {
+        self.done.fetch_add(by, Ordering::Relaxed);
+        match self.style {
+            Style::Bar => self.with(|phase| phase.bar.inc(by)),
+            Style::Json => self.with(|phase| {
+                if phase.line.elapsed() >= LINE_EVERY {
+                    self.line(phase)
+                }
+            }),
+            Style::None | Style::Silent => {}
+        }
+    }
+
+    fn note(&self, line: &str) {
+        match self.style {
+            Style::Silent => {}
+            Style::Json => eprintln!("{}", serde_json::json!({ "note": line })),
+            _ => self.with(|phase| phase.bar.suspend(|| eprintln!("note: {line}"))),
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.with(|phase| phase.bar.finish_and_clear());
+    }
+}

@@ -1,0 +1,100 @@
+//! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read them.
+
+use anyhow::{Context, Result, bail, ensure};
+
+/// Parses `4GiB`, `512M`, `1.5 GB` or plain bytes. Binary units (KiB, K) are powers of 1024, decimal ones
+/// (KB) of 1000.
+///
+/// # Errors
+/// Where it is neither.
+pub fn bytes(text: &str) -> Result<u64> {
+    let text = text.trim();
+    let digits = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let number: f64 =
+        text[..digits].parse().with_context(|| format!("`{text}` is no size, such as 4GiB"))?;
+    let unit = text[digits..].trim().to_ascii_lowercase();
+    let factor = match unit.as_str() {
+        "" | "b" => 1u64,
+        "k" | "kib" => 1 << 10,
+        "m" | "mib" => 1 << 20,
+        "g" | "gib" => 1 << 30,
+        "t" | "tib" => 1 << 40,
+        "kb" => 1_000,
+        "mb" => 1_000_000,
+        "gb" => 1_000_000_000,
+        "tb" => 1_000_000_000_000,
+        _ => bail!("`{unit}` is no unit of bytes: use MiB or GiB"),
+    };
+    Ok((number * factor as f64) as u64)
+}
+
+/// Parses `1920x1080`.
+///
+/// # Errors
+/// Where it is no size, or a side is 0 or over 16,384.
+pub fn picture_size(text: &str) -> Result<[u32; 2]> {
+    let parse = |side: &str| side.trim().parse::<u32>().ok();
+    let (width, height) = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((parse(w)?, parse(h)?)))
+        .with_context(|| format!("`{text}` is no picture size, such as 1024x1024"))?;
+    ensure!(
+        (1..=16_384).contains(&width) && (1..=16_384).contains(&height),
+        "a picture's sides are 1 to 16384 pixels, not {text}"
+    );
+    Ok([width, height])
+}
+
+/// 1234567 as `1,234,567`.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// Bytes as `1.5 GiB`.
+pub fn readable_bytes(n: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = n as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < units.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", units[unit]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        assert_eq!(bytes("4GiB").unwrap(), 4 << 30);
+        assert_eq!(bytes("512m").unwrap(), 512 << 20);
+        assert_eq!(bytes("1.5 GB").unwrap(), 1_500_000_000);
+        assert_eq!(bytes("123").unwrap(), 123);
+        assert!(bytes("GiB").is_err() && bytes("4 parsecs").is_err() && bytes("-1").is_err());
+        assert_eq!(picture_size("640x480").unwrap(), [640, 480]);
+        assert!(
+            picture_size("0x480").is_err()
+                && picture_size("99999x1").is_err()
+                && picture_size("big").is_err()
+        );
+    }
+
+    #[test]
+    fn numbers_are_grouped() {
+        assert_eq!(
+            (grouped(1), grouped(999), grouped(1_234_567)),
+            ("1".into(), "999".into(), "1,234,567".into())
+        );
+        assert_eq!(readable_bytes(3 << 29), "1.5 GiB");
+    }
+}

@@ -1,0 +1,278 @@
+//! Drawing as a call: opens a file (or builds one from scans first), chooses what the view needs, reads
+//! just the planes that the frame asks for, draws, and writes the picture.
+
+use crate::camera::Camera;
+use crate::colour::{Colouring, colouring};
+use crate::{info, picture, pool};
+use anyhow::{Context, Result};
+use esker_format::footer::HEADER_MAGIC;
+use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_lod::{CompactOctree, Drawn, Options, OrientedBox, Selection, View, select};
+use esker_points::Task;
+use esker_render::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
+use glam::DVec3;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What the user asks of a picture.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Points alone, or surfaces.
+    pub method: Method,
+    /// The camera; fitted where it names no eye.
+    pub camera: Camera,
+    /// Points drawn at most.
+    pub budget_points: u64,
+    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    pub target_spacing_px: f64,
+    /// Where colours come from; the best there is where not said.
+    pub colour_by: Option<String>,
+    /// Threads; 0 is one a core.
+    pub threads: usize,
+    /// How scans are built that are given in place of a file.
+    pub build: esker_build::Options,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        let lod = Options::default();
+        Self {
+            size: [1024, 1024],
+            method: Method::PullPush,
+            camera: Camera::default(),
+            budget_points: lod.points_budget,
+            target_spacing_px: lod.target_spacing_px,
+            colour_by: None,
+            threads: 0,
+            build: esker_build::Options::default(),
+        }
+    }
+}
+
+/// Whether a file is an `.esker` file, by its first bytes.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn is_esker(path: &Path) -> Result<bool> {
+    use std::io::Read;
+    let mut head = Vec::new();
+    let file =
+        std::fs::File::open(path).with_context(|| format!("{}: cannot open", path.display()))?;
+    if file.metadata().is_ok_and(|m| m.is_dir()) {
+        anyhow::bail!("{}: is a folder; name a file", path.display());
+    }
+    file.take(HEADER_MAGIC.len() as u64)
+        .read_to_end(&mut head)
+        .with_context(|| format!("{}: cannot read", path.display()))?;
+    Ok(head == HEADER_MAGIC)
+}
+
+/// Draws `inputs` (one `.esker` file, or scans) to the PNG file `out`; what it did, for machines.
+///
+/// # Errors
+/// Where the input cannot be read or the picture not be written.
+pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task) -> Result<Value> {
+    pool::run(request.threads, || {
+        let start = Instant::now();
+        let (file, _folder) = open(inputs, request, task)?;
+        let open_ms = ms(start);
+        let (picture, mut report) = draw(&file, request, task)?;
+        let start = Instant::now();
+        picture::write_png(&picture, out)?;
+        report["stages_ms"]["open"] = json!(open_ms);
+        report["stages_ms"]["write"] = json!(ms(start));
+        report["picture"] = json!(out.display().to_string());
+        Ok(report)
+    })
+}
+
+/// Opens the file, or builds scans into one in a temporary folder, which goes with the second value.
+fn open(
+    inputs: &[PathBuf],
+    request: &Request,
+    task: &dyn Task,
+) -> Result<(EskerFile, Option<tempfile::TempDir>)> {
+    if let [one] = inputs
+        && is_esker(one)?
+    {
+        return Ok((EskerFile::open(one)?, None));
+    }
+    for input in inputs {
+        if is_esker(input)? {
+            anyhow::bail!(
+                "{}: several inputs are drawn together only where all are scans",
+                input.display()
+            );
+        }
+    }
+    let folder =
+        tempfile::tempdir().context("cannot make a temporary folder to build the scan in")?;
+    let built = folder.path().join("scan.esker");
+    esker_build::build(inputs, &built, &request.build, task)?;
+    Ok((EskerFile::open(&built)?, Some(folder)))
+}
+
+/// Draws an opened file; the picture and what it took.
+///
+/// # Errors
+/// Where planes cannot be read.
+pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
+    let start = Instant::now();
+    let bounds = info::bounds(file.metadata());
+    let view = request.camera.view(bounds, request.size);
+    let colouring = colouring(file, request.colour_by.as_deref(), bounds)?;
+    let lattice = &file.metadata().lattice;
+    let options = Options {
+        points_budget: request.budget_points,
+        target_spacing_px: request.target_spacing_px,
+    };
+    let selection = select(file.table(), lattice, &view, &options, |_| true);
+    let octree = CompactOctree::new(file.table(), &selection.drawn);
+    let select_ms = ms(start);
+
+    let start = Instant::now();
+    let planes = read(file, &view, &selection, &colouring, task)?;
+    let read_ms = ms(start);
+
+    let has_normals = file.layout().has(PlaneKind::Normal);
+    let draws: Vec<DrawNode<'_>> = selection
+        .drawn
+        .iter()
+        .zip(&planes)
+        .enumerate()
+        .map(|(entry, (drawn, planes))| draw_node(file, entry, drawn, planes, &colouring))
+        .collect();
+    let frame = Frame {
+        view: &view,
+        lattice,
+        draws: &draws,
+        octree: Some(&octree),
+        method: request.method,
+        colour: colouring.by,
+        cull_back_faces: has_normals && request.method == Method::PullPush,
+        background: Background::default(),
+    };
+    let picture = Renderer::default().render(&frame)?;
+    let report = report(&picture, &selection, &view, select_ms, read_ms);
+    Ok((picture, report))
+}
+
+fn draw_node<'a>(
+    file: &'a EskerFile,
+    entry: usize,
+    drawn: &Drawn,
+    planes: &'a Planes,
+    colouring: &Colouring,
+) -> DrawNode<'a> {
+    let colour = match colouring.plane.and_then(|(kind, ty)| Some((planes.get(kind)?, ty))) {
+        Some((bytes, None)) => ColourPlane::Rgba(bytes),
+        Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
+        None => ColourPlane::None,
+    };
+    DrawNode {
+        node: &file.table().nodes[drawn.node as usize],
+        entry,
+        prefix: drawn.prefix,
+        position: planes.get(PlaneKind::Position).unwrap_or_default(),
+        residual: planes.get(PlaneKind::Residual),
+        colour,
+        normal: planes.get(PlaneKind::Normal),
+    }
+}
+
+/// Reads the planes that the frame needs, several nodes at a time.
+fn read(
+    file: &EskerFile,
+    view: &View,
+    selection: &Selection,
+    colouring: &Colouring,
+    task: &dyn Task,
+) -> Result<Vec<Planes>> {
+    let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
+    task.phase("reading", Some(points), "points");
+    selection
+        .drawn
+        .par_iter()
+        .map(|drawn| {
+            task.check()?;
+            let mut kinds = vec![PlaneKind::Position, PlaneKind::Normal];
+            if needs_residual(file, view, drawn.node) {
+                kinds.push(PlaneKind::Residual);
+            }
+            kinds.extend(colouring.plane.map(|(kind, _)| kind));
+            let planes = file.read_planes(drawn.node, &kinds)?;
+            task.advance(drawn.prefix as u64);
+            Ok(planes)
+        })
+        .collect()
+}
+
+/// Whether a hot step of the node may be over half a pixel on the picture.
+fn needs_residual(file: &EskerFile, view: &View, node: u32) -> bool {
+    let node = &file.table().nodes[node as usize];
+    let lattice = &file.metadata().lattice;
+    let step = DVec3::from_array(lattice.scale).max_element() * f64::from(1u32 << node.hot_shift);
+    let distance = OrientedBox::of_contour(node, lattice).distance(view.eye).max(view.near);
+    node.hot_shift > 0 && step * view.focal_px() / distance > 0.5
+}
+
+fn report(
+    picture: &Picture,
+    selection: &Selection,
+    view: &View,
+    select_ms: f64,
+    read_ms: f64,
+) -> Value {
+    let (stats, stages) = (&picture.stats, &picture.stats.stages);
+    let counters = &selection.counters;
+    json!({
+        "points_drawn": stats.points_drawn,
+        "nodes_drawn": stats.nodes_drawn,
+        "pixels_covered": stats.pixels_covered,
+        "pixels_projected": stats.pixels_projected,
+        "width": picture.width,
+        "height": picture.height,
+        "camera": {
+            "eye": view.eye.to_array(), "forward": view.forward().to_array(),
+            "up": view.world_from_view.y_axis.to_array(), "fovy": view.fovy_rad.to_degrees(),
+        },
+        "nodes_visited": counters.visited,
+        "nodes_culled": counters.culled + counters.contour_culled,
+        "stages_ms": {
+            "select": select_ms, "read": read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
+            "pull": stages.pull_ms, "push": stages.push_ms, "shade": stages.shade_ms, "draw": stages.total_ms,
+        },
+    })
+}
+
+/// [`render`]'s report for people.
+pub fn text(report: &Value) -> String {
+    let stage = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
+    let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
+    format!(
+        "{}: {} points of {} nodes, {} of {} pixels covered\n\
+         choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, shade {:.1}",
+        report["picture"].as_str().unwrap_or("?"),
+        n("points_drawn"),
+        n("nodes_drawn"),
+        n("pixels_covered"),
+        crate::quantity::grouped(
+            report["width"].as_u64().unwrap_or(0) * report["height"].as_u64().unwrap_or(0)
+        ),
+        stage("select"),
+        stage("read"),
+        stage("project"),
+        stage("gather"),
+        stage("pull"),
+        stage("push"),
+        stage("shade"),
+    )
+}
+
+fn ms(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
