@@ -212,7 +212,7 @@ fn hash_of(root: &Subtree) -> MultisetHash {
     let mut open = vec![root];
     while let Some(tree) = open.pop() {
         sum += tree.hash;
-        open.extend(&tree.children);
+        open.extend(tree.children.iter());
     }
     sum
 }
@@ -228,7 +228,7 @@ fn bounds_of(root: &Subtree) -> Option<[[u32; 3]; 2]> {
             [0, 1, 2].map(|i| low[i].min(least[i])),
             [0, 1, 2].map(|i| high[i].max(greatest[i])),
         ]);
-        open.extend(&tree.children);
+        open.extend(tree.children.iter());
     }
     bounds
 }

@@ -229,18 +229,15 @@ impl Raiser<'_> {
 
     /// Writes the pages of siblings, then of what lies below each, where they are not yet written.
     fn write(&mut self, siblings: &mut [Subtree]) -> Result<(), BuildError> {
-        for tree in siblings.iter_mut() {
-            if !tree.page.is_empty() {
+        let mut open = vec![siblings];
+        while let Some(group) = open.pop() {
+            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
                 let page = std::mem::take(&mut tree.page);
                 tree.node.page_bytes = page.len() as u32;
                 tree.node.page_offset = self.writer.write_page(&page)?;
             }
-        }
-        for tree in siblings {
-            // What lies below a written node may be a long chain, but was written with it.
-            if tree.children.iter().any(|c| !c.page.is_empty()) {
-                self.write(&mut tree.children)?;
-            }
+            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
+            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
         }
         Ok(())
     }
@@ -255,7 +252,7 @@ pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
         root.node.parent = esker_points::node::NONE;
         table.nodes.push(root.node);
         statistics.push(root.statistics);
-        open.push((0u32, root.children));
+        open.push((0u32, root.children.take()));
     }
     while let Some((parent, children)) = open.pop() {
         if children.is_empty() {
@@ -269,7 +266,7 @@ pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
             child.node.parent = parent;
             table.nodes.push(child.node);
             statistics.push(child.statistics);
-            below.push((first + i as u32, child.children));
+            below.push((first + i as u32, child.children.take()));
         }
         open.extend(below.into_iter().rev());
     }

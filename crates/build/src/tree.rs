@@ -41,7 +41,7 @@ pub struct Pending {
     /// What it offers: rows, ascending (which is along the Morton curve).
     pub offered: Vec<u32>,
     /// What lies below.
-    pub children: Vec<Subtree>,
+    pub children: Children,
 }
 
 /// A finished node and all below it.
@@ -57,7 +57,46 @@ pub struct Subtree {
     /// Least and greatest lattice coordinates of its own points.
     pub bounds: [[u32; 3]; 2],
     /// Its children, in Morton order.
-    pub children: Vec<Subtree>,
+    pub children: Children,
+}
+
+/// Children, which are dropped one after the other: a chain of continuations is longer than a stack.
+#[derive(Default)]
+pub struct Children(Vec<Subtree>);
+
+impl Children {
+    /// The children themselves.
+    pub fn take(&mut self) -> Vec<Subtree> {
+        std::mem::take(&mut self.0)
+    }
+}
+
+impl std::ops::Deref for Children {
+    type Target = Vec<Subtree>;
+    fn deref(&self) -> &Vec<Subtree> {
+        &self.0
+    }
+}
+
+impl std::ops::DerefMut for Children {
+    fn deref_mut(&mut self) -> &mut Vec<Subtree> {
+        &mut self.0
+    }
+}
+
+impl FromIterator<Subtree> for Children {
+    fn from_iter<I: IntoIterator<Item = Subtree>>(trees: I) -> Self {
+        Self(trees.into_iter().collect())
+    }
+}
+
+impl Drop for Children {
+    fn drop(&mut self) {
+        let mut open = self.take();
+        while let Some(mut tree) = open.pop() {
+            open.append(&mut tree.children);
+        }
+    }
 }
 
 impl Context {
@@ -65,7 +104,7 @@ impl Context {
     pub fn leaf(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
         let mut moments = Moments::default();
         points.clone().for_each(|i| moments.add(rows.position(i)));
-        Pending { cell, moments, offered: points.collect(), children: Vec::new() }
+        Pending { cell, moments, offered: points.collect(), children: Children::default() }
     }
 
     /// More coincident points than a node holds: the first offers itself, the rest continues it.
@@ -121,6 +160,7 @@ impl Context {
             .into_par_iter()
             .filter_map(|child| self.finish(rows, child, &offered, Some(sample.spacing)))
             .collect();
+        let children = Children(children);
         Pending { cell, moments, offered, children }
     }
 
