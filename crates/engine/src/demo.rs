@@ -8,7 +8,7 @@ use esker_points::Task;
 use std::path::{Path, PathBuf};
 
 /// The sample scan, from the project's folder.
-const SAMPLE: &str = "tests/sample/lone-star.copc.laz";
+const SAMPLE: &str = "tests/sample/creek.laz";
 
 /// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the lines
 /// to show. `project` is where the project's sources lie.
