@@ -45,6 +45,31 @@ impl Default for Options {
     }
 }
 
+/// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only where
+/// their pages stand in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shares {
+    /// Bytes of rows kept while inputs are read or a chunk is parted.
+    pub buffer_bytes_max: u64,
+    /// Bytes for building a chunk; it has at least four nodes' points, whatever this says.
+    pub chunk_bytes_max: u64,
+}
+
+impl Shares {
+    /// Of this much memory; what is left is for batches, held roots and pages on their way.
+    pub fn of(memory_bytes: u64) -> Self {
+        let part = |share: f64| (memory_bytes as f64 * share) as u64;
+        Self { buffer_bytes_max: part(0.25), chunk_bytes_max: part(0.55) }
+    }
+
+    /// Rows of a chunk: sorted rows, 16-byte keys, pages of about the rows' size and the samples must fit.
+    fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> u64 {
+        let each = row_bytes as f64 * 2.4 + 16.0 + 24.0;
+        let rows = self.chunk_bytes_max as f64 / each;
+        (rows as u64).clamp(u64::from(options.node_capacity) * 4, (1 << 32) - 1)
+    }
+}
+
 /// What a build did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
@@ -104,6 +129,25 @@ pub fn build_sources(
     options: &Options,
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
+    if options.memory_bytes < MEMORY_BYTES_MIN {
+        let least = MEMORY_BYTES_MIN >> 20;
+        return Err(BuildError::Options(format!("--memory must be at least {least} MiB")));
+    }
+    build_shared(sources, out, options, Shares::of(options.memory_bytes), task)
+}
+
+/// As [`build_sources`], with the memory shared out as told, also less than any machine has: so the ways
+/// of clouds larger than memory can be tried on small ones.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_shared(
+    sources: Vec<Box<dyn Source>>,
+    out: &Path,
+    options: &Options,
+    shares: Shares,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
     check(&sources, options)?;
     let start = memory::usage().anon_bytes;
     let peak = Peak::default();
@@ -111,7 +155,7 @@ pub fn build_sources(
     let mut scratch = Scratch::new(&folder)?;
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     let mut writer = FileWriter::create(out)?;
-    let buffer_bytes_max = (options.memory_bytes as f64 * 0.25) as usize;
+    let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
     let Taken { partition, reports, hash, ranges } = taken;
     let points: u64 = reports.iter().map(|r| r.points).sum();
@@ -128,7 +172,7 @@ pub fn build_sources(
     task.phase("building", Some(points), "points");
     let buckets = partition.finish(&mut scratch)?;
     let root = Raiser {
-        chunk_rows_max: chunk_rows_max(options, context.rows.bytes()),
+        chunk_rows_max: shares.chunk_rows_max(options, context.rows.bytes()),
         context: &context,
         writer: &mut writer,
         scratch: &mut scratch,
@@ -138,7 +182,7 @@ pub fn build_sources(
     }
     .tree(buckets)?;
 
-    let bounds = root.as_ref().and_then(|r| bounds_of(r));
+    let bounds = root.as_ref().and_then(bounds_of);
     let written = root.as_ref().map_or_else(MultisetHash::default, hash_of);
     let (table, own) = assemble(root);
     prove(&table, points, written, hash)?;
@@ -186,9 +230,6 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
             options.node_capacity
         ));
     }
-    if options.memory_bytes < MEMORY_BYTES_MIN {
-        return say(format!("--memory must be at least {} MiB", MEMORY_BYTES_MIN >> 20));
-    }
     Ok(())
 }
 
@@ -197,14 +238,6 @@ fn same_file(a: &Path, b: &Path) -> bool {
         (Ok(a), Ok(b)) => a == b,
         _ => a == b,
     }
-}
-
-/// Rows of a chunk: sorted rows, 16-byte keys, pages of about the rows' size and the samples must fit the
-/// part of memory that chunks get.
-fn chunk_rows_max(options: &Options, row_bytes: usize) -> u64 {
-    let each = row_bytes as f64 * 2.4 + 16.0 + 24.0;
-    let rows = options.memory_bytes as f64 * 0.55 / each;
-    (rows as u64).clamp(u64::from(options.node_capacity) * 4, (1 << 32) - 1)
 }
 
 fn hash_of(root: &Subtree) -> MultisetHash {

@@ -7,8 +7,8 @@ use crate::coincident::Coincident;
 use crate::error::BuildError;
 use crate::memory::Peak;
 use crate::partition::{Bucket, Partition};
-use crate::row::Rows;
-use crate::scratch::{Extent, Scratch};
+use crate::row::{Rows, position};
+use crate::scratch::Scratch;
 use crate::shape::Moments;
 use crate::tree::{Context, Pending, Subtree};
 use esker_format::{FileWriter, NodeStatistics};
@@ -99,9 +99,7 @@ impl Raiser<'_> {
         };
         let stored = |b: &Bucket| -> Vec<&[u8]> {
             let extents = b.extents.iter();
-            extents
-                .filter_map(|e| map.as_ref()?.get(e.offset as usize..(e.offset + e.bytes) as usize))
-                .collect()
+            extents.filter_map(|e| e.of(map.as_ref()?)).collect()
         };
         let mut runs: Vec<&[u8]> = Vec::new();
         for bucket in &buckets {
@@ -121,23 +119,31 @@ impl Raiser<'_> {
         Ok(self.hold(pending, &rows))
     }
 
-    /// Parts a bucket that is too large into smaller cells.
+    /// Parts a bucket that is too large into smaller cells: some levels below the smallest cell that
+    /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
     fn part(&mut self, bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
-        let log2 = bucket.cell.log2.saturating_sub(PART_LEVELS);
-        let mut partition = Partition::new(self.context.rows.bytes(), log2, self.buffer_bytes_max);
+        let stride = self.context.rows.bytes();
+        let map = if bucket.extents.is_empty() { None } else { Some(self.scratch.map()?) };
+        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
+        let stored = bucket.extents.iter().filter_map(|e| e.of(map.as_ref()?));
+        for run in bucket.blocks.iter().map(Vec::as_slice).chain(stored) {
+            self.task.check()?;
+            for p in run.chunks_exact(stride).map(position) {
+                min = [0, 1, 2].map(|i| p[i].min(min[i]));
+                max = [0, 1, 2].map(|i| p[i].max(max[i]));
+            }
+        }
+        drop(map);
+        let log2 = Cell::enclosing(min, max).log2.saturating_sub(PART_LEVELS);
+        let mut partition = Partition::new(stride, log2, self.buffer_bytes_max);
         for block in bucket.blocks {
             partition.add(&block, self.scratch)?;
         }
         for extent in bucket.extents {
             self.task.check()?;
             let map = self.scratch.map()?;
-            if let Some(rows) =
-                map.get(extent.offset as usize..(extent.offset + extent.bytes) as usize)
-            {
-                // In pieces, so that the partition can spill in between.
-                for piece in rows.chunks(self.context.rows.bytes() << 16) {
-                    partition.add(piece, self.scratch)?;
-                }
+            if let Some(rows) = extent.of(&map) {
+                partition.add(rows, self.scratch)?;
             }
             self.scratch.release(extent);
         }
@@ -152,9 +158,8 @@ impl Raiser<'_> {
             extents.push(self.scratch.append(&block)?);
         }
         let map = self.scratch.map()?;
-        let place = |e: &Extent| map.get(e.offset as usize..(e.offset + e.bytes) as usize);
         let rows = Coincident {
-            runs: extents.iter().filter_map(place).collect(),
+            runs: extents.iter().filter_map(|e| e.of(&map)).collect(),
             stride,
             rows_max: self.chunk_rows_max,
             task: self.task,

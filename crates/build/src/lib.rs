@@ -21,5 +21,5 @@ mod thin;
 mod tree;
 
 pub use against::{Against, against, against_sources};
-pub use build::{Options, Report, build, build_sources};
+pub use build::{Options, Report, Shares, build, build_shared, build_sources};
 pub use error::BuildError;

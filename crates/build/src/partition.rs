@@ -66,22 +66,30 @@ impl Partition {
                     index
                 }
             };
+            let last = self.buckets[index].blocks.last();
+            if last.is_none_or(|b| b.len() + self.stride > b.capacity()) {
+                self.open_block(index, scratch)?;
+            }
             let bucket = &mut self.buckets[index];
             bucket.rows += 1;
-            let full = bucket.blocks.last().is_none_or(|b| b.len() + self.stride > b.capacity());
-            if full {
-                let before = bucket.blocks.last().map_or(BLOCK_BYTES.0 / 2, Vec::capacity);
-                let bytes = (before * 2).min(BLOCK_BYTES.1).max(self.stride);
-                bucket.blocks.push(Vec::with_capacity(bytes));
-                self.buffered_bytes += bytes;
-            }
             if let Some(block) = bucket.blocks.last_mut() {
                 block.extend_from_slice(row);
             }
         }
-        if self.buffered_bytes > self.buffer_bytes_max {
+        Ok(())
+    }
+
+    /// Gives a bucket room for more rows.
+    fn open_block(&mut self, index: usize, scratch: &mut Scratch) -> Result<(), BuildError> {
+        // Asked for each block: many buckets may be full at once.
+        if self.buffered_bytes >= self.buffer_bytes_max.max(1) {
             self.spill(scratch)?;
         }
+        let blocks = &mut self.buckets[index].blocks;
+        let before = blocks.last().map_or(BLOCK_BYTES.0 / 2, Vec::capacity);
+        let bytes = (before * 2).min(BLOCK_BYTES.1).max(self.stride);
+        blocks.push(Vec::with_capacity(bytes));
+        self.buffered_bytes += bytes;
         Ok(())
     }
 

@@ -40,7 +40,7 @@ impl RowLayout {
             .collect();
         let class_at = (classes.len() > 1).then_some(at);
         let class_layout = |class: &PointClass| {
-            let mut hashed = vec![0..12];
+            let mut hashed = Vec::from_iter(std::iter::once(0..12));
             for &i in &class.present {
                 let range = attributes[usize::from(i)].clone();
                 match hashed.last_mut() {

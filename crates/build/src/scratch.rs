@@ -4,7 +4,7 @@
 use crate::error::BuildError;
 use memmap2::Mmap;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// A run of bytes in the scratch file.
@@ -16,11 +16,21 @@ pub struct Extent {
     pub bytes: u64,
 }
 
+impl Extent {
+    /// Its bytes in a mapping made since it was appended.
+    pub fn of<'a>(&self, map: &'a Mmap) -> Option<&'a [u8]> {
+        map.get(self.offset as usize..(self.offset + self.bytes) as usize)
+    }
+}
+
 /// A growing file without a name, gone with the process.
 pub struct Scratch {
     file: File,
     folder: PathBuf,
+    /// Length of the file.
     bytes: u64,
+    /// Bytes of before it was cleared.
+    cleared_bytes: u64,
 }
 
 impl Scratch {
@@ -31,7 +41,7 @@ impl Scratch {
     pub fn new(folder: &Path) -> Result<Self, BuildError> {
         let file = tempfile::tempfile_in(folder)
             .map_err(|e| BuildError::scratch(folder, "cannot make a scratch file", e))?;
-        Ok(Self { file, folder: folder.to_owned(), bytes: 0 })
+        Ok(Self { file, folder: folder.to_owned(), bytes: 0, cleared_bytes: 0 })
     }
 
     /// Appends bytes.
@@ -49,7 +59,19 @@ impl Scratch {
 
     /// Bytes ever written: the peak of scratch space is at most this.
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        self.cleared_bytes + self.bytes
+    }
+
+    /// Begins anew; all extents are void.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn clear(&mut self) -> Result<(), BuildError> {
+        self.cleared_bytes += std::mem::take(&mut self.bytes);
+        self.file
+            .set_len(0)
+            .and_then(|()| self.file.rewind())
+            .map_err(|e| BuildError::scratch(&self.folder, "cannot clear scratch data", e))
     }
 
     /// The file's content so far.
@@ -57,7 +79,8 @@ impl Scratch {
     /// # Errors
     /// Where the system refuses the mapping.
     pub fn map(&self) -> Result<Mmap, BuildError> {
-        // SAFETY: the file has no name and this process alone holds it; it is only appended to, and holes
+        // SAFETY: the file has no name and this process alone holds it; it is only appended to, cut only when
+        // no extent is left (`clear` takes `&mut self` where no map lives), and holes
         // are punched only in extents that nobody reads any more, so the mapped bytes never change under
         // a reader and the mapping never reaches past the file's end.
         unsafe { Mmap::map(&self.file) }
@@ -105,6 +128,11 @@ mod tests {
         let map = scratch.map().unwrap();
         assert_eq!(&map[b.offset as usize..][..b.bytes as usize], &[2; 10_000]);
         assert_eq!(scratch.bytes(), 20_000);
+        drop(map);
+        scratch.clear().unwrap();
+        let c = scratch.append(&[3; 10]).unwrap();
+        assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
+        assert_eq!(scratch.bytes(), 20_010);
     }
 
     #[test]

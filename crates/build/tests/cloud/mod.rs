@@ -1,5 +1,9 @@
 //! Clouds made in memory, as inputs of builds under test.
-#![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "each test file uses a part of it; tests may unwrap"
+)]
 
 use esker_format::EskerFile;
 use esker_points::lattice::{GridKind, Placement};
@@ -127,5 +131,5 @@ pub fn random(seed: u64) -> u64 {
 
 /// A number from 0 to `n - 1`.
 pub fn below(seed: u64, n: u32) -> i32 {
-    ((random(seed) >> 32) * u64::from(n) >> 32) as i32
+    (((random(seed) >> 32) * u64::from(n)) >> 32) as i32
 }

@@ -1,6 +1,10 @@
 //! Inputs given point by point, of any schema, with headers that may lie; and the check that a cloud came
 //! through a build whole, by sums of its own.
-#![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "each test file uses a part of it; tests may unwrap"
+)]
 
 use esker_build::{Options, Report, against_sources, build_sources};
 use esker_format::EskerFile;
