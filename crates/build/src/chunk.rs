@@ -68,11 +68,16 @@ impl<'a> Runs<'a> {
 }
 
 impl Context {
-    /// Builds the tree over a range of sorted rows (at least one), down to single lattice points.
+    /// Builds the tree over a range of sorted rows (at least one), down to single lattice points. Void
+    /// where the task was cancelled.
     pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Pending {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
-        if n <= self.capacity || task.is_cancelled() {
+        if task.is_cancelled() {
+            // Nothing is offered: what is above has nothing to do, and the caller asks again.
+            return self.leaf(rows, range.start..range.start, cell);
+        }
+        if n <= self.capacity {
             task.advance(n as u64);
             return self.leaf(rows, range, cell);
         }
