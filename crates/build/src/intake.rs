@@ -17,6 +17,10 @@ use std::path::PathBuf;
 /// Levels below the inputs' common cell at which rows are partitioned, at least and at most.
 const PARTITION_LEVELS: std::ops::RangeInclusive<u32> = 3..=7;
 
+/// The longest step, in the file's unit: 2^32 of them squared, and what is drawn about them, are numbers
+/// for `f32`.
+const SCALE_MAX: f64 = 1e26;
+
 /// The opened inputs, in byte order of their paths.
 pub struct Intake {
     /// The inputs.
@@ -113,6 +117,7 @@ impl Intake {
     /// # Errors
     /// Where the inputs differ in more ways than a file can tell apart.
     pub fn plan_on(&self, lattice: Lattice) -> Result<Plan, BuildError> {
+        self.check_scale(&lattice)?;
         let schema =
             self.sources.iter().fold(Schema::default(), |all, s| all.union(&s.info().schema));
         let (mut classes, mut class_of, mut to_file) = (Vec::new(), Vec::new(), Vec::new());
@@ -138,6 +143,19 @@ impl Intake {
             classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
         }
         Ok(Plan { lattice, schema, classes, class_of, to_file })
+    }
+
+    fn check_scale(&self, lattice: &Lattice) -> Result<(), BuildError> {
+        let Some(axis) = (0..3).find(|&i| lattice.scale[i] > SCALE_MAX) else { return Ok(()) };
+        let scale = |i: &usize| self.grids[*i].grid.scale[axis];
+        let coarsest = (0..self.grids.len()).max_by(|a, b| scale(a).total_cmp(&scale(b)));
+        let path = coarsest.map(|i| self.sources[i].info().path.display().to_string());
+        Err(BuildError::Options(format!(
+            "{}: coordinates in steps of {:e} along {}, which no scan has; the file is damaged",
+            path.unwrap_or_default(),
+            lattice.scale[axis],
+            ['x', 'y', 'z'][axis],
+        )))
     }
 
     /// What was detected or said of a source's 16-bit colours, where it has such.
@@ -176,6 +194,7 @@ impl Intake {
                 },
                 Err(void) => void,
             };
+            scratch.clear()?;
             match void {
                 Void::Bounds(source) => {
                     let path = self.sources[source].info().path.display().to_string();
@@ -270,6 +289,8 @@ impl Intake {
                 split = true;
             }
         }
-        split.then_some(Void::Colours)
+        // Thought different and found alike: points of one class.
+        let alike = (1..plan.classes.len()).any(|i| plan.classes[..i].contains(&plan.classes[i]));
+        (split || alike).then_some(Void::Colours)
     }
 }

@@ -1,10 +1,11 @@
 //! Hostile clouds come through whole: built, verified, counted, with the hash of their inputs.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
 mod given;
 
 use cloud::{below, built, cloud, random};
-use esker_build::{Options, against_sources};
+use esker_build::{Options, against_sources, build_sources};
 use esker_points::AttrType;
 use esker_points::task::Silent;
 use given::{Given, given, whole};
@@ -108,7 +109,7 @@ fn a_spiral_that_shrinks_as_deep_as_the_lattice() {
 fn millimetres_at_ten_thousand_kilometres() {
     let point = |i: u64| [below(3 * i, 80_000), below(3 * i + 1, 80_000), below(3 * i + 2, 3000)];
     let far = numbered((0..60_000).map(point).collect()).at([1e7, -1e7, 1e7]);
-    let (_, file) = whole(&[far.clone()], &small(1024));
+    let (_, file) = whole(std::slice::from_ref(&far), &small(1024));
     assert_eq!(file.metadata().lattice.offset, [1e7, -1e7, 1e7]);
     // Without an offset to carry it the raw numbers themselves are far away.
     let plain = |i: u64| [2_000_000_000 + below(2 * i, 80_000), -2_000_000_000, below(2 * i, 99)];
@@ -126,9 +127,17 @@ fn degrees_beside_metres() {
 #[test]
 fn scales_that_no_length_has() {
     let point = |i: u64| [below(3 * i, 5000), below(3 * i + 1, 5000), below(3 * i + 2, 200)];
+    let cloud = |scale| given("cloud", [scale; 3], (0..3000).map(point).collect());
     for scale in [1e-300, 1e-170, 1e-40, 1e-12, 1e6, 1e25] {
-        let points = (0..3000).map(point).collect();
-        whole(&[given("cloud", [scale; 3], points)], &small(64));
+        whole(&[cloud(scale)], &small(64));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for scale in [1e27, 1e40, 1e300] {
+        let out = folder.path().join("out.esker");
+        let error = build_sources(vec![cloud(scale).boxed()], &out, &small(64), &Silent);
+        let error = error.unwrap_err().to_string();
+        assert!(error.starts_with("cloud: coordinates in steps of 1e"), "{error}");
+        assert!(given::names_in(folder.path()).is_empty());
     }
 }
 
