@@ -53,8 +53,7 @@ impl<'a> Runs<'a> {
             let code = keys[start] >> 32;
             let len = keys[start..].iter().take_while(|k| *k >> 32 == code).count();
             if len > 1 {
-                keys[start..start + len]
-                    .par_sort_unstable_by(|a, b| self.row(*a as u32).cmp(self.row(*b as u32)));
+                self.sort_ties(&mut keys[start..start + len]);
             }
             start += len;
         }
@@ -64,6 +63,15 @@ impl<'a> Runs<'a> {
             .with_min_len(TASK_POINTS)
             .for_each(|(slot, key)| slot.copy_from_slice(self.row(*key as u32)));
         out
+    }
+
+    /// Sorts the keys of coincident rows by the rows; each is looked up once, not for each comparison.
+    fn sort_ties(&self, keys: &mut [u128]) {
+        let mut ties: Vec<(&[u8], u32)> =
+            keys.iter().map(|&key| (self.row(key as u32), key as u32)).collect();
+        ties.par_sort_unstable_by_key(|tie| tie.0);
+        let code = keys[0] >> 32 << 32;
+        keys.iter_mut().zip(ties).for_each(|(key, tie)| *key = code | u128::from(tie.1));
     }
 }
 
