@@ -59,7 +59,7 @@ fn little() -> Shares {
 
 #[test]
 fn one_thread_or_many_write_the_same_bytes() {
-    let sources = mixed(60_000);
+    let sources = mixed(40_000);
     for shares in [Shares::of(1 << 30), little()] {
         let one = in_pool(1, || bytes_of(&sources, shares));
         for threads in [2, 5] {
@@ -100,7 +100,7 @@ fn assert_same(a: &EskerFile, b: &EskerFile) {
 
 #[test]
 fn the_same_nodes_under_another_memory_bound() {
-    let sources = mixed(60_000);
+    let sources = mixed(40_000);
     let (ample, a) = built_with(&sources, Shares::of(1 << 30), &options());
     assert_eq!(ample.scratch_bytes, 0);
     for chunk_bytes_max in [0, 2_000_000] {
@@ -144,7 +144,7 @@ fn a_far_outlier_is_parted_in_few_passes() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(30))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
     fn any_cloud_has_the_same_nodes_under_any_bound(
