@@ -176,7 +176,11 @@ impl NTree {
 
     /// The number of the cell at a level that holds quantised coordinates.
     pub fn cell_at(&self, q: [u32; 3], level: u32) -> u64 {
-        let c = q.map(|c| c >> self.cell_log2(level));
+        self.cell_number(q.map(|c| c >> self.cell_log2(level)))
+    }
+
+    /// The number of a cell of its coordinates at its level.
+    pub fn cell_number(&self, c: [u32; 3]) -> u64 {
         match self.dimension {
             3 => morton::encode3_21(c),
             2 => morton::encode2([c[0], c[1]]),
