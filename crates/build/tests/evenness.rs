@@ -7,7 +7,6 @@ mod cloud;
 use cloud::{below, built, cloud, random};
 use esker_format::EskerFile;
 use esker_points::strata::{STRATA, stratum_len};
-use std::collections::HashMap;
 
 type P = [f64; 3];
 
@@ -15,61 +14,16 @@ fn distance2(a: &P, b: &P) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
 }
 
-/// Points by cubes, for nearest-neighbour questions.
-struct Grid {
-    edge: f64,
-    cells: HashMap<[i64; 3], Vec<P>>,
-}
-
-impl Grid {
-    fn new(edge: f64) -> Self {
-        Self { edge, cells: HashMap::new() }
-    }
-
-    fn cell(&self, p: &P) -> [i64; 3] {
-        p.map(|c| (c / self.edge).floor() as i64)
-    }
-
-    fn add(&mut self, p: P) {
-        let cell = self.cell(&p);
-        self.cells.entry(cell).or_default().push(p);
-    }
-
-    /// Distance to the nearest point that is not at `p` itself; searches ever wider rings.
-    fn nearest(&self, p: &P, skip_self: bool) -> f64 {
-        let at = self.cell(p);
-        let mut best = f64::INFINITY;
-        for ring in 0i64..64 {
-            if best <= (ring - 1).max(0) as f64 * self.edge {
-                break;
-            }
-            for x in -ring..=ring {
-                for y in -ring..=ring {
-                    for z in -ring..=ring {
-                        if x.abs().max(y.abs()).max(z.abs()) != ring {
-                            continue;
-                        }
-                        for q in
-                            self.cells.get(&[at[0] + x, at[1] + y, at[2] + z]).into_iter().flatten()
-                        {
-                            if !(skip_self && q == p) {
-                                best = best.min(distance2(p, q).sqrt());
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        best
-    }
+/// Distance to the nearest of `sample` that is not at `p` itself.
+fn nearest(p: &P, sample: &[P], skip_self: bool) -> f64 {
+    let others = sample.iter().filter(|q| !(skip_self && *q == p));
+    others.map(|q| distance2(p, q)).fold(f64::INFINITY, f64::min).sqrt()
 }
 
 /// Largest gap (of any cloud point to the sample) and mean nearest-neighbour distance of a sample.
-fn spread(sample: &[P], cloud: &[P], edge: f64) -> (f64, f64) {
-    let mut grid = Grid::new(edge);
-    sample.iter().for_each(|&p| grid.add(p));
-    let gap = cloud.iter().map(|p| grid.nearest(p, false)).fold(0.0, f64::max);
-    let mean = sample.iter().map(|p| grid.nearest(p, true)).sum::<f64>() / sample.len() as f64;
+fn spread(sample: &[P], cloud: &[P]) -> (f64, f64) {
+    let gap = cloud.iter().map(|p| nearest(p, sample, false)).fold(0.0, f64::max);
+    let mean = sample.iter().map(|p| nearest(p, sample, true)).sum::<f64>() / sample.len() as f64;
     (gap, mean)
 }
 
@@ -77,22 +31,19 @@ fn spread(sample: &[P], cloud: &[P], edge: f64) -> (f64, f64) {
 fn poisson(cloud: &[P], radius: f64) -> Vec<P> {
     let mut order: Vec<usize> = (0..cloud.len()).collect();
     order.sort_by_key(|&i| random(i as u64 ^ 0xabcd));
-    let mut grid = Grid::new(radius);
-    let mut sample = Vec::new();
+    let mut sample: Vec<P> = Vec::new();
     for i in order {
-        let p = cloud[i];
-        if grid.nearest(&p, false) >= radius {
-            grid.add(p);
-            sample.push(p);
+        if sample.iter().all(|q| distance2(&cloud[i], q) >= radius * radius) {
+            sample.push(cloud[i]);
         }
     }
     sample
 }
 
 /// A Poisson-disk sample of about `count` points, by bisecting the radius.
-fn poisson_of(cloud: &[P], count: usize, guess: f64) -> (Vec<P>, f64) {
+fn poisson_of(cloud: &[P], count: usize, guess: f64) -> Vec<P> {
     let (mut low, mut high) = (guess * 0.2, guess * 2.0);
-    let mut best = (Vec::new(), 0.0);
+    let mut best = Vec::new();
     for _ in 0..18 {
         let radius = (low + high) / 2.0;
         let sample = poisson(cloud, radius);
@@ -102,9 +53,9 @@ fn poisson_of(cloud: &[P], count: usize, guess: f64) -> (Vec<P>, f64) {
             high = radius
         }
         if sample.len().abs_diff(count) <= count / 60 {
-            return (sample, radius);
+            return sample;
         }
-        best = (sample, radius);
+        best = sample;
     }
     best
 }
@@ -164,9 +115,9 @@ fn compare(name: &str, count: u64, position: fn(u64) -> [i32; 3]) {
         for prefix in tried {
             let mut sample = ancestors.clone();
             sample.extend(points_of(&file, node as u32, prefix));
-            let (gap, mean) = spread(&sample, &inside, f64::from(record.spacing));
-            let (reference, radius) = poisson_of(&inside, sample.len(), mean);
-            let (gap_poisson, mean_poisson) = spread(&reference, &inside, radius);
+            let (gap, mean) = spread(&sample, &inside);
+            let reference = poisson_of(&inside, sample.len(), mean);
+            let (gap_poisson, mean_poisson) = spread(&reference, &inside);
             let what = format!(
                 "{name}, node {node} (depth {}, {} ancestors' points), prefix {prefix}: {} points against {}; gap {:.2}, nearest {:.2} of Poisson",
                 depths[node],
