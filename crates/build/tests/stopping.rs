@@ -153,8 +153,7 @@ fn a_folder_that_takes_no_file_is_named() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_an_error() {
-    // A device on which every write fails stands for it: as a file's name it is refused as no file.
+fn a_device_is_no_place_for_a_file() {
     let error = build_sources(boxed(&sources()), "/dev/full".as_ref(), &options(), &Silent);
     assert!(error.unwrap_err().to_string().contains("/dev/full"));
 }
