@@ -17,6 +17,10 @@ const LOCAL_POINTS: usize = 8;
 /// greatest gap of an even sample.
 const TAKEN_REACH: f64 = 1.5;
 
+/// Few points with less than this share of the cell above are strays (a bird over a field): the density
+/// around them is not theirs.
+const STRAY_SHARE: usize = 16;
+
 /// Entries of the n-tree in drawing order, and the points of each level.
 pub struct Order {
     /// Indices into the n-tree's entries; taken points are not among them.
@@ -90,31 +94,32 @@ fn arrange(tree: &NTree, levels: Vec<Vec<u32>>) -> Order {
 /// least [`LOCAL_POINTS`] points. The greatest gap of an even sample is 0.84 of it, so an even sample is
 /// covered; the diagonal of the square made silhouettes swell without closing a hole that the renderer's own
 /// margin does not close. Laser scans are surfaces also where their node is a volume, so the local dimension
-/// is at most 2.
+/// is at most 2. Coincident points and strays get 0, which the node's spacing replaces.
 pub fn radii(tree: &NTree) -> Vec<f32> {
     let mut out = vec![0.0; tree.entries.len()];
     if !out.is_empty() {
         let all = 0..out.len();
-        spread(tree, all, 0, 0.0, &mut out);
+        spread(tree, all, 0, (0, 0.0), &mut out);
     }
     out
 }
 
-fn spread(tree: &NTree, run: Range<usize>, level: u32, above: f64, out: &mut [f32]) {
-    let few = run.len() < LOCAL_POINTS && level > 0;
-    if few {
-        out[run].fill(above as f32);
+/// `above` is the cell above a run: its points and the radius that they would have.
+fn spread(tree: &NTree, run: Range<usize>, level: u32, above: (usize, f32), out: &mut [f32]) {
+    if run.len() < LOCAL_POINTS && level > 0 {
+        let stray = run.len() * STRAY_SHARE < above.0;
+        out[run].fill(if stray { 0.0 } else { above.1 });
         return;
     }
     let dimension = f64::from(tree.dimension.clamp(1, 2));
-    let spacing = tree.cell_edge(level) / (run.len() as f64).powf(1.0 / dimension);
-    let radius = spacing;
+    let spacing = (tree.cell_edge(level) / (run.len() as f64).powf(1.0 / dimension)) as f32;
     if level == tree.depth() {
-        out[run].fill(radius as f32);
+        out[run].fill(spacing);
         return;
     }
+    let points = run.len();
     for part in tree.runs(run, level + 1) {
-        spread(tree, part, level + 1, radius, out);
+        spread(tree, part, level + 1, (points, spacing), out);
     }
 }
 

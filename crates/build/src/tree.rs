@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::sync::Mutex;
 
 /// A radius is at most so many times its node's spacing: a lone point must not become a blob.
-const RADIUS_SPACINGS_MAX: f32 = 2.5;
+const RADIUS_SPACINGS_MAX: f32 = 8.0;
 
 /// What every step of the building knows.
 pub struct Context {

@@ -1,6 +1,7 @@
 //! A prefix of a node together with its ancestors' points is an even sample: against a Poisson-disk sample
 //! of as many points, the largest gap is at most 1.5 times and the mean distance to the nearest
 //! neighbour at least 0.7 times as large.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
 

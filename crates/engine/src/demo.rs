@@ -1,5 +1,6 @@
 //! The demonstration: the sample scan of the project, from the scan file to the picture.
 
+use crate::camera::Camera;
 use crate::render::{Request, render, text as render_text};
 use crate::{build, verify};
 use anyhow::{Context, Result, ensure};
@@ -9,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// The sample scan, from the project's folder.
 const SAMPLE: &str = "tests/sample/creek.laz";
+/// A view up the valley of the sample scan.
+const CAMERA: &str = "eye=5679750,3769950,1480;target=5679080,3770560,955;fovy=48";
 
 /// Builds the sample scan, verifies the file against it, and draws it into the folder `out`; the lines
 /// to show. `project` is where the project's sources lie.
@@ -33,7 +36,8 @@ pub fn demo(project: &Path, out: &Path, task: &dyn Task) -> Result<Vec<String>> 
         "verified: every byte, and against the scan every point with all its attributes".into(),
     );
     let picture: PathBuf = out.join("sample.png");
-    let request = Request { size: [1280, 960], ..Request::default() };
+    let camera = Camera::parse(CAMERA)?;
+    let request = Request { size: [1280, 720], camera, ..Request::default() };
     lines.push(render_text(&render(&[file], &picture, &request, task)?));
     lines.push(format!("look at {}", picture.display()));
     Ok(lines)

@@ -62,8 +62,10 @@ pub fn prefix_at_most(levels: impl IntoIterator<Item = usize>, limit: u64) -> us
     have
 }
 
+/// The dimension by which a node's points thin out: at least 1, and at most 2, since what a laser sees are
+/// surfaces, also where they wind through a volume. With 3 there, half-drawn walls got radii that left holes.
 fn dimension(node: &Node) -> u32 {
-    node.dimension().max(1)
+    node.dimension().clamp(1, 2)
 }
 
 #[cfg(test)]
@@ -93,7 +95,7 @@ mod tests {
 
     #[test]
     fn spacing_grows_with_the_root_of_what_is_left_out() {
-        for (dimension, factor) in [(0, 16.0), (1, 16.0), (2, 4.0), (3, 2.519_842_099_789_746)] {
+        for (dimension, factor) in [(0, 16.0), (1, 16.0), (2, 4.0), (3, 4.0)] {
             let node = node(&[16, 240], dimension, 0.5);
             assert!((effective_spacing(&node, 256, 16) - 0.5 * factor).abs() < 1e-9);
             assert_eq!(effective_spacing(&node, 256, 256), 0.5);
