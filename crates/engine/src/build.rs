@@ -1,7 +1,7 @@
 //! Building as a call, and its report as JSON and as text.
 
-use crate::pool;
 use crate::quantity::{grouped, readable_bytes};
+use crate::{output, pool};
 use anyhow::Result;
 use esker_build::{Options, Report};
 use esker_points::Task;
@@ -21,6 +21,7 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
+    output::may_write(out, inputs)?;
     let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }

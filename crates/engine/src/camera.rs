@@ -50,6 +50,13 @@ impl Camera {
                 other => bail!("the camera has eye, target, up, direction and fovy, no `{other}`"),
             }
         }
+        for (name, vector) in [("up", camera.up), ("direction", camera.direction)] {
+            ensure!(vector != Some(DVec3::ZERO), "the camera's {name} is 0,0,0: no direction");
+        }
+        ensure!(
+            camera.eye.is_none() || camera.eye != camera.target,
+            "the camera's eye and target are the same point"
+        );
         Ok(camera)
     }
 
@@ -129,9 +136,18 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused_in_words() {
-        for text in
-            ["eye=1,2", "look=1,2,3", "fovy=0", "fovy=200", "eye=a,b,c", "eye=nan,0,0", "up"]
-        {
+        for text in [
+            "eye=1,2",
+            "look=1,2,3",
+            "fovy=0",
+            "fovy=200",
+            "eye=a,b,c",
+            "eye=nan,0,0",
+            "up",
+            "up=0,0,0",
+            "direction=0,0,0",
+            "eye=1,2,3;target=1,2,3",
+        ] {
             assert!(Camera::parse(text).is_err(), "{text}");
         }
     }

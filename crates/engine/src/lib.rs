@@ -6,6 +6,7 @@ pub mod camera;
 pub mod colour;
 pub mod demo;
 pub mod info;
+pub mod output;
 pub mod picture;
 pub mod pool;
 pub mod progress;

@@ -1,5 +1,6 @@
 //! Pictures to PNG files, whole or not at all.
 
+use crate::output;
 use anyhow::{Context, Result};
 use esker_render::Picture;
 use std::io::{BufWriter, Write};
@@ -11,8 +12,8 @@ use std::path::Path;
 /// Where the file cannot be written.
 pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
     let context = || format!("{}: cannot write the picture", path.display());
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).with_context(context)?;
+    let mut file =
+        tempfile::NamedTempFile::new_in(output::folder_of(path)).with_context(context)?;
     {
         let mut out = BufWriter::new(file.as_file_mut());
         let mut encoder = png::Encoder::new(&mut out, picture.width, picture.height);

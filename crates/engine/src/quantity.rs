@@ -45,6 +45,19 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     Ok([width, height])
 }
 
+/// Threads at most: far above what pays, far below what exhausts a machine.
+const THREADS_MAX: usize = 1024;
+
+/// Parses a number of threads; 0 is one a core.
+///
+/// # Errors
+/// Where it is none, or more than any machine has use for.
+pub fn threads(text: &str) -> Result<usize> {
+    let threads: usize = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(threads <= THREADS_MAX, "{threads} threads are more than {THREADS_MAX}");
+    Ok(threads)
+}
+
 /// 1234567 as `1,234,567`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
@@ -81,6 +94,8 @@ mod tests {
         assert_eq!(bytes("1.5 GB").unwrap(), 1_500_000_000);
         assert_eq!(bytes("123").unwrap(), 123);
         assert!(bytes("GiB").is_err() && bytes("4 parsecs").is_err() && bytes("-1").is_err());
+        assert_eq!(threads("3").unwrap(), 3);
+        assert!(threads("100000").is_err() && threads("-1").is_err());
         assert_eq!(picture_size("640x480").unwrap(), [640, 480]);
         assert!(
             picture_size("0x480").is_err()

@@ -3,7 +3,7 @@
 
 use crate::camera::Camera;
 use crate::colour::{Colouring, colouring};
-use crate::{info, picture, pool};
+use crate::{info, output, picture, pool};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{EskerFile, PlaneKind, Planes};
@@ -78,6 +78,7 @@ pub fn is_esker(path: &Path) -> Result<bool> {
 pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task) -> Result<Value> {
     pool::run(request.threads, || {
         let start = Instant::now();
+        output::may_write(out, inputs)?;
         let (file, _folder) = open(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;
@@ -116,48 +117,70 @@ fn open(
     Ok((EskerFile::open(&built)?, Some(folder)))
 }
 
+/// What the view needs of a file: nodes, prefixes, and just the planes that the frame asks for.
+pub struct Scene {
+    /// The camera.
+    pub view: View,
+    /// What is drawn.
+    pub selection: Selection,
+    /// The planes of each drawn node, in the selection's order.
+    pub planes: Vec<Planes>,
+    colouring: Colouring,
+    select_ms: f64,
+    read_ms: f64,
+}
+
+impl Scene {
+    /// Chooses and reads.
+    ///
+    /// # Errors
+    /// Where planes cannot be read.
+    pub fn read(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<Self> {
+        let start = Instant::now();
+        let bounds = info::bounds(file.metadata());
+        let view = request.camera.view(bounds, request.size);
+        let colouring = colouring(file, request.colour_by.as_deref(), bounds)?;
+        let options = Options {
+            points_budget: request.budget_points,
+            target_spacing_px: request.target_spacing_px,
+        };
+        let lattice = &file.metadata().lattice;
+        let selection = select(file.table(), lattice, &view, &options, |_| true);
+        let select_ms = ms(start);
+        let start = Instant::now();
+        let planes = read(file, &view, &selection, &colouring, task)?;
+        Ok(Self { view, selection, planes, colouring, select_ms, read_ms: ms(start) })
+    }
+
+    /// What the renderer is given.
+    pub fn draws<'a>(&'a self, file: &'a EskerFile) -> Vec<DrawNode<'a>> {
+        let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
+        nodes
+            .map(|(entry, (drawn, planes))| draw_node(file, entry, drawn, planes, &self.colouring))
+            .collect()
+    }
+}
+
 /// Draws an opened file; the picture and what it took.
 ///
 /// # Errors
 /// Where planes cannot be read.
 pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
-    let start = Instant::now();
-    let bounds = info::bounds(file.metadata());
-    let view = request.camera.view(bounds, request.size);
-    let colouring = colouring(file, request.colour_by.as_deref(), bounds)?;
-    let lattice = &file.metadata().lattice;
-    let options = Options {
-        points_budget: request.budget_points,
-        target_spacing_px: request.target_spacing_px,
-    };
-    let selection = select(file.table(), lattice, &view, &options, |_| true);
-    let octree = CompactOctree::new(file.table(), &selection.drawn);
-    let select_ms = ms(start);
-
-    let start = Instant::now();
-    let planes = read(file, &view, &selection, &colouring, task)?;
-    let read_ms = ms(start);
-
+    let scene = Scene::read(file, request, task)?;
+    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let has_normals = file.layout().has(PlaneKind::Normal);
-    let draws: Vec<DrawNode<'_>> = selection
-        .drawn
-        .iter()
-        .zip(&planes)
-        .enumerate()
-        .map(|(entry, (drawn, planes))| draw_node(file, entry, drawn, planes, &colouring))
-        .collect();
     let frame = Frame {
-        view: &view,
-        lattice,
-        draws: &draws,
+        view: &scene.view,
+        lattice: &file.metadata().lattice,
+        draws: &scene.draws(file),
         octree: Some(&octree),
         method: request.method,
-        colour: colouring.by,
+        colour: scene.colouring.by,
         cull_back_faces: has_normals && request.method == Method::PullPush,
         background: Background::default(),
     };
     let picture = Renderer::default().render(&frame)?;
-    let report = report(&picture, &selection, &view, select_ms, read_ms);
+    let report = report(&picture, &scene);
     Ok((picture, report))
 }
 
@@ -211,24 +234,25 @@ fn read(
         .collect()
 }
 
-/// Whether a hot step of the node may be over half a pixel on the picture.
+/// Displacement on the picture that hot positions alone may have, pixels: half a pixel, less what `f32`
+/// takes.
+const HOT_ERROR_PX_MAX: f64 = 0.48;
+
+/// Whether a point of the node, drawn at the middle of its hot step, may be too far off on the picture: half
+/// of a step's diagonal, at the contour's nearest place, where perspective stretches it most, in a corner.
 fn needs_residual(file: &EskerFile, view: &View, node: u32) -> bool {
     let node = &file.table().nodes[node as usize];
     let lattice = &file.metadata().lattice;
-    let step = DVec3::from_array(lattice.scale).max_element() * f64::from(1u32 << node.hot_shift);
+    let half_steps = f64::from((1u32 << node.hot_shift) - 1) * 0.5;
+    let off = DVec3::from_array(lattice.scale).length() * half_steps;
     let distance = OrientedBox::of_contour(node, lattice).distance(view.eye).max(view.near);
-    node.hot_shift > 0 && step * view.focal_px() / distance > 0.5
+    let stretch = 1.0 + view.tan_half().length_squared();
+    node.hot_shift > 0 && off * stretch * view.focal_px() / distance > HOT_ERROR_PX_MAX
 }
 
-fn report(
-    picture: &Picture,
-    selection: &Selection,
-    view: &View,
-    select_ms: f64,
-    read_ms: f64,
-) -> Value {
+fn report(picture: &Picture, scene: &Scene) -> Value {
     let (stats, stages) = (&picture.stats, &picture.stats.stages);
-    let counters = &selection.counters;
+    let (view, counters) = (&scene.view, &scene.selection.counters);
     json!({
         "points_drawn": stats.points_drawn,
         "nodes_drawn": stats.nodes_drawn,
@@ -243,7 +267,7 @@ fn report(
         "nodes_visited": counters.visited,
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
-            "select": select_ms, "read": read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
+            "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
             "pull": stages.pull_ms, "push": stages.push_ms, "shade": stages.shade_ms, "draw": stages.total_ms,
         },
     })

@@ -31,3 +31,9 @@ pub fn verify(path: &Path, against: &[PathBuf], threads: usize, task: &dyn Task)
         }))
     })
 }
+
+/// What machines are told of a file that did not hold: `ok` is false; its points, where it says them.
+pub fn refused(path: &Path, error: &anyhow::Error) -> Value {
+    let points = EskerFile::open(path).ok().map(|file| file.footer().points);
+    json!({ "ok": false, "points": points, "error": format!("{error:#}") })
+}
