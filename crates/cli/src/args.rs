@@ -73,7 +73,7 @@ pub struct BuildHow {
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
     /// Threads; one a core where not said.
-    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub threads: usize,
 }
 
@@ -85,7 +85,7 @@ pub struct Verify {
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
     /// Threads; one a core where not said.
-    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub threads: usize,
     /// Print one JSON object, as the last line of standard output.
     #[arg(long)]

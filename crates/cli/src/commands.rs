@@ -36,8 +36,12 @@ fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
 
 fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
     let progress = Progress::new(args.progress.into(), stop);
-    let report = verify::verify(&args.file, &args.against, args.threads, &progress)?;
+    let report = verify::verify(&args.file, &args.against, args.threads, &progress);
     drop(progress);
+    if let (Err(error), true) = (&report, args.json) {
+        write(&verify::refused(&args.file, error).to_string())?;
+    }
+    let report = report?;
     print(args.json, &report, || {
         let points = quantity::grouped(report["points"].as_u64().unwrap_or(0));
         let against = if args.against.is_empty() { "" } else { ", the points of the scans" };

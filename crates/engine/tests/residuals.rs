@@ -20,7 +20,7 @@ const SPOT: [f64; 2] = [612.345, 377.001];
 /// Points of a plane with relief, and of a dense spot of a metre in it, in millimetres from the corner.
 fn cloud() -> String {
     let mut text = String::new();
-    let mut state = 0x1234_5678_9ABC_DEFu64;
+    let mut state = 0x0123_4567_89AB_CDEF_u64;
     let mut dice = |below: u64| {
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

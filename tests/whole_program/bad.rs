@@ -1,0 +1,62 @@
+//! Every damaged or hostile file of the data folder: a one-line error that names the file, or a success that
+//! verifies; never a panic, a hang, an allocation from a lying header, or a file left behind.
+
+use crate::data::root;
+use crate::folder::Folder;
+use crate::program::verify;
+use crate::{missing, trial};
+use libtest_mimic::Trial;
+use std::path::Path;
+
+/// Files that are read as far as they are sound.
+const SOUND_ENOUGH: [&str; 5] = [
+    "bad-geotiff-keys.las",
+    "bad_vlr_count.las",
+    "gps-time-nan.las",
+    "laz-pdal-fail.laz",
+    "malformed-extra-bytes.las",
+];
+
+pub fn trials(trials: &mut Vec<Trial>) {
+    let Some(root) = root() else {
+        trials.push(missing("bad: damaged scans"));
+        return;
+    };
+    let entries = std::fs::read_dir(root.join("bad")).unwrap();
+    let mut files: Vec<_> = entries.map(|e| e.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() > 20, "there are {} bad files", files.len());
+    for file in files {
+        let name = format!("bad: {}", file.file_name().unwrap().display());
+        trials.push(trial(&name, move || is_harmless(&file)));
+    }
+}
+
+#[cfg(unix)]
+fn run(scan: &Path, out: &Path) -> crate::program::Outcome {
+    /// Memory that none of these small files needs, KiB.
+    const DATA_KIB: u64 = 512 << 10;
+    let words = ["build".into(), scan.to_owned(), "-o".into(), out.to_owned(), "--json".into()];
+    crate::program::esker_within(DATA_KIB, 20, words)
+}
+
+#[cfg(not(unix))]
+fn run(scan: &Path, out: &Path) -> crate::program::Outcome {
+    crate::program::esker(["build".as_ref(), scan, "-o".as_ref(), out, "--json".as_ref()])
+}
+
+fn is_harmless(scan: &Path) {
+    let folder = Folder::new();
+    let out = folder.file("out.esker");
+    let outcome = run(scan, &out);
+    let name = scan.file_name().unwrap().to_str().unwrap();
+    if SOUND_ENOUGH.contains(&name) {
+        let report = outcome.json();
+        assert_eq!(verify(&out, &[scan]).json()["points"], report["points_out"]);
+        assert_eq!(folder.names(), ["out.esker"]);
+    } else {
+        let error = outcome.error();
+        assert!(error.contains(name), "{error}");
+        assert_eq!(folder.names(), [""; 0], "nothing is left");
+    }
+}

@@ -1,0 +1,53 @@
+//! The `esker` binary as its users run it. Every real scan is a trial of its own, named after its file; where
+//! `ESKER_DATA` names no folder with `manifest.csv`, those trials are counted as ignored.
+
+#![allow(clippy::unwrap_used, reason = "a trial fails by panicking")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "files that the trials made themselves are read whole"
+)]
+
+mod arguments;
+mod bad;
+mod contract;
+mod data;
+mod folder;
+mod interrupt;
+mod pictures;
+mod program;
+mod proof;
+mod python;
+
+use libtest_mimic::{Arguments, Trial};
+
+/// Trials at once: each runs a program that uses all cores itself.
+const TRIALS_AT_ONCE: usize = 2;
+
+fn main() {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads.get_or_insert(TRIALS_AT_ONCE);
+    let mut trials = Vec::new();
+    // The longest first.
+    data::trials(&mut trials);
+    bad::trials(&mut trials);
+    contract::trials(&mut trials);
+    arguments::trials(&mut trials);
+    proof::trials(&mut trials);
+    pictures::trials(&mut trials);
+    interrupt::trials(&mut trials);
+    python::trials(&mut trials);
+    libtest_mimic::run(&arguments, trials).exit();
+}
+
+/// A trial from a function that fails by panicking.
+fn trial(name: &str, holds: impl FnOnce() + Send + 'static) -> Trial {
+    Trial::test(name, move || {
+        holds();
+        Ok(())
+    })
+}
+
+/// Stands for trials whose input is not there; counted as ignored.
+fn missing(name: &str) -> Trial {
+    Trial::test(name, || Ok(())).with_ignored_flag(true)
+}

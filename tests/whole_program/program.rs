@@ -1,0 +1,141 @@
+//! Runs the program: arguments in; exit code, output and the last JSON object out. Nothing runs for ever: a
+//! program that hangs is ended and the trial fails.
+
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::{Read, Seek};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// The program under test.
+pub const ESKER: &str = env!("CARGO_BIN_EXE_esker");
+/// Seconds after which a program is said to hang; far above what any of them needs.
+const HANGS_AFTER_S: u64 = 400;
+
+/// What a program left behind.
+pub struct Outcome {
+    /// `None` where a signal ended it.
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+    shown: String,
+}
+
+impl Outcome {
+    /// Holds that it worked; the object on its last line.
+    pub fn json(&self) -> Value {
+        self.worked();
+        let last = self.stdout.lines().last().unwrap_or_default();
+        serde_json::from_str(last).unwrap_or_else(|e| panic!("{}: {e}: {last}", self.shown))
+    }
+
+    /// Holds that it worked.
+    pub fn worked(&self) -> &Self {
+        assert_eq!(self.code, Some(0), "{}: {}", self.shown, self.stderr);
+        self
+    }
+
+    /// Holds that it failed as programs should: a code of its own, one line that says `error:`; that line.
+    pub fn error(&self) -> &str {
+        let shown = &self.shown;
+        let code = self.code.unwrap_or_else(|| panic!("{shown}: ended by a signal"));
+        assert_ne!(code, 0, "{shown}: should have failed: {}", self.stdout);
+        assert!(!self.stderr.contains("panicked"), "{shown}: {}", self.stderr);
+        let mut lines = self.stderr.lines().filter(|l| !l.starts_with("note: "));
+        let line = lines.next().unwrap_or_else(|| panic!("{shown}: failed without a word"));
+        assert!(line.starts_with("error: "), "{shown}: {line}");
+        // What follows is the usage that clap shows, with code 2.
+        assert!(code == 2 || lines.next().is_none(), "{shown}: more than a line: {}", self.stderr);
+        line
+    }
+}
+
+/// Runs `esker` with these arguments.
+pub fn esker<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Outcome {
+    let mut command = Command::new(ESKER);
+    command.args(arguments);
+    run(command, HANGS_AFTER_S)
+}
+
+/// Runs `esker` where the system refuses more anonymous memory than this (`RLIMIT_DATA`).
+#[cfg(unix)]
+pub fn esker_within<S: AsRef<OsStr>>(
+    data_kib: u64,
+    hangs_after_s: u64,
+    arguments: impl IntoIterator<Item = S>,
+) -> Outcome {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("ulimit -d {data_kib} && exec \"$0\" \"$@\""), ESKER]);
+    command.args(arguments);
+    run(command, hangs_after_s)
+}
+
+/// Builds `inputs` into `out`; the report.
+pub fn build<P: AsRef<Path>>(inputs: &[P], out: &Path, more: &[&str]) -> Value {
+    let mut arguments = vec![OsStr::new("build")];
+    arguments.extend(inputs.iter().map(|i| i.as_ref().as_os_str()));
+    arguments.extend([OsStr::new("-o"), out.as_os_str()]);
+    arguments.extend(["--json", "--progress", "none"].map(OsStr::new));
+    arguments.extend(more.iter().map(OsStr::new));
+    esker(arguments).json()
+}
+
+/// Verifies `file` against `inputs`, which may be none; what came of it.
+pub fn verify<P: AsRef<Path>>(file: &Path, inputs: &[P]) -> Outcome {
+    let mut arguments = vec![OsStr::new("verify"), file.as_os_str(), OsStr::new("--json")];
+    if !inputs.is_empty() {
+        arguments.push(OsStr::new("--against"));
+        arguments.extend(inputs.iter().map(|i| i.as_ref().as_os_str()));
+    }
+    esker(arguments)
+}
+
+/// Starts a command with its output going to files, which can grow without a reader.
+pub fn start(mut command: Command) -> (Child, [File; 2]) {
+    let [out, err] = [(); 2].map(|()| tempfile::tempfile().unwrap());
+    command.stdin(Stdio::null());
+    command.stdout(out.try_clone().unwrap()).stderr(err.try_clone().unwrap());
+    let child = command.spawn().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    (child, [out, err])
+}
+
+/// Waits for what [`start`] started.
+pub fn finish(mut child: Child, outputs: [File; 2], shown: String, hangs_after_s: u64) -> Outcome {
+    let deadline = Instant::now() + Duration::from_secs(hangs_after_s);
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if Instant::now() > deadline {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("{shown}: hangs");
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let [stdout, stderr] = outputs.map(|mut file| {
+        let mut text = Vec::new();
+        file.rewind().unwrap();
+        file.read_to_end(&mut text).unwrap();
+        String::from_utf8_lossy(&text).into_owned()
+    });
+    Outcome { code: status.code(), stdout, stderr, shown }
+}
+
+/// Runs any command to its end.
+pub fn run(command: Command, hangs_after_s: u64) -> Outcome {
+    let shown = format!("{command:?}").replace(ESKER, "esker");
+    let (child, outputs) = start(command);
+    finish(child, outputs, shown, hangs_after_s)
+}
+
+/// The scan that comes with the project.
+pub fn sample() -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample");
+    let files = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut scans: Vec<_> = files.filter(|f| f.extension().is_some_and(|e| e != "md")).collect();
+    assert_eq!(scans.len(), 1, "{} has one scan", folder.display());
+    scans.remove(0)
+}

@@ -1,0 +1,47 @@
+//! The independent Python reader, written from the specification alone, reads in the sample's file what the
+//! program says of it.
+
+use crate::folder::Folder;
+use crate::program::{Outcome, build, esker, run, sample, verify};
+use crate::{missing, trial};
+use libtest_mimic::Trial;
+use std::path::Path;
+use std::process::Command;
+
+pub fn trials(trials: &mut Vec<Trial>) {
+    let name = "python: the independent reader agrees";
+    let python = std::env::var("ESKER_PYTHON").unwrap_or_else(|_| "python3".into());
+    let numpy = Command::new(&python).args(["-c", "import numpy"]).output();
+    if numpy.is_ok_and(|o| o.status.success()) {
+        trials.push(trial(name, move || agrees(&python)));
+    } else {
+        trials.push(missing(name));
+    }
+}
+
+fn read(python: &str, file: &Path) -> Outcome {
+    let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data-format/reader.py");
+    let mut command = Command::new(python);
+    command.arg("-B").arg(reader).arg(file).arg("--json");
+    run(command, 300)
+}
+
+fn agrees(python: &str) {
+    let folder = Folder::new();
+    let out = folder.file("out.esker");
+    let built = build(&[sample()], &out, &[]);
+    let info = esker(["info", out.to_str().unwrap(), "--json"]).json();
+    let verified = verify(&out, &[sample()]).json();
+    let theirs = read(python, &out).json();
+    assert_eq!(theirs["points"], info["points"]);
+    assert_eq!(theirs["points"], verified["points"]);
+    assert_eq!(theirs["nodes"], info["nodes"]);
+    assert_eq!(theirs["multiset_hash"], built["multiset_hash"], "{theirs}");
+    // Damage that the program tells, it tells too.
+    let mut bytes = std::fs::read(&out).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 4;
+    std::fs::write(&out, bytes).unwrap();
+    assert_ne!(read(python, &out).code, Some(0));
+    verify::<&str>(&out, &[]).error();
+}
