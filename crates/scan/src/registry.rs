@@ -10,6 +10,12 @@ use std::path::Path;
 /// All formats; text comes last, since nearly anything could be text.
 pub static FORMATS: &[Format] = &[crate::las::FORMAT, crate::ply::FORMAT, crate::text::FORMAT];
 
+/// Files that are known by their first bytes and not read, with what to do.
+const NAMED: &[(&[u8], &str)] = &[
+    (b"\x89ESKER", "is an .esker file already; give it to info, verify or render"),
+    (b"ASTM-E57", "E57 is not read yet; convert it to LAZ or PLY"),
+];
+
 /// Bytes of a file's beginning by which its format is told.
 const HEAD_BYTES: u64 = 4096;
 
@@ -31,6 +37,9 @@ pub fn open(
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
     if head.is_empty() {
         return Err(ScanError::damaged(path, "the file is empty"));
+    }
+    if let Some((_, what)) = NAMED.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return Err(ScanError::unsupported(path, *what));
     }
     match FORMATS.iter().find(|f| (f.recognises)(&head)) {
         Some(format) => (format.open)(path, options, task),
