@@ -15,7 +15,12 @@ pub struct Entry {
     pub q: [u32; 3],
     /// Its row.
     pub row: u32,
+    /// When its turn comes in thinning: see [`crate::sample`].
+    pub turn: u16,
 }
+
+/// Turn of points that no sample below has placed.
+pub const LAST_TURN: u16 = u16::MAX;
 
 /// Points sorted along the n-tree's order.
 pub struct NTree {
@@ -29,10 +34,12 @@ pub struct NTree {
 }
 
 impl NTree {
-    /// Keys the rows `points` of a node's cell by the shape of all points of the cell.
+    /// Keys the rows `points` of a node's cell by the shape of all points of the cell. `turns` is empty or
+    /// has one for each of them.
     pub fn new(
         rows: &Rows<'_>,
         points: &[u32],
+        turns: &[u16],
         cell: &Cell,
         shape: &Shape,
         scale: [f64; 3],
@@ -46,6 +53,7 @@ impl NTree {
         } else {
             tree.key_along_axes(rows, points, cell, shape, scale);
         }
+        tree.entries.iter_mut().zip(turns).for_each(|(entry, turn)| entry.turn = *turn);
         tree.entries.sort_unstable_by_key(|e| (e.key, e.row));
         tree
     }
@@ -68,7 +76,7 @@ impl NTree {
             .map(|&row| {
                 let p = rows.position(row);
                 let q = [0, 1, 2].map(|i| place(p[i], cell.corner[i]));
-                Entry { key: morton::encode3_21(q), q, row }
+                Entry { key: morton::encode3_21(q), q, row, turn: LAST_TURN }
             })
             .collect();
     }
@@ -111,7 +119,7 @@ impl NTree {
                     2 => morton::encode2([q[0], q[1]]),
                     _ => u64::from(q[0]),
                 };
-                Entry { key, q, row }
+                Entry { key, q, row, turn: LAST_TURN }
             })
             .collect();
     }
@@ -188,6 +196,11 @@ impl NTree {
         }
     }
 
+    /// Length of so many quantised steps, in the file's unit.
+    pub fn length(&self, steps: f64) -> f64 {
+        steps / f64::from(1u32 << self.bits) * self.edge
+    }
+
     /// Quantised steps of a length in the file's unit.
     pub fn steps(&self, length: f64) -> u64 {
         let steps = length / self.edge * f64::from(1u32 << self.bits);
@@ -236,6 +249,7 @@ pub(crate) mod tests {
         NTree::new(
             &rows,
             &all,
+            &[],
             &Cell::enclosing(min, max),
             &Shape::of(moments.covariance(scale)),
             scale,

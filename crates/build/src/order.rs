@@ -3,7 +3,7 @@
 //! a prefix is an even sample; points of the cell that ancestors have taken count as there before.
 
 use crate::ntree::NTree;
-use crate::thin::{STEPS_PER_LEVEL, Thinning};
+use crate::thin::Thinning;
 use esker_points::node::LEVELS_MAX;
 use esker_points::strata::{STRATA, residue, stratum_len};
 use std::ops::Range;
@@ -17,6 +17,9 @@ const LOCAL_POINTS: usize = 8;
 /// greatest gap of an even sample.
 const TAKEN_REACH: f64 = 1.5;
 
+/// Steps in which the radius halves: a gap within a step is at most a 24th wider than at its end. What a step
+/// costs is a look at each point left.
+const STEPS_PER_LEVEL: u32 = 16;
 /// Few points with less than this share of the cell above are strays (a bird over a field): the density
 /// around them is not theirs.
 const STRAY_SHARE: usize = 16;
@@ -35,7 +38,7 @@ pub fn order(tree: &NTree, taken: &[bool], above: Option<f64>) -> Order {
         Some(spacing) if taken.contains(&true) => tree.steps(spacing * TAKEN_REACH) as f64,
         _ => tree.steps(tree.cell_edge(0)) as f64,
     };
-    let mut thinning = Thinning::new(tree, |i| taken[i], start);
+    let mut thinning = Thinning::new(tree, |i| taken[i], start, STEPS_PER_LEVEL);
     let mut levels: Vec<Vec<u32>> = Vec::new();
     while levels.len() < LEVELS_MAX && !thinning.is_exhausted() {
         let mut level = Vec::new();

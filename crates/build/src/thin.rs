@@ -8,12 +8,6 @@
 
 use crate::ntree::NTree;
 
-/// Steps that halve the radius: a gap within a step is at most a 24th wider than at its end. What a step
-/// costs is a look at each point left.
-pub const STEPS_PER_LEVEL: u32 = 16;
-/// By how much the radius shrinks from one step to the next, 2^(-1/16).
-const STEP: f64 = 0.957_603_280_698_573_6;
-
 /// A point that is not yet picked.
 #[derive(Clone, Copy)]
 struct Rest {
@@ -35,12 +29,21 @@ pub struct Thinning<'a> {
     /// closely, but finding them costs more than it saves: twice the time in a volume.)
     level: u32,
     radius: f64,
+    shrink: f64,
+    /// The order in which points are looked at, where they have turns; else empty.
+    visits: Vec<u32>,
     ready: bool,
 }
 
 impl<'a> Thinning<'a> {
-    /// Begins with points `there` before (entries; others may be picked), at a radius in quantised steps.
-    pub fn new(tree: &'a NTree, there: impl Fn(usize) -> bool, radius: f64) -> Self {
+    /// Begins with points `there` before (entries; others may be picked), at a radius in quantised steps, which
+    /// halves in `steps_per_level` steps.
+    pub fn new(
+        tree: &'a NTree,
+        there: impl Fn(usize) -> bool,
+        radius: f64,
+        steps_per_level: u32,
+    ) -> Self {
         let rest = tree.entries.iter().enumerate().filter(|(i, _)| !there(*i));
         let rest =
             rest.map(|(i, e)| Rest { q: e.q, entry: i as u32, nearest2: u64::MAX }).collect();
@@ -50,6 +53,8 @@ impl<'a> Thinning<'a> {
             cells: Cells::default(),
             level: 0,
             radius: radius.max(1.0),
+            shrink: (-1.0 / f64::from(steps_per_level)).exp2(),
+            visits: Vec::new(),
             ready: false,
         };
         thinning.settle();
@@ -84,7 +89,10 @@ impl<'a> Thinning<'a> {
         let mut farthest2 = 0;
         let (n, stride) = (self.rest.len(), self.stride());
         for turn in 0..n {
-            let i = (turn as u64 * stride % n as u64) as usize;
+            let i = match self.visits.get(turn) {
+                Some(&i) => i as usize,
+                None => (turn as u64 * stride % n as u64) as usize,
+            };
             let Rest { q, entry, nearest2 } = self.rest[i];
             if entry == PICKED {
                 continue;
@@ -99,7 +107,7 @@ impl<'a> Thinning<'a> {
         }
         picked.sort_unstable();
         let farthest = (farthest2 as f64).sqrt();
-        self.radius = (self.radius * STEP).min(farthest);
+        self.radius = (self.radius * self.shrink).min(farthest);
         self.settle();
         picked
     }
@@ -168,6 +176,12 @@ impl<'a> Thinning<'a> {
         self.level = level;
         self.ready = true;
         self.rest.retain(|r| r.entry != PICKED);
+        let turn = |r: &Rest| self.tree.entries[r.entry as usize].turn;
+        self.visits.clear();
+        if self.rest.windows(2).any(|pair| turn(&pair[0]) != turn(&pair[1])) {
+            self.visits.extend(0..self.rest.len() as u32);
+            self.visits.sort_by_key(|&i| turn(&self.rest[i as usize]));
+        }
         self.cells = Cells::new(self.rest.iter().map(|r| self.tree.cell_at(r.q, level)));
     }
 }
@@ -252,7 +266,7 @@ mod tests {
             let bytes = rows_of(&points);
             let tree = tree_of(&points, &bytes, [0.01; 3]);
             let there = |i: usize| i.is_multiple_of(there_every);
-            let mut thinning = Thinning::new(&tree, there, tree.steps(20.0) as f64);
+            let mut thinning = Thinning::new(&tree, there, tree.steps(20.0) as f64, 16);
             let mut picked: Vec<usize> = (0..points.len()).filter(|&i| there(i)).collect();
             for _ in 0..30 {
                 let radius2 = square(thinning.radius());

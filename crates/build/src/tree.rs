@@ -3,7 +3,7 @@
 //! page made, when the cell above has taken its share.
 
 use crate::contour;
-use crate::ntree::NTree;
+use crate::ntree::{LAST_TURN, NTree};
 use crate::order::{order, radii};
 use crate::row::{RowLayout, Rows};
 use crate::sample::choose;
@@ -40,6 +40,8 @@ pub struct Pending {
     pub moments: Moments,
     /// What it offers: rows, ascending (which is along the Morton curve).
     pub offered: Vec<u32>,
+    /// The turn of each of these in thinning; empty where no sample has placed them.
+    pub turns: Vec<u16>,
     /// What lies below.
     pub children: Children,
 }
@@ -99,12 +101,26 @@ impl Drop for Children {
     }
 }
 
+impl Pending {
+    /// A turn for each point offered.
+    fn all_turns(&self) -> impl Iterator<Item = u16> + '_ {
+        let placed = self.turns.iter().copied();
+        placed.chain(std::iter::repeat(LAST_TURN)).take(self.offered.len())
+    }
+}
+
 impl Context {
     /// A cell that fits a node.
     pub fn leaf(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
         let mut moments = Moments::default();
         points.clone().for_each(|i| moments.add(rows.position(i)));
-        Pending { cell, moments, offered: points.collect(), children: Children::default() }
+        Pending {
+            cell,
+            moments,
+            offered: points.collect(),
+            turns: Vec::new(),
+            children: Children::default(),
+        }
     }
 
     /// More coincident points than a node holds: the first offers itself, the rest continues it.
@@ -138,30 +154,31 @@ impl Context {
         let candidates: Vec<u32> =
             children.iter().flat_map(|c| c.offered.iter().copied()).collect();
         let shape = Shape::of(moments.covariance(self.scale));
-        let tree = NTree::new(rows, &candidates, &cell, &shape, self.scale);
+        let turns: Vec<u16> = children.iter().flat_map(Pending::all_turns).collect();
+        let tree = NTree::new(rows, &candidates, &turns, &cell, &shape, self.scale);
         let sample = choose(&tree, self.capacity);
-        let mut offered: Vec<u32> = tree
+        let mut chosen: Vec<(u32, u16)> = tree
             .entries
             .iter()
             .zip(&sample.chosen)
-            .filter(|(_, c)| **c)
-            .map(|(e, _)| e.row)
+            .filter_map(|(entry, turn)| Some((entry.row, (*turn)?)))
             .collect();
-        offered.sort_unstable();
+        chosen.sort_unstable();
         drop(tree);
         for child in &children {
             // A node keeps a point of its own, or it could not stand between the one above and those below.
-            let gone = |row: &u32| offered.binary_search(row).is_ok();
+            let gone = |row: &u32| chosen.binary_search_by_key(row, |c| c.0).is_ok();
             if !child.children.is_empty() && child.offered.iter().all(gone) {
-                offered.retain(|row| *row != child.offered[0]);
+                chosen.retain(|(row, _)| *row != child.offered[0]);
             }
         }
+        let (offered, turns): (Vec<u32>, Vec<u16>) = chosen.into_iter().unzip();
         let children = children
             .into_par_iter()
             .filter_map(|child| self.finish(rows, child, &offered, Some(sample.spacing)))
             .collect();
         let children = Children(children);
-        Pending { cell, moments, offered, children }
+        Pending { cell, moments, offered, turns, children }
     }
 
     /// Finishes a cell of whose offer `taken` (rows, ascending; others may be among them) have gone to the
@@ -175,7 +192,8 @@ impl Context {
         above: Option<f64>,
     ) -> Option<Subtree> {
         let shape = Shape::of(pending.moments.covariance(self.scale));
-        let tree = NTree::new(rows, &pending.offered, &pending.cell, &shape, self.scale);
+        let tree =
+            NTree::new(rows, &pending.offered, &pending.turns, &pending.cell, &shape, self.scale);
         let gone: Vec<bool> =
             tree.entries.iter().map(|e| taken.binary_search(&e.row).is_ok()).collect();
         let order = order(&tree, &gone, above);
