@@ -11,7 +11,7 @@ use esker_points::{Cell, morton};
 pub struct Entry {
     /// Interleaved quantised coordinates.
     pub key: u64,
-    /// Quantised coordinates; those beyond the dimension are 0.
+    /// Quantised coordinates along the n-tree's axes; the key has as many of them as the dimension.
     pub q: [u32; 3],
     /// Its row.
     pub row: u32,
@@ -81,6 +81,8 @@ impl NTree {
             .collect();
     }
 
+    /// Along a line or in a plane, keys have one or two coordinates, distances all three: ground that slopes
+    /// away from its plane is farther than it looks from above.
     fn key_along_axes(
         &mut self,
         rows: &Rows<'_>,
@@ -98,12 +100,12 @@ impl NTree {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for &row in points {
             let t = along(row);
-            for i in 0..d {
+            for i in 0..3 {
                 low[i] = low[i].min(t[i]);
                 high[i] = high[i].max(t[i]);
             }
         }
-        self.edge = (0..d).map(|i| high[i] - low[i]).fold(0.0, f64::max);
+        self.edge = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max);
         let cells = f64::from(1u32 << self.bits);
         let per_unit = if self.edge > 0.0 { cells / self.edge } else { 0.0 };
         self.entries = points
@@ -111,7 +113,7 @@ impl NTree {
             .map(|&row| {
                 let t = along(row);
                 let mut q = [0u32; 3];
-                for i in 0..d {
+                for i in 0..3 {
                     q[i] = ((t[i] - low[i]) * per_unit).min(cells - 1.0) as u32;
                 }
                 let key = match d {

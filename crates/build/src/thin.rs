@@ -3,8 +3,8 @@
 //! beginning of the sequence so is an even sample, given the points that were there before.
 //!
 //! Each point that is not yet picked knows its distance to the nearest picked one: a picked point tells all
-//! within the radius. Distances are taken in the n-tree's quantised coordinates, so along a line or in
-//! a plane where that is the local shape; all arithmetic is on integers.
+//! within the radius. Neighbours are found by the n-tree's cells, so along a line or in a plane where that is
+//! the local shape; distances are in space, in its quantised coordinates; all arithmetic is on integers.
 
 use crate::ntree::NTree;
 
@@ -137,8 +137,11 @@ impl<'a> Thinning<'a> {
             }
             q[axis].saturating_sub(reach) >> log2..=q[axis].saturating_add(reach).min(end) >> log2
         };
-        // Square of the distance to a cell along an axis.
+        // Square of the distance to a cell along an axis; cells are unbounded along axes beyond the dimension.
         let gap2 = |axis: usize, cell: u32| {
+            if axis >= self.tree.dimension as usize {
+                return 0;
+            }
             let (low, high) = (cell << log2, (cell << log2) + ((1 << log2) - 1));
             u64::from(low.saturating_sub(q[axis]).max(q[axis].saturating_sub(high))).pow(2)
         };
