@@ -1,8 +1,10 @@
 //! A prefix of a node together with its ancestors' points is an even sample: against a Poisson-disk sample
 //! of as many points, the largest gap is at most 1.5 times and the mean distance to the nearest
-//! neighbour at least 0.7 times as large. The second holds for every prefix tried; the first for all but 2 of 482,
-//! where the gap of a prefix in its node's sample and that of the sample in the cell's points add up (1.67 at
-//! worst): the test knows of these two and of no more.
+//! neighbour at least 0.7 times as large. The second holds for every prefix tried. The first does NOT: 2 of 482
+//! prefixes here are over 1.5 (1.67 at worst), and since the sampler was tuned on these very clouds, that flatters
+//! it: with three other seeds 26 of 1,438 were, 1.88 at worst. There the gap of a prefix in its node's sample and
+//! that of the sample in the cell's points add up. Until that is mended this test pins what is known, so that it
+//! gets no worse.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
