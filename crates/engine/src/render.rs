@@ -7,10 +7,9 @@ use crate::{info, output, picture, pool};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{EskerFile, PlaneKind, Planes};
-use esker_lod::{CompactOctree, Drawn, Options, OrientedBox, Selection, View, select};
+use esker_lod::{CompactOctree, Drawn, Options, Selection, View, needs_residual, select};
 use esker_points::Task;
 use esker_render::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
-use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -217,13 +216,14 @@ fn read(
 ) -> Result<Vec<Planes>> {
     let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
     task.phase("reading", Some(points), "points");
+    let lattice = &file.metadata().lattice;
     selection
         .drawn
         .par_iter()
         .map(|drawn| {
             task.check()?;
             let mut kinds = vec![PlaneKind::Position, PlaneKind::Normal];
-            if needs_residual(file, view, drawn.node) {
+            if needs_residual(&file.table().nodes[drawn.node as usize], lattice, view) {
                 kinds.push(PlaneKind::Residual);
             }
             kinds.extend(colouring.plane.map(|(kind, _)| kind));
@@ -232,22 +232,6 @@ fn read(
             Ok(planes)
         })
         .collect()
-}
-
-/// Displacement on the picture that hot positions alone may have, pixels: half a pixel, less what `f32`
-/// takes.
-const HOT_ERROR_PX_MAX: f64 = 0.48;
-
-/// Whether a point of the node, drawn at the middle of its hot step, may be too far off on the picture: half
-/// of a step's diagonal, at the contour's nearest place, where perspective stretches it most, in a corner.
-fn needs_residual(file: &EskerFile, view: &View, node: u32) -> bool {
-    let node = &file.table().nodes[node as usize];
-    let lattice = &file.metadata().lattice;
-    let half_steps = f64::from((1u32 << node.hot_shift) - 1) * 0.5;
-    let off = DVec3::from_array(lattice.scale).length() * half_steps;
-    let distance = OrientedBox::of_contour(node, lattice).distance(view.eye).max(view.near);
-    let stretch = 1.0 + view.tan_half().length_squared();
-    node.hot_shift > 0 && off * stretch * view.focal_px() / distance > HOT_ERROR_PX_MAX
 }
 
 fn report(picture: &Picture, scene: &Scene) -> Value {

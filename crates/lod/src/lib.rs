@@ -6,11 +6,13 @@ pub mod frustum;
 pub mod octree;
 pub mod oriented_box;
 pub mod prefix;
+pub mod residual;
 pub mod select;
 pub mod view;
 
 pub use frustum::Frustum;
 pub use octree::CompactOctree;
 pub use oriented_box::OrientedBox;
+pub use residual::needs_residual;
 pub use select::{Counters, Drawn, Options, Selection, select};
 pub use view::View;

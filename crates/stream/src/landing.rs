@@ -1,0 +1,66 @@
+//! Where read bytes land: memory that the render thread lends to the loader threads and gets back filled.
+//! Written so that a ring of mapped GPU upload buffers fits it as well as plain memory does: a loader
+//! writes a run front to back or in any order, never reads it, and may hold it on any thread; only the
+//! render thread maps, unmaps and copies. This is the paper's pair of map and unmap queues
+//! (kanzok2015, section 3.2.1, item 6).
+
+use esker_format::PlaneKind;
+use std::time::Duration;
+
+/// A lent run of bytes.
+pub trait Run: Send {
+    /// Its bytes, to be written and never read: mapped GPU memory is slow to read, or gives anything.
+    fn bytes(&mut self) -> &mut [u8];
+}
+
+/// Lends runs and takes them back. Shared by all loader threads.
+pub trait Landing: Send + Sync + 'static {
+    /// What is lent.
+    type Run: Run + 'static;
+
+    /// Bytes of a run. What is longer is read in several runs.
+    fn run_bytes(&self) -> usize;
+
+    /// Lends a run, waiting at most `patience` for one that is free. `None` where none was, or where the
+    /// landing is closed.
+    fn lend(&self, patience: Duration) -> Option<Self::Run>;
+
+    /// Takes a run back with what was written into it: nothing, where reading failed. Never waits: there
+    /// are only as many runs as were lent.
+    fn land(&self, run: Self::Run, transfers: Vec<Transfer>);
+}
+
+/// A part of a plane of a node in a landed run, and where it goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Transfer {
+    /// The node.
+    pub node: u32,
+    /// The plane.
+    pub plane: PlaneKind,
+    /// Where it starts in the run, bytes.
+    pub run_offset: usize,
+    /// How long it is, bytes.
+    pub bytes: usize,
+    /// The plane's place in drawing memory.
+    pub slot: Slot,
+    /// Where this part goes in the slot, bytes.
+    pub slot_offset: u64,
+    /// Whether this is the last part of what was asked of the node: with it uploaded, the render thread
+    /// tells the streamer by `Streamer::uploaded`.
+    pub request: Option<u64>,
+}
+
+/// A place in drawing memory, which is one range of addresses from 0 to the budget, cut into pages that
+/// no slot straddles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Slot {
+    /// Its first byte; a multiple of [`Slot::ALIGNMENT`].
+    pub offset: u64,
+    /// Bytes in use.
+    pub bytes: u64,
+}
+
+impl Slot {
+    /// What slots are aligned to: what GPUs ask of bound ranges.
+    pub const ALIGNMENT: u64 = 256;
+}
