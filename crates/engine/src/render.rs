@@ -7,7 +7,9 @@ use crate::{info, output, picture, pool};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{EskerFile, PlaneKind, Planes};
-use esker_lod::{CompactOctree, Drawn, Options, Selection, View, needs_residual, select};
+use esker_lod::{
+    AllResident, CompactOctree, Drawn, Options, Selection, View, needs_residual, select,
+};
 use esker_points::Task;
 use esker_render::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
 use rayon::prelude::*;
@@ -142,9 +144,10 @@ impl Scene {
         let options = Options {
             points_budget: request.budget_points,
             target_spacing_px: request.target_spacing_px,
+            ..Options::default()
         };
         let lattice = &file.metadata().lattice;
-        let selection = select(file.table(), lattice, &view, &options, |_| true);
+        let selection = select(file.table(), lattice, &view, &options, &AllResident, None);
         let select_ms = ms(start);
         let start = Instant::now();
         let planes = read(file, &view, &selection, &colouring, task)?;

@@ -2,7 +2,10 @@
 //! [`View`] and a node table go in, a [`Selection`] (nodes, prefixes, counters) comes out; the
 //! [`CompactOctree`] of a selection tells the renderer how densely each place is drawn.
 
+pub mod depth;
+pub mod feedback;
 pub mod frustum;
+pub mod occlusion;
 pub mod octree;
 pub mod oriented_box;
 pub mod prefix;
@@ -10,9 +13,12 @@ pub mod residual;
 pub mod select;
 pub mod view;
 
+pub use depth::SoftwareDepth;
+pub use feedback::{DepthFeedback, DepthTile, tiles_of};
 pub use frustum::Frustum;
+pub use occlusion::{Occlusion, Visible};
 pub use octree::CompactOctree;
 pub use oriented_box::OrientedBox;
 pub use residual::needs_residual;
-pub use select::{Counters, Drawn, Options, Selection, select};
+pub use select::{AllResident, Counters, Drawn, Missing, Options, Residency, Selection, select};
 pub use view::View;

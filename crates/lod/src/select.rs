@@ -1,9 +1,11 @@
-//! The choice: which nodes, and how many points of each, a view draws. Walks the node table from the
-//! root, worst projected spacing first, into a cut that is closed under parent and within the points
-//! budget (kanzok2015, section 3.2; DESIGN, section 7). Plain data in and out: the same input gives
-//! the same cut.
+//! The choice: which nodes, and how many points of each, a view wants, and which of them it draws. Walks
+//! the node table from the root, worst projected spacing first, into a cut that is closed under parent
+//! and within its budgets of points and bytes (kanzok2015, section 3.2; DESIGN, section 7). The cut that
+//! is wanted does not depend on what is resident; what is drawn is its resident part. Plain data in and
+//! out: the same input gives the same cut.
 
 use crate::frustum::Frustum;
+use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
 use crate::prefix::{effective_spacing, prefix_at_most, spacing, wanted};
 use crate::view::View;
@@ -14,8 +16,10 @@ use std::collections::BinaryHeap;
 /// What a view may cost and how fine it shall be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Points drawn at most; never passed.
+    /// Points wanted at most; never passed.
     pub points_budget: u64,
+    /// Bytes of the slots of all wanted nodes at most; never passed. `u64::MAX` is no bound.
+    pub bytes_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels. 0 asks for every
     /// point of the nodes in view, continuations (coincident points) included.
     pub target_spacing_px: f64,
@@ -24,7 +28,28 @@ pub struct Options {
 impl Default for Options {
     /// A point a pixel, within what two cores project in a tenth of a second.
     fn default() -> Self {
-        Self { points_budget: 10_000_000, target_spacing_px: 1.0 }
+        Self { points_budget: 10_000_000, bytes_budget: u64::MAX, target_spacing_px: 1.0 }
+    }
+}
+
+/// What the caller knows of the nodes.
+pub trait Residency {
+    /// Whether its points are at hand.
+    fn is_resident(&self, node: u32) -> bool;
+    /// Bytes that it takes in memory, resident or not.
+    fn slot_bytes(&self, node: u32) -> u64;
+}
+
+/// Everything is at hand and costs nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AllResident;
+
+impl Residency for AllResident {
+    fn is_resident(&self, _: u32) -> bool {
+        true
+    }
+    fn slot_bytes(&self, _: u32) -> u64 {
+        0
     }
 }
 
@@ -40,28 +65,55 @@ pub struct Drawn {
     pub effective_spacing: f32,
 }
 
-/// What was looked at, in nodes; `visited` is the sum of `culled`, `contour_culled`, `continuations`,
-/// `withheld`, `missing` and `drawn`.
+/// A node that is wanted and not resident.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Missing {
+    /// Index in the node table.
+    pub node: u32,
+    /// Its first points that are wanted; 0 where none of its own is in view and it is wanted for its
+    /// children's sake.
+    pub prefix: usize,
+    /// Distance of the eye to its contour, the file's unit: the paper's priority (kanzok2015,
+    /// section 3.2.2).
+    pub distance: f64,
+    /// Distance of points, pixels, of what is drawn in its place without it; infinite where that is
+    /// nothing.
+    pub spacing_px: f64,
+    /// Bytes of its slot.
+    pub bytes: u64,
+}
+
+/// What was looked at, in nodes; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
+/// `contour_occluded`, `continuations`, `withheld`, `missing` and `drawn`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Looked at.
     pub visited: u64,
     /// With their whole subtree outside of the view.
     pub culled: u64,
+    /// With their whole subtree hidden.
+    pub occluded: u64,
     /// With none of their own points in view; their children were looked at all the same.
     pub contour_culled: u64,
+    /// With all of their own points hidden; their children were looked at all the same.
+    pub contour_occluded: u64,
     /// Left out because they only repeat places that are drawn already.
     pub continuations: u64,
-    /// Left out because not one stratum fitted the budget.
+    /// Left out because they, or not one stratum of them, fitted the budgets.
     pub withheld: u64,
-    /// Wanted, but not resident; what is resident above them serves.
+    /// With points in view, wanted, and not drawn, since they or one above them are not resident; what
+    /// is drawn above them serves.
     pub missing: u64,
     /// Drawn.
     pub drawn: u64,
-    /// Of those drawn: with fewer points than wanted, because of the budget.
+    /// Of those drawn or missing: with fewer points than the view asks for, because of the budget.
     pub shortened: u64,
     /// Points drawn, in all.
     pub points: u64,
+    /// Points wanted, in all: those drawn and those of missing nodes.
+    pub points_wanted: u64,
+    /// Bytes of the slots of all wanted nodes.
+    pub bytes_wanted: u64,
 }
 
 /// The cut of a view.
@@ -69,52 +121,59 @@ pub struct Counters {
 pub struct Selection {
     /// What to draw, the coarsest on the picture first; parents stand before their children.
     pub drawn: Vec<Drawn>,
-    /// What to load, the most urgent first.
-    pub missing: Vec<u32>,
+    /// What shall be resident: all that would be drawn were everything resident, and what lies between
+    /// those and the root, parents first. The root is always the first where it fits the budget.
+    pub wanted: Vec<u32>,
+    /// What of that is not resident, in the same order.
+    pub missing: Vec<Missing>,
     /// How it came about.
     pub counters: Counters,
 }
 
-/// Chooses what a view draws. `resident` tells whether a node's points are at hand. The table is one
-/// that was checked when its file was opened; links of an unchecked one that don't go down the tree
-/// are not followed.
+/// Chooses what a view wants and what it draws. The table is one that was checked when its file was
+/// opened; links of an unchecked one that don't go down the tree are not followed.
 ///
-/// A node is drawn only where its parent is drawn whole, or has none of its own points in view.
+/// A node is wanted only where its parent is wanted whole, or has none of its own points in view; it is
+/// drawn where it and all of its ancestors are resident. What `occlusion` hides is neither.
 pub fn select(
     table: &NodeTable,
     lattice: &Lattice,
     view: &View,
     options: &Options,
-    resident: impl Fn(u32) -> bool,
+    residency: &impl Residency,
+    occlusion: Option<&dyn Occlusion>,
 ) -> Selection {
     let mut walk = Walk {
         table,
         lattice,
         view,
         options,
+        residency,
+        occlusion,
         frustum: Frustum::of(view),
         open: BinaryHeap::new(),
+        places: Vec::new(),
         selection: Selection::default(),
     };
-    if table.root().is_some() {
-        walk.open(0, f64::INFINITY);
-    }
+    walk.start();
     while let Some(candidate) = walk.open.pop() {
-        walk.visit(&candidate, &resident);
+        walk.visit(&candidate);
     }
     walk.selection
 }
 
-/// A node in view whose parent is drawn whole.
+/// A node in view whose parent is wanted whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
-    /// Distance in pixels of what is drawn in its place without it.
+    /// Distance in pixels of what is wanted in its place without it.
     spacing_px: f64,
     node: u32,
     /// Distance of the eye to its cell, at least the near plane's.
     distance: f64,
     /// Effective spacing of its parent.
     spacing: f64,
+    /// Its parent's entry in [`Walk::places`].
+    above: usize,
 }
 
 impl Candidate {
@@ -138,19 +197,62 @@ impl PartialOrd for Candidate {
     }
 }
 
-struct Walk<'a> {
+/// "No place": above the root.
+const NOWHERE: usize = usize::MAX;
+
+/// A node that the walk went through.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    node: u32,
+    /// Its parent's place.
+    above: usize,
+    /// Distance of the eye to its cell.
+    distance: f64,
+    /// Whether it is among the wanted.
+    is_wanted: bool,
+    /// Whether it and all of its ancestors are resident.
+    is_resident: bool,
+    /// Effective spacing of what is drawn in its place; infinite where nothing is.
+    drawn_spacing: f64,
+}
+
+struct Walk<'a, R> {
     table: &'a NodeTable,
     lattice: &'a Lattice,
     view: &'a View,
     options: &'a Options,
+    residency: &'a R,
+    occlusion: Option<&'a dyn Occlusion>,
     frustum: Frustum,
     open: BinaryHeap<Candidate>,
+    places: Vec<Place>,
     selection: Selection,
 }
 
-impl Walk<'_> {
-    /// Takes a node up, unless its subtree is out of view; `spacing` is what is drawn without it.
-    fn open(&mut self, index: u32, spacing: f64) {
+impl<R: Residency> Walk<'_, R> {
+    /// Takes up the root, which is wanted whether or not it is in view.
+    fn start(&mut self) {
+        if self.table.root().is_none() {
+            return;
+        }
+        self.open(0, f64::INFINITY, NOWHERE);
+        let bytes = self.residency.slot_bytes(0);
+        if self.open.is_empty() && bytes <= self.options.bytes_budget {
+            let cell = OrientedBox::of_cell(&self.table.nodes[0].cell(), self.lattice);
+            let distance = cell.distance(self.view.eye).max(self.view.near);
+            let place = self.pass(&Candidate {
+                spacing_px: 0.0,
+                node: 0,
+                distance,
+                spacing: f64::INFINITY,
+                above: NOWHERE,
+            });
+            self.want(place, 0);
+        }
+    }
+
+    /// Takes a node up, unless its subtree cannot be seen; `spacing` is what is wanted without it.
+    fn open(&mut self, index: u32, spacing: f64, above: usize) {
         let node = &self.table.nodes[index as usize];
         self.selection.counters.visited += 1;
         let cell = OrientedBox::of_cell(&node.cell(), self.lattice);
@@ -158,74 +260,164 @@ impl Walk<'_> {
             self.selection.counters.culled += 1;
             return;
         }
+        if self.occlusion.is_some_and(|o| o.hides(&cell)) {
+            self.selection.counters.occluded += 1;
+            return;
+        }
         let distance = cell.distance(self.view.eye).max(self.view.near);
         let spacing_px = self.spacing_px(spacing, distance);
-        self.open.push(Candidate { spacing_px, node: index, distance, spacing });
+        self.open.push(Candidate { spacing_px, node: index, distance, spacing, above });
     }
 
-    fn visit(&mut self, candidate: &Candidate, resident: &impl Fn(u32) -> bool) {
+    fn visit(&mut self, candidate: &Candidate) {
         let node = &self.table.nodes[candidate.node as usize];
         let counters = &mut self.selection.counters;
         if node.is_continuation() && self.options.target_spacing_px > 0.0 {
             counters.continuations += 1;
             return;
         }
-        if !resident(candidate.node) {
-            counters.missing += 1;
-            self.selection.missing.push(candidate.node);
-            return;
-        }
         let contour = OrientedBox::of_contour(node, self.lattice);
-        if !self.frustum.touches(&contour) {
-            counters.contour_culled += 1;
-            self.open_children(candidate, spacing(node).min(candidate.spacing));
+        let is_culled = !self.frustum.touches(&contour);
+        if is_culled || self.occlusion.is_some_and(|o| o.hides(&contour)) {
+            *(if is_culled {
+                &mut counters.contour_culled
+            } else {
+                &mut counters.contour_occluded
+            }) += 1;
+            let place = self.pass(candidate);
+            if candidate.node == 0 && self.fits(place) {
+                self.want(place, 0);
+            }
+            self.open_children(candidate, spacing(node).min(candidate.spacing), place);
             return;
         }
-        if let Some(spacing) = self.draw(candidate, node, &contour) {
-            self.open_children(candidate, spacing);
+        if let Some((spacing, place)) = self.draw(candidate, node, &contour) {
+            self.open_children(candidate, spacing, place);
         }
     }
 
-    /// Draws what is wanted of a node, as far as the budget goes. Its effective spacing where its
-    /// children may be drawn.
-    fn draw(&mut self, candidate: &Candidate, node: &Node, contour: &OrientedBox) -> Option<f64> {
-        let eye = self.view.eye;
-        let target_px = self.options.target_spacing_px;
+    /// Wants what the view needs of a node, as far as the budgets go, and draws it where it can be.
+    /// Its effective spacing where its children may be wanted.
+    fn draw(
+        &mut self,
+        candidate: &Candidate,
+        node: &Node,
+        contour: &OrientedBox,
+    ) -> Option<(f64, usize)> {
         let count = node.points();
-        if count == 0 {
+        let place = self.pass(candidate);
+        if count == 0 || !self.fits(place) {
             self.selection.counters.withheld += 1;
             return None;
         }
-        // Both boxes hold all of its points, so the farther of the two distances bounds theirs.
-        let distance = candidate.distance.max(contour.distance(eye));
-        let own_spacing = spacing(node).min(candidate.spacing);
-        let spacing_px = self.spacing_px(spacing(node), distance);
-        // Where its children are wanted all of it is: what stands on a wall seen edge-on may face us.
-        let refined =
-            node.child_count > 0 && self.spacing_px(own_spacing, candidate.distance) > target_px;
-        let facing = if refined { 1.0 } else { contour.facing(eye) };
-        let need = if refined { count } else { wanted(node, count, spacing_px, target_px, facing) };
-        let left = self.options.points_budget.saturating_sub(self.selection.counters.points);
+        let need = self.need(candidate, node, count, contour);
+        let left = self.options.points_budget.saturating_sub(self.selection.counters.points_wanted);
         let prefix = if need as u64 <= left { need } else { prefix_at_most(node.levels(), left) };
-        let counters = &mut self.selection.counters;
         if prefix == 0 {
-            counters.withheld += 1;
+            self.selection.counters.withheld += 1;
             return None;
         }
-        counters.drawn += 1;
-        counters.shortened += u64::from(prefix < need);
-        counters.points += prefix as u64;
+        self.want(place, prefix);
         let effective = effective_spacing(node, count, prefix).min(candidate.spacing);
-        self.selection.drawn.push(Drawn {
+        let counters = &mut self.selection.counters;
+        counters.shortened += u64::from(prefix < need);
+        counters.points_wanted += prefix as u64;
+        if self.places[place].is_resident {
+            counters.drawn += 1;
+            counters.points += prefix as u64;
+            self.places[place].drawn_spacing = effective;
+            self.selection.drawn.push(Drawn {
+                node: candidate.node,
+                prefix,
+                effective_spacing: effective as f32,
+            });
+        } else {
+            counters.missing += 1;
+        }
+        (prefix == count).then_some((effective, place))
+    }
+
+    /// Points that the view needs of a node of `count` points, budgets aside.
+    fn need(
+        &self,
+        candidate: &Candidate,
+        node: &Node,
+        count: usize,
+        contour: &OrientedBox,
+    ) -> usize {
+        let eye = self.view.eye;
+        let target_px = self.options.target_spacing_px;
+        // Where its children are wanted all of it is: what stands on a wall seen edge-on may face us.
+        let own_spacing = spacing(node).min(candidate.spacing);
+        if node.child_count > 0 && self.spacing_px(own_spacing, candidate.distance) > target_px {
+            return count;
+        }
+        // Both boxes hold all of its points, so the farther of the two distances bounds theirs.
+        let distance = candidate.distance.max(contour.distance(eye));
+        let spacing_px = self.spacing_px(spacing(node), distance);
+        wanted(node, count, spacing_px, target_px, contour.facing(eye))
+    }
+
+    /// Notes that the walk goes through a node.
+    fn pass(&mut self, candidate: &Candidate) -> usize {
+        let above = self.places.get(candidate.above);
+        self.places.push(Place {
             node: candidate.node,
-            prefix,
-            effective_spacing: effective as f32,
+            above: candidate.above,
+            distance: candidate.distance,
+            is_wanted: false,
+            is_resident: above.is_none_or(|p| p.is_resident)
+                && self.residency.is_resident(candidate.node),
+            drawn_spacing: above.map_or(f64::INFINITY, |p| p.drawn_spacing),
         });
-        (prefix == count).then_some(effective)
+        self.places.len() - 1
+    }
+
+    /// Whether a place, and those above it that are not wanted yet, fit the budget of bytes.
+    fn fits(&self, mut place: usize) -> bool {
+        let mut bytes = self.selection.counters.bytes_wanted;
+        while let Some(p) = self.places.get(place).filter(|p| !p.is_wanted) {
+            bytes = bytes.saturating_add(self.residency.slot_bytes(p.node));
+            place = p.above;
+        }
+        bytes <= self.options.bytes_budget
+    }
+
+    /// Wants a place, with `prefix` points, and first those above it that were only gone through.
+    fn want(&mut self, place: usize, prefix: usize) {
+        let mut chain = vec![(place, prefix)];
+        let mut above = self.places[place].above;
+        while let Some(p) = self.places.get(above).filter(|p| !p.is_wanted) {
+            chain.push((above, 0));
+            above = p.above;
+        }
+        while let Some((place, prefix)) = chain.pop() {
+            self.want_one(place, prefix);
+        }
+    }
+
+    fn want_one(&mut self, place: usize, prefix: usize) {
+        self.places[place].is_wanted = true;
+        let Place { node, distance, drawn_spacing, .. } = self.places[place];
+        let bytes = self.residency.slot_bytes(node);
+        let wanted = &mut self.selection.counters.bytes_wanted;
+        *wanted = wanted.saturating_add(bytes);
+        self.selection.wanted.push(node);
+        if !self.residency.is_resident(node) {
+            let record = &self.table.nodes[node as usize];
+            let contour = OrientedBox::of_contour(record, self.lattice);
+            self.selection.missing.push(Missing {
+                node,
+                prefix,
+                distance: contour.distance(self.view.eye),
+                spacing_px: self.spacing_px(drawn_spacing, distance),
+                bytes,
+            });
+        }
     }
 
     /// Takes up the children in whose places a spacing is not fine enough.
-    fn open_children(&mut self, candidate: &Candidate, spacing: f64) {
+    fn open_children(&mut self, candidate: &Candidate, spacing: f64, place: usize) {
         let target_px = self.options.target_spacing_px;
         if target_px > 0.0 && self.spacing_px(spacing, candidate.distance) <= target_px {
             return;
@@ -235,7 +427,7 @@ impl Walk<'_> {
             let goes_down = child > candidate.node
                 && table.nodes.get(child as usize).is_some_and(|c| c.parent == candidate.node);
             if goes_down {
-                self.open(child, spacing);
+                self.open(child, spacing, place);
             }
         }
     }

@@ -2,7 +2,9 @@
 
 mod tree;
 
-use esker_lod::{CompactOctree, Drawn, Options, OrientedBox, Selection, View, select};
+use esker_lod::{
+    AllResident, CompactOctree, Drawn, Options, OrientedBox, Residency, Selection, View, select,
+};
 use esker_points::strata::prefix_at_least;
 use glam::DVec3;
 use proptest::prelude::*;
@@ -21,7 +23,7 @@ fn view(tree: &Tree, seed: u64) -> View {
 }
 
 fn options(points_budget: u64, target_spacing_px: f64) -> Options {
-    Options { points_budget, target_spacing_px }
+    Options { points_budget, target_spacing_px, ..Options::default() }
 }
 
 fn is_seen(tree: &Tree, view: &View, p: [u32; 3]) -> bool {
@@ -37,18 +39,60 @@ fn focal_over_distance(tree: &Tree, view: &View, node: u32) -> f64 {
     view.focal_px() / cell.distance(view.eye).max(view.near)
 }
 
+/// A cache in which some nodes are, each of some size.
+#[derive(Clone, Copy)]
+struct Cache {
+    seed: u64,
+}
+
+impl Residency for Cache {
+    fn is_resident(&self, node: u32) -> bool {
+        node == 0 || Random(self.seed ^ u64::from(node)).below(3) > 0
+    }
+    fn slot_bytes(&self, node: u32) -> u64 {
+        1 + u64::from(node % 7)
+    }
+}
+
+/// The same sizes, with all nodes there.
+struct Loaded(Cache);
+
+impl Residency for Loaded {
+    fn is_resident(&self, _: u32) -> bool {
+        true
+    }
+    fn slot_bytes(&self, node: u32) -> u64 {
+        self.0.slot_bytes(node)
+    }
+}
+
 /// What must hold of any cut.
-fn assert_is_a_cut(tree: &Tree, view: &View, options: &Options, s: &Selection) {
+fn assert_is_a_cut(
+    tree: &Tree,
+    view: &View,
+    options: &Options,
+    residency: &impl Residency,
+    s: &Selection,
+) {
     let nodes = &tree.table.nodes;
     let c = s.counters;
     assert_eq!(c.drawn, s.drawn.len() as u64);
-    assert_eq!(c.missing, s.missing.len() as u64);
     assert_eq!(c.points, s.drawn.iter().map(|d| d.prefix as u64).sum::<u64>());
+    assert_eq!(c.bytes_wanted, s.wanted.iter().map(|&n| residency.slot_bytes(n)).sum::<u64>());
     assert_eq!(
         c.visited,
-        c.culled + c.contour_culled + c.continuations + c.withheld + c.missing + c.drawn
+        c.culled
+            + c.occluded
+            + c.contour_culled
+            + c.contour_occluded
+            + c.continuations
+            + c.withheld
+            + c.missing
+            + c.drawn
     );
-    assert!(c.points <= options.points_budget);
+    assert!(c.points <= c.points_wanted && c.points_wanted <= options.points_budget);
+    assert!(c.bytes_wanted <= options.bytes_budget);
+    assert_wanted_is_closed(tree, residency, s);
     let mut drawn = vec![None; nodes.len()];
     for d in &s.drawn {
         let node = &nodes[d.node as usize];
@@ -71,6 +115,26 @@ fn assert_is_a_cut(tree: &Tree, view: &View, options: &Options, s: &Selection) {
     }
 }
 
+/// Parents are wanted before their children; what is wanted is drawn or missing, or only between.
+fn assert_wanted_is_closed(tree: &Tree, residency: &impl Residency, s: &Selection) {
+    let mut wanted = vec![false; tree.table.nodes.len()];
+    for &n in &s.wanted {
+        let parent = tree.table.nodes[n as usize].parent as usize;
+        assert!(n == 0 || wanted[parent], "the parent of {n} is wanted before it");
+        assert!(!std::mem::replace(&mut wanted[n as usize], true), "a node is wanted once");
+    }
+    let missing: Vec<_> = s.missing.iter().map(|m| m.node).collect();
+    let absent: Vec<_> = s.wanted.iter().copied().filter(|&n| !residency.is_resident(n)).collect();
+    assert_eq!(missing, absent);
+    for d in &s.drawn {
+        let mut n = d.node;
+        while let Some(node) = tree.table.nodes.get(n as usize) {
+            assert!(wanted[n as usize] && residency.is_resident(n), "drawn under {n}");
+            n = node.parent;
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
@@ -81,30 +145,61 @@ proptest! {
     ) {
         let tree = grow(&recipe);
         let (view, options) = (view(&tree, seed), options(budget, target));
-        let s = select(&tree.table, &tree.lattice, &view, &options, |_| true);
-        assert_is_a_cut(&tree, &view, &options, &s);
+        let s = select(&tree.table, &tree.lattice, &view, &options, &AllResident, None);
+        assert_is_a_cut(&tree, &view, &options, &AllResident, &s);
         prop_assert_eq!(s.counters.missing, 0);
-        let again = select(&tree.table, &tree.lattice, &view, &options, |_| true);
+        prop_assert!(s.missing.is_empty());
+        let again = select(&tree.table, &tree.lattice, &view, &options, &AllResident, None);
         prop_assert_eq!(s, again);
     }
 
     #[test]
-    fn absent_nodes_are_asked_for_and_never_drawn(recipe in recipes(true), seed: u64, absent: u64) {
+    fn what_is_wanted_does_not_depend_on_what_is_resident(
+        recipe in recipes(true), seed: u64, cache: u64, points in prop_oneof![0u64..2000, Just(u64::MAX)],
+        bytes in prop_oneof![0u64..100, Just(u64::MAX)],
+    ) {
         let tree = grow(&recipe);
-        let (view, options) = (view(&tree, seed), options(u64::MAX, 0.5));
-        let resident = |n: u32| n == 0 || Random(absent ^ u64::from(n)).below(3) > 0;
-        let s = select(&tree.table, &tree.lattice, &view, &options, resident);
-        assert_is_a_cut(&tree, &view, &options, &s);
-        prop_assert!(s.drawn.iter().all(|d| resident(d.node)));
-        prop_assert!(s.missing.iter().all(|&n| !resident(n)));
-        prop_assert!(!s.drawn.is_empty() || !has_seen_point(&tree, &view, 0), "the root serves");
+        let view = view(&tree, seed);
+        let options = Options { bytes_budget: bytes, ..options(points, 0.5) };
+        let cache = Cache { seed: cache };
+        let s = select(&tree.table, &tree.lattice, &view, &options, &cache, None);
+        assert_is_a_cut(&tree, &view, &options, &cache, &s);
+        prop_assert_eq!(s.wanted.first().copied(), (bytes > 0).then_some(0), "the root is first");
+        let full = select(&tree.table, &tree.lattice, &view, &options, &Loaded(cache), None);
+        assert_is_a_cut(&tree, &view, &options, &Loaded(cache), &full);
+        prop_assert_eq!(&s.wanted, &full.wanted);
+        prop_assert!(s.drawn.iter().all(|d| full.drawn.contains(d)));
+        prop_assert_eq!(s.counters.points_wanted, full.counters.points);
+    }
+
+    #[test]
+    fn the_cut_covers_what_is_in_view_with_resident_nodes(recipe in recipes(true), seed: u64, cache: u64) {
+        let tree = grow(&recipe);
+        let view = view(&tree, seed);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &Cache { seed: cache }, None);
+        let full = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &AllResident, None);
+        // Each node that should be drawn has the nearest one above it that is resident drawn whole.
+        for d in &full.drawn {
+            let mut n = d.node;
+            let serves = loop {
+                if s.drawn.iter().any(|d| d.node == n) || !has_seen_point(&tree, &view, n) && n == 0 {
+                    break true;
+                }
+                let parent = tree.table.nodes[n as usize].parent;
+                if parent == u32::MAX {
+                    break false;
+                }
+                n = parent;
+            };
+            prop_assert!(serves, "nothing is drawn for {}", d.node);
+        }
     }
 
     #[test]
     fn a_target_of_zero_draws_every_point_in_view(recipe in recipes(true), seed: u64) {
         let tree = grow(&recipe);
         let view = view(&tree, seed);
-        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.0), |_| true);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.0), &AllResident, None);
         let mut whole = vec![false; tree.points.len()];
         for d in &s.drawn {
             whole[d.node as usize] = d.prefix == tree.points[d.node as usize].len();
@@ -123,7 +218,7 @@ proptest! {
         // Cubes as contours: those fill as much of the picture from every side.
         let tree = grow(&recipe);
         let view = view(&tree, seed);
-        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), |_| true);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), &AllResident, None);
         let octree = CompactOctree::new(&tree.table, &s.drawn);
         for (node, points) in tree.points.iter().enumerate() {
             let node = node as u32;
@@ -150,7 +245,7 @@ proptest! {
         let mut far = near;
         far.eye -= near.forward() * size * 3.0 * step;
         let [near, far] = [near, far].map(|view| {
-            select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), |_| true).counters
+            select(&tree.table, &tree.lattice, &view, &options(u64::MAX, target), &AllResident, None).counters
         });
         prop_assert!(near.points >= far.points, "{near:?} {far:?}");
     }
@@ -160,7 +255,7 @@ proptest! {
         let tree = grow(&recipe);
         let view = view(&tree, seed);
         let points = |budget| {
-            select(&tree.table, &tree.lattice, &view, &options(budget, 0.5), |_| true).counters.points
+            select(&tree.table, &tree.lattice, &view, &options(budget, 0.5), &AllResident, None).counters.points
         };
         let all = points(u64::MAX);
         prop_assert!(points(budget) <= all);
@@ -207,7 +302,7 @@ fn a_flat_node_seen_edge_on_gets_fewer_points_than_face_on() {
         let view = View::look_at(centre - direction * half * 12.0, centre, DVec3::Y, 0.5, 512, 512);
         let spacing_px = view.focal_px() * f64::from(tree.table.nodes[0].spacing) / (half * 12.0);
         let options = options(u64::MAX, spacing_px * 2f64.sqrt());
-        select(&tree.table, &tree.lattice, &view, &options, |_| true).counters.points
+        select(&tree.table, &tree.lattice, &view, &options, &AllResident, None).counters.points
     };
     let (face_on, edge_on) = (points(DVec3::Z), points(DVec3::X));
     assert!((450..700).contains(&face_on), "{face_on}");
@@ -219,7 +314,7 @@ fn an_empty_table_draws_nothing() {
     let tree = grow(&Recipe { seed: 1, points: 1, capacity: 1, tight: true });
     let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, 8, 8);
     let nothing = esker_points::NodeTable::default();
-    let s = select(&nothing, &tree.lattice, &view, &Options::default(), |_| true);
+    let s = select(&nothing, &tree.lattice, &view, &Options::default(), &AllResident, None);
     assert_eq!(s, Selection::default());
     assert_eq!(CompactOctree::new(&nothing, &s.drawn).spacing_at([0; 3]), 0.0);
 }
