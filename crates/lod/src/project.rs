@@ -1,0 +1,318 @@
+//! Boxes on the picture, exactly: a box is cut at the near plane, its corners are projected, and their
+//! convex hull is its silhouette, with area, bounds and depths (kanzok2015, section 3.2.2: contours are
+//! transformed to the screen in software, "as strictly as possible"). All in `f64`.
+
+use crate::oriented_box::OrientedBox;
+use crate::view::View;
+use glam::{DMat3, DVec2, DVec3};
+
+/// Most corners of a silhouette: a plane leaves at most 7 corners of a box and cuts at most 6 edges; the
+/// picture's four sides each add at most one.
+const CORNERS_MAX: usize = 7 + 6 + 4;
+
+/// A view's projection, made once and used for many boxes.
+#[derive(Clone, Copy, Debug)]
+pub struct Projection {
+    eye: DVec3,
+    view_from_world: DMat3,
+    focal_px: f64,
+    centre_px: DVec2,
+    near: f64,
+}
+
+impl Projection {
+    /// The projection of a view.
+    pub fn of(view: &View) -> Self {
+        Self {
+            eye: view.eye,
+            view_from_world: view.view_from_world(),
+            focal_px: view.focal_px(),
+            centre_px: DVec2::new(f64::from(view.width), f64::from(view.height)) * 0.5,
+            near: view.near,
+        }
+    }
+
+    /// Width and height of the picture, pixels.
+    pub fn size_px(&self) -> DVec2 {
+        self.centre_px * 2.0
+    }
+
+    /// Nearest and farthest eye depth of a box, not cut at the near plane.
+    pub fn depths(&self, b: &OrientedBox) -> [f64; 2] {
+        let forward = -self.view_from_world.row(2);
+        let (depth, reach) = (forward.dot(b.centre - self.eye), b.extent_along(forward));
+        [depth - reach, depth + reach]
+    }
+
+    /// The silhouette of a box; `None` where all of it is nearer than the near plane, or where it is not
+    /// made of numbers.
+    pub fn silhouette(&self, b: &OrientedBox) -> Option<Silhouette> {
+        let centre = self.view_from_world * (b.centre - self.eye);
+        let axes = self.view_from_world * b.axes * DMat3::from_diagonal(b.half);
+        let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis];
+        let corners: [DVec3; 8] = std::array::from_fn(|i| {
+            let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            centre + x * sign(0) + y * sign(1) + z * sign(2)
+        });
+        let reach = x.z.abs() + y.z.abs() + z.z.abs();
+        let (nearest, farthest) = (-centre.z - reach, -centre.z + reach);
+        if !(farthest >= self.near && farthest.is_finite() && nearest.is_finite()) {
+            return None;
+        }
+        let mut hull = Polygon::default();
+        for (i, corner) in corners.iter().enumerate() {
+            if -corner.z >= self.near {
+                hull.push(self.project(*corner));
+                continue;
+            }
+            // Of the edges that the near plane cuts, those that start at this corner.
+            for bit in 0..3 {
+                let other = corners[i ^ (1 << bit)];
+                if -other.z >= self.near {
+                    let t = (self.near + corner.z) / (corner.z - other.z);
+                    let cut = corner.lerp(other, t);
+                    hull.push(self.project(cut.with_z(-self.near)));
+                }
+            }
+        }
+        let polygon = hull.convex_hull();
+        Some(Silhouette { polygon, nearest: nearest.max(self.near), farthest })
+    }
+
+    fn project(&self, v: DVec3) -> DVec2 {
+        self.centre_px + DVec2::new(v.x, -v.y) * (self.focal_px / -v.z)
+    }
+}
+
+/// The outline of a box on the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Silhouette {
+    polygon: Polygon,
+    /// Least eye depth of the box behind the near plane.
+    pub nearest: f64,
+    /// Greatest eye depth of the box.
+    pub farthest: f64,
+}
+
+impl Silhouette {
+    /// Its corners in pixels, in order around it; convex.
+    pub fn corners(&self) -> &[DVec2] {
+        self.polygon.corners()
+    }
+
+    /// Its area, pixels.
+    pub fn area_px(&self) -> f64 {
+        let corners = self.corners();
+        let Some(&first) = corners.first() else { return 0.0 };
+        // About the first corner, so that far coordinates cancel before they are multiplied.
+        let doubled: f64 = corners.windows(2).map(|w| (w[0] - first).perp_dot(w[1] - first)).sum();
+        doubled.abs() * 0.5
+    }
+
+    /// Lowest and highest x and y, pixels; `None` where it has no corner.
+    pub fn bounds(&self) -> Option<[DVec2; 2]> {
+        let corners = self.corners();
+        let low = corners.iter().copied().reduce(DVec2::min)?;
+        let high = corners.iter().copied().reduce(DVec2::max)?;
+        Some([low, high])
+    }
+
+    /// The part of it within a rectangle, by cutting it at each side.
+    pub fn clipped(&self, low: DVec2, high: DVec2) -> Self {
+        let sides = [(0, 1.0, low.x), (0, -1.0, high.x), (1, 1.0, low.y), (1, -1.0, high.y)];
+        let polygon = sides.iter().fold(self.polygon, |p, &(axis, sign, at)| p.cut(axis, sign, at));
+        Self { polygon, ..*self }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Polygon {
+    corners: [DVec2; CORNERS_MAX],
+    len: usize,
+}
+
+impl Default for Polygon {
+    fn default() -> Self {
+        Self { corners: [DVec2::ZERO; CORNERS_MAX], len: 0 }
+    }
+}
+
+impl Polygon {
+    fn corners(&self) -> &[DVec2] {
+        &self.corners[..self.len]
+    }
+
+    fn push(&mut self, p: DVec2) {
+        if let Some(slot) = self.corners.get_mut(self.len) {
+            *slot = p;
+            self.len += 1;
+        }
+    }
+
+    /// The convex hull of its corners (Andrew's monotone chain).
+    fn convex_hull(mut self) -> Self {
+        let points = &mut self.corners[..self.len];
+        // Few and nearly sorted: by insertion.
+        for i in 1..points.len() {
+            let mut j = i;
+            while j > 0 && is_before(points[j], points[j - 1]) {
+                points.swap(j, j - 1);
+                j -= 1;
+            }
+        }
+        let mut hull = Self::default();
+        for &p in points.iter() {
+            hull.turn_to(p, 0);
+        }
+        let first = hull.len.max(1) - 1;
+        for &p in points.iter().rev().skip(1) {
+            hull.turn_to(p, first);
+        }
+        // The last is the first again.
+        hull.len -= usize::from(hull.len > 1);
+        hull
+    }
+
+    /// Appends `p`, dropping corners behind `first` that turn the wrong way.
+    fn turn_to(&mut self, p: DVec2, first: usize) {
+        while self.len >= first + 2 {
+            let [a, b] = [self.corners[self.len - 2], self.corners[self.len - 1]];
+            if (b - a).perp_dot(p - b) > 0.0 {
+                break;
+            }
+            self.len -= 1;
+        }
+        self.push(p);
+    }
+
+    /// What is left on the side of a line along an axis where `sign * (p[axis] - at)` is not negative.
+    fn cut(&self, axis: usize, sign: f64, at: f64) -> Self {
+        let mut kept = Self::default();
+        let inside = |p: DVec2| sign * (p[axis] - at);
+        for (i, &p) in self.corners().iter().enumerate() {
+            let before = self.corners[(i + self.len - 1) % self.len];
+            let (from, to) = (inside(before), inside(p));
+            if (from < 0.0) != (to < 0.0) {
+                let mut crossing = before.lerp(p, from / (from - to));
+                crossing[axis] = at;
+                kept.push(crossing);
+            }
+            if to >= 0.0 {
+                kept.push(p);
+            }
+        }
+        kept
+    }
+}
+
+fn is_before(a: DVec2, b: DVec2) -> bool {
+    a.x < b.x || (a.x == b.x && a.y < b.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn boxes() -> impl Strategy<Value = OrientedBox> {
+        let c = -8.0f64..8.0;
+        let half = prop_oneof![Just(0.0), 0.01f64..6.0];
+        ([c.clone(), c.clone(), c], [half.clone(), half.clone(), half], [-3.0f64..3.0, -3.0..3.0])
+            .prop_map(|(centre, half, turn)| OrientedBox {
+                centre: centre.into(),
+                half: half.into(),
+                axes: DMat3::from_rotation_x(turn[0]) * DMat3::from_rotation_z(turn[1]),
+            })
+    }
+
+    fn view(near: f64) -> View {
+        let mut view = View::look_at(DVec3::NEG_Y * 4.0, DVec3::ZERO, DVec3::Z, 1.2, 64, 48);
+        view.near = near;
+        view
+    }
+
+    /// Whether the ray through a pixel's place meets the box behind the near plane: slabs in the box's
+    /// own axes.
+    fn is_hit(view: &View, b: &OrientedBox, px: DVec2) -> bool {
+        let size = DVec2::new(f64::from(view.width), f64::from(view.height));
+        let xy = (px - size * 0.5) / view.focal_px();
+        let direction = b.axes.transpose() * (view.world_from_view * DVec3::new(xy.x, -xy.y, -1.0));
+        let from = b.axes.transpose() * (view.eye - b.centre);
+        // The ray's parameter is the eye depth.
+        let (mut enter, mut leave) = (view.near, f64::INFINITY);
+        for i in 0..3 {
+            let [a, c] = [-b.half[i], b.half[i]].map(|h| (h - from[i]) / direction[i]);
+            enter = enter.max(a.min(c));
+            leave = leave.min(a.max(c));
+        }
+        enter <= leave
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+
+        #[test]
+        fn area_is_the_number_of_pixels_whose_rays_meet_the_box(b in boxes(), near in 0.01f64..6.0) {
+            let view = view(near);
+            let size = DVec2::new(64.0, 48.0);
+            let silhouette = Projection::of(&view).silhouette(&b);
+            let area = silhouette.map_or(0.0, |s| s.clipped(DVec2::ZERO, size).area_px());
+            // 4 x 4 rays a pixel. An outline of at most 224 pixels crosses that many of their squares.
+            let mut hits = 0u32;
+            for i in 0..64 * 48 * 16 {
+                let px = DVec2::new(f64::from(i % 256) + 0.5, f64::from(i / 256) + 0.5) / 4.0;
+                hits += u32::from(is_hit(&view, &b, px));
+            }
+            let counted = f64::from(hits) / 16.0;
+            let outline = silhouette.map_or(0.0, |s| {
+                let s = s.clipped(DVec2::ZERO, size);
+                let corners = s.corners();
+                (0..corners.len()).map(|i| corners[i].distance(corners[(i + 1) % corners.len()])).sum()
+            });
+            prop_assert!((area - counted).abs() <= 0.02 + outline * 0.25, "{area} {counted} {outline}");
+        }
+
+        #[test]
+        fn every_point_in_front_is_inside_the_outline_and_between_the_depths(
+            b in boxes(), near in 0.01f64..6.0, at in prop::collection::vec([-1.0f64..=1.0, -1.0..=1.0, -1.0..=1.0], 30),
+        ) {
+            let view = view(near);
+            let silhouette = Projection::of(&view).silhouette(&b);
+            for at in at {
+                let p = b.centre + b.axes * (b.half * DVec3::from_array(at));
+                let Some(on) = view.project(p) else { continue };
+                let s = silhouette.expect("a point is in front");
+                prop_assert!(on.z >= s.nearest - 1e-9 && on.z <= s.farthest + 1e-9);
+                let [low, high] = s.bounds().expect("it has corners");
+                prop_assert!(on.x >= low.x - 1e-6 && on.x <= high.x + 1e-6);
+                prop_assert!(on.y >= low.y - 1e-6 && on.y <= high.y + 1e-6);
+                let corners = s.corners();
+                for i in 0..corners.len() {
+                    let (a, c) = (corners[i], corners[(i + 1) % corners.len()]);
+                    let side = (c - a).perp_dot(on.truncate() - a);
+                    prop_assert!(side >= -1e-6 * (1.0 + a.distance(c)), "{side} outside of an edge");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_behind_or_not_a_number_has_no_outline() {
+        let cube = |centre| OrientedBox { centre, half: DVec3::ONE, axes: DMat3::IDENTITY };
+        let projection = Projection::of(&view(0.1));
+        assert!(projection.silhouette(&cube(DVec3::NEG_Y * 6.0)).is_none());
+        assert!(projection.silhouette(&cube(DVec3::splat(f64::NAN))).is_none());
+        assert!(projection.silhouette(&cube(DVec3::splat(f64::INFINITY))).is_none());
+        assert!(projection.silhouette(&cube(DVec3::ZERO)).is_some());
+    }
+
+    #[test]
+    fn a_cube_face_on_has_the_area_of_its_near_face() {
+        let view = View::look_at(DVec3::NEG_Y * 11.0, DVec3::ZERO, DVec3::Z, 1.0, 100, 100);
+        let b = OrientedBox { centre: DVec3::ZERO, half: DVec3::ONE, axes: DMat3::IDENTITY };
+        let s = Projection::of(&view).silhouette(&b).expect("in front");
+        let side = 2.0 * view.focal_px() / 10.0;
+        assert!((s.area_px() - side * side).abs() < 1e-9);
+        assert!((s.nearest - 10.0).abs() < 1e-12 && (s.farthest - 12.0).abs() < 1e-12);
+    }
+}
