@@ -7,6 +7,9 @@
 use esker_format::PlaneKind;
 use std::time::Duration;
 
+/// Bytes of a run at least.
+pub const RUN_BYTES_MIN: usize = 4096;
+
 /// A lent run of bytes.
 pub trait Run: Send {
     /// Its bytes, to be written and never read: mapped GPU memory is slow to read, or gives anything.
@@ -18,7 +21,9 @@ pub trait Landing: Send + Sync + 'static {
     /// What is lent.
     type Run: Run + 'static;
 
-    /// Bytes of a run. What is longer is read in several runs.
+    /// Bytes of a run: a multiple of [`Transfer::ALIGNMENT`], at least
+    /// [`RUN_BYTES_MIN`]. What is longer is read in
+    /// several runs.
     fn run_bytes(&self) -> usize;
 
     /// Lends a run, waiting at most `patience` for one that is free. `None` where none was, or where the
@@ -26,7 +31,8 @@ pub trait Landing: Send + Sync + 'static {
     fn lend(&self, patience: Duration) -> Option<Self::Run>;
 
     /// Takes a run back with what was written into it: nothing, where reading failed. Never waits: there
-    /// are only as many runs as were lent.
+    /// are only as many runs as were lent. Runs are uploaded in the order in which they were landed, and
+    /// transfers in theirs: a slot's later owner overwrites what came late for its former one.
     fn land(&self, run: Self::Run, transfers: Vec<Transfer>);
 }
 
@@ -58,6 +64,13 @@ pub struct Slot {
     pub offset: u64,
     /// Bytes in use.
     pub bytes: u64,
+}
+
+impl Transfer {
+    /// What [`Transfer::run_offset`] and [`Transfer::slot_offset`] are multiples of, so that copies on a
+    /// GPU can begin there. Where `bytes` is none of 4, a copy may be rounded up to one: run and slot
+    /// have room.
+    pub const ALIGNMENT: usize = 64;
 }
 
 impl Slot {

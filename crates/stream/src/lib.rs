@@ -3,12 +3,16 @@
 //! `Streamer::look`, a [`Cut`] to draw comes out by `Streamer::cut`, bytes go through the caller's
 //! [`Landing`]. Knows nothing of GPUs, windows or pictures; maps no file.
 
+#![forbid(unsafe_code)]
+
 pub mod cut;
+pub mod error;
 pub mod landing;
 pub mod options;
 pub mod status;
 
 pub use cut::{Cut, CutNode};
+pub use error::StreamError;
 pub use landing::{Landing, Run, Slot, Transfer};
 pub use options::{Needs, Options, Priority};
-pub use status::Status;
+pub use status::{PassTimes, Status};
