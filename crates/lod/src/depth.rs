@@ -1,25 +1,287 @@
 //! The software depth buffer: what the nodes of a cut hide of a view (kanzok2015, sections 3.2.1 and
-//! 3.2.2; DESIGN, section 7).
+//! 3.2.2; DESIGN, section 7). Occluders are flat nodes drawn densely enough, through those parts of
+//! their occupancy mask that are certainly closed. Each is a slab: a line of sight that enters a closed
+//! part of its front and leaves through a closed part of its back has met the surface between. So its
+//! coverage is the samples covered by both, and what it hides lies behind its back.
+//!
+//! Samples of all nodes gather in the tiles, the nearest nodes first, until a tile has them all: a wall
+//! of many nodes is closed across their seams.
 
+use crate::closed::closed_parts;
+use crate::grid::{DepthGrid, SIDE};
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
+use crate::project::{Polygon, Projection};
+use crate::raster::Rows;
 use crate::select::Drawn;
 use crate::view::View;
 use esker_points::{Lattice, NodeTable};
+use glam::{DVec2, DVec3};
+use std::ops::Range;
+
+/// Samples of a tile on a side: gaps narrower than an eighth of a tile are not seen.
+const SAMPLES: usize = 8;
+/// Samples of the picture on a side.
+const SAMPLE_SIDE: usize = SIDE * SAMPLES;
+/// Words of 64 samples in a row.
+const WORDS: usize = SAMPLE_SIDE / 64;
+/// Most spacing, in tiles, of a node that hides anything.
+const SPACING_TILES_MAX: f64 = 0.5;
 
 /// Depth of what certainly covers the view.
 #[derive(Clone, Debug)]
-pub struct SoftwareDepth;
+pub struct SoftwareDepth {
+    projection: Projection,
+    grid: DepthGrid,
+    occluders: usize,
+}
 
 impl SoftwareDepth {
     /// What `drawn` hides of `view`: resident nodes, for instance those of the last cut.
-    pub fn new(_table: &NodeTable, _lattice: &Lattice, _view: &View, _drawn: &[Drawn]) -> Self {
-        Self
+    pub fn new(table: &NodeTable, lattice: &Lattice, view: &View, drawn: &[Drawn]) -> Self {
+        let projection = Projection::of(view);
+        let grid = DepthGrid::new(view);
+        let tile_px = 1.0 / grid.tiles_per_px().max_element();
+        let spacing_max = tile_px * SPACING_TILES_MAX / view.focal_px();
+        let mut slabs: Vec<_> = drawn
+            .iter()
+            .filter_map(|d| {
+                let node = table.nodes.get(d.node as usize)?;
+                let contour = OrientedBox::of_contour(node, lattice);
+                let [nearest, farthest] = projection.depths(&contour);
+                let is_dense = f64::from(d.effective_spacing) < spacing_max * nearest;
+                let closed =
+                    if is_dense && nearest > view.near { closed_parts(node, d) } else { 0 };
+                (closed != 0).then_some(Slab { contour, farthest, closed })
+            })
+            .collect();
+        slabs.sort_by(|a, b| a.farthest.total_cmp(&b.farthest));
+        let mut canvas = Canvas::new(&grid);
+        let mut occluders = 0;
+        for slab in &slabs {
+            occluders += usize::from(canvas.draw(slab, &projection));
+        }
+        let grid = canvas.finish(grid);
+        Self { projection, grid, occluders }
+    }
+
+    /// How many nodes had a part in it.
+    pub fn occluders(&self) -> usize {
+        self.occluders
+    }
+
+    /// Its depths.
+    pub fn grid(&self) -> &DepthGrid {
+        &self.grid
     }
 }
 
 impl Occlusion for SoftwareDepth {
-    fn hides(&self, _: &OrientedBox) -> bool {
-        false
+    fn hides(&self, b: &OrientedBox) -> bool {
+        let Some(silhouette) = self.projection.silhouette(b) else { return false };
+        self.grid.hides(silhouette.polygon(), silhouette.nearest)
+    }
+}
+
+/// A node as an occluder.
+struct Slab {
+    contour: OrientedBox,
+    farthest: f64,
+    /// Closed parts of its mask.
+    closed: u64,
+}
+
+/// One bit a sample, row by row.
+type Samples = Vec<[u64; WORDS]>;
+
+/// Tiles while occluders are drawn.
+struct Canvas {
+    samples_per_px: DVec2,
+    size_px: DVec2,
+    rows: Rows<SAMPLE_SIDE>,
+    front: Samples,
+    back: Samples,
+    tiles: Vec<Tile>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Tile {
+    /// Covered samples, a byte a row.
+    covered: u64,
+    /// The farthest of those.
+    farthest: f32,
+}
+
+impl Canvas {
+    fn new(grid: &DepthGrid) -> Self {
+        Self {
+            samples_per_px: grid.tiles_per_px() * SAMPLES as f64,
+            size_px: grid.size_px(),
+            rows: Rows::new(),
+            front: vec![[0; WORDS]; SAMPLE_SIDE],
+            back: vec![[0; WORDS]; SAMPLE_SIDE],
+            tiles: vec![Tile::default(); SIDE * SIDE],
+        }
+    }
+
+    fn finish(self, mut grid: DepthGrid) -> DepthGrid {
+        for (to, tile) in grid.farthest_mut().iter_mut().zip(&self.tiles) {
+            *to = if tile.covered == u64::MAX { tile.farthest } else { f32::INFINITY };
+        }
+        grid
+    }
+
+    /// Draws an occluder, whose parts are all in front of the near plane. Whether it covers anything.
+    fn draw(&mut self, slab: &Slab, projection: &Projection) -> bool {
+        let b = &slab.contour;
+        let normal = b.axes.z_axis;
+        let height = normal.dot(projection.eye() - b.centre);
+        // From within, or nearly along it, nothing is certain.
+        if height.abs() <= b.half.z {
+            return false;
+        }
+        let half = normal * b.half.z.copysign(height);
+        let (front, back) = (b.centre + half, b.centre - half);
+        let (mut first, mut end) = (usize::MAX, 0);
+        for (u, v) in rectangles(slab.closed) {
+            for (middle, is_front) in [(front, true), (back, false)] {
+                let outline = self.outline(b, middle, [&u, &v], projection);
+                self.rows.cover(outline.corners());
+                let samples = if is_front { &mut self.front } else { &mut self.back };
+                for (row, run) in self.rows.covered() {
+                    set(&mut samples[row], run);
+                    (first, end) = (first.min(row), end.max(row + 1));
+                }
+            }
+        }
+        let depth = Plane::through(back, normal, projection, slab.farthest, self);
+        self.gather(first.min(end)..end, &depth)
+    }
+
+    /// Parts `u` and `v` of the slab's side about `middle` on the grid of samples.
+    fn outline(
+        &self,
+        b: &OrientedBox,
+        middle: DVec3,
+        [u, v]: [&Range<u32>; 2],
+        projection: &Projection,
+    ) -> Polygon {
+        let at = |part: u32| f64::from(part) / 4.0 - 1.0;
+        let corners = [(u.start, v.start), (u.end, v.start), (u.end, v.end), (u.start, v.end)];
+        let corners = corners.map(|(u, v)| {
+            let offset = b.axes.x_axis * (b.half.x * at(u)) + b.axes.y_axis * (b.half.y * at(v));
+            projection.on_picture(middle + offset)
+        });
+        let scale = self.samples_per_px;
+        Polygon::hull_of(corners).clipped(DVec2::ZERO, self.size_px).map(|c| c * scale)
+    }
+
+    /// Adds the samples that front and back both cover to the tiles, and clears them.
+    fn gather(&mut self, rows: Range<usize>, depth: &Plane) -> bool {
+        let mut any = false;
+        for y in rows.start / SAMPLES..rows.end.div_ceil(SAMPLES) {
+            let mut lines = [[0u64; WORDS]; SAMPLES];
+            let (mut left, mut right) = (WORDS, 0);
+            for (line, row) in lines.iter_mut().zip(y * SAMPLES..) {
+                let front = std::mem::take(&mut self.front[row]);
+                let back = std::mem::take(&mut self.back[row]);
+                for (w, (word, (f, b))) in line.iter_mut().zip(front.iter().zip(back)).enumerate() {
+                    *word = f & b;
+                    if *word != 0 {
+                        (left, right) = (left.min(w), right.max(w + 1));
+                    }
+                }
+            }
+            for x in left * 64 / SAMPLES..right * 64 / SAMPLES {
+                let (word, shift) = (x * SAMPLES / 64, x * SAMPLES % 64);
+                let bytes = lines.map(|line| (line[word] >> shift) as u8);
+                let covered = u64::from_le_bytes(bytes);
+                if covered != 0 {
+                    any = true;
+                    self.tiles[y * SIDE + x].add(covered, || depth.farthest_in(x, y));
+                }
+            }
+        }
+        any
+    }
+}
+
+impl Tile {
+    /// Adds samples, unless nearer nodes have covered it.
+    fn add(&mut self, covered: u64, farthest: impl Fn() -> f32) {
+        if covered & !self.covered != 0 {
+            self.covered |= covered;
+            self.farthest = self.farthest.max(farthest());
+        }
+    }
+}
+
+/// Depths of a plane on the grid: what is affine there is one over the depth.
+struct Plane {
+    /// One over the depth at the grid's corner, and its slope a tile.
+    inverse: f64,
+    slope: DVec2,
+    farthest: f64,
+}
+
+impl Plane {
+    fn through(
+        at: DVec3,
+        normal: DVec3,
+        projection: &Projection,
+        farthest: f64,
+        on: &Canvas,
+    ) -> Self {
+        // A ray of depth 1 through the picture's place meets it at the depth height / (normal . ray).
+        let height = normal.dot(at - projection.eye());
+        let ray = |px: DVec2| normal.dot(projection.place(px, 1.0) - projection.eye()) / height;
+        let tile = SAMPLES as f64 / on.samples_per_px;
+        let inverse = ray(DVec2::ZERO);
+        let slope = DVec2::new(
+            ray(DVec2::new(tile.x, 0.0)) - inverse,
+            ray(DVec2::new(0.0, tile.y)) - inverse,
+        );
+        Self { inverse, slope, farthest }
+    }
+
+    /// The farthest of it in a tile, and no farther than its slab is.
+    fn farthest_in(&self, x: usize, y: usize) -> f32 {
+        let at = DVec2::new(x as f64, y as f64) + 0.5;
+        let least = self.inverse + self.slope.dot(at) - 0.5 * self.slope.abs().element_sum();
+        let depth = if least > 0.0 { (1.0 / least).min(self.farthest) } else { self.farthest };
+        depth as f32
+    }
+}
+
+/// Few rectangles (u and v) that together are the set bits of an 8 x 8 mask.
+fn rectangles(mut mask: u64) -> impl Iterator<Item = (Range<u32>, Range<u32>)> {
+    std::iter::from_fn(move || {
+        if mask == 0 {
+            return None;
+        }
+        let first = mask.trailing_zeros();
+        let (u, v) = (first % 8, first / 8);
+        let row = (mask >> (v * 8)) as u8;
+        let width = (row >> u).trailing_ones();
+        let run = u64::from(((1u16 << width) - 1) as u8) << u;
+        let mut end = v;
+        while end < 8 && mask >> (end * 8) & run == run {
+            mask &= !(run << (end * 8));
+            end += 1;
+        }
+        Some((u..u + width, v..end))
+    })
+}
+
+/// Sets a run of bits.
+fn set(row: &mut [u64; WORDS], run: Range<usize>) {
+    if run.is_empty() {
+        return;
+    }
+    let (first, last) = (run.start / 64, (run.end - 1) / 64);
+    for (w, word) in row.iter_mut().enumerate().take(last + 1).skip(first) {
+        let from = if w == first { u64::MAX << (run.start % 64) } else { u64::MAX };
+        let to = if w == last { u64::MAX >> (63 - (run.end - 1) % 64) } else { u64::MAX };
+        *word |= from & to;
     }
 }

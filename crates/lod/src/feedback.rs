@@ -1,11 +1,25 @@
-//! What the last finished frame hides of the next: its own depth, in coarse tiles.
+//! What the last finished frame hides of the next: its own depth, in coarse tiles. A box is looked for in
+//! the picture of that frame: it is hidden where all tiles about it are covered and nearer. Turning the
+//! camera costs nothing, since a depth picture holds for all directions from its eye. Moving it does: the
+//! box's place in the old picture is grown by the parallax that anything there can have, and where the
+//! depths there differ by so much that a gap may have opened between them, nothing is hidden.
 
+use crate::grid::{DepthGrid, SIDE};
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
+use crate::project::{Polygon, Projection};
 use crate::view::View;
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
 /// Tiles on a side of the picture.
-pub const TILES: usize = 128;
+pub const TILES: usize = SIDE;
+
+/// How far a box may be outside of the old picture by rounding alone, pixels.
+const ROUNDING_PX: f64 = 1e-3;
+/// Widest gap, pixels of the old picture, that may open between two surfaces one behind the other before
+/// they hide nothing together.
+const GAP_MAX_PX: f64 = 1.0;
 
 /// Eye depths of a tile of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +35,7 @@ pub struct DepthTile {
 pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
     let nothing = DepthTile { nearest: f32::INFINITY, farthest: f32::INFINITY };
     let mut tiles = vec![nothing; TILES * TILES];
-    if width == 0 || height == 0 || depth.len() < width * height {
+    if width == 0 || height == 0 || depth.len() / width < height {
         return tiles;
     }
     let pixels = |i: usize, side: usize| i * side / TILES..((i + 1) * side).div_ceil(TILES);
@@ -29,35 +43,131 @@ pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
         let (mut nearest, mut farthest) = (f32::INFINITY, 0.0f32);
         for y in pixels(i / TILES, height) {
             for &d in &depth[y * width..][pixels(i % TILES, width)] {
+                // What is no depth is nothing.
+                let d = if d > 0.0 { d } else { f32::INFINITY };
                 nearest = nearest.min(d);
-                // What is not a number hides nothing.
-                farthest = if d <= farthest { farthest } else { d };
+                farthest = farthest.max(d);
             }
         }
-        let known = !farthest.is_nan();
-        *tile = DepthTile { nearest, farthest: if known { farthest } else { f32::INFINITY } };
+        *tile = DepthTile { nearest, farthest };
     }
     tiles
 }
 
 /// The depth of a finished frame, looked at from where the next one is seen.
 #[derive(Clone, Debug)]
-pub struct DepthFeedback;
+pub struct DepthFeedback {
+    /// The view of that frame.
+    old: Projection,
+    grid: Arc<DepthGrid>,
+    nearest: Arc<[f32]>,
+    /// The view that is asked for.
+    new: Projection,
+    /// Most pixels that anything at depth 1 moves on the old picture between the two.
+    parallax: f64,
+}
 
 impl DepthFeedback {
     /// From the view of that frame and its [`tiles_of`]; `None` where there are not as many.
-    pub fn new(_view: &View, tiles: Vec<DepthTile>) -> Option<Self> {
-        (tiles.len() == TILES * TILES).then_some(Self)
+    pub fn new(view: &View, tiles: &[DepthTile]) -> Option<Self> {
+        if tiles.len() != TILES * TILES {
+            return None;
+        }
+        let mut grid = DepthGrid::new(view);
+        let depths = tiles.iter().map(|t| t.farthest);
+        grid.farthest_mut().iter_mut().zip(depths).for_each(|(to, depth)| *to = depth);
+        let old = Projection::of(view);
+        let nearest = tiles.iter().map(|t| t.nearest).collect();
+        Some(Self { old, grid: Arc::new(grid), nearest, new: old, parallax: 0.0 })
     }
 
     /// What it hides of a new view.
-    pub fn seen_from(self, _view: &View) -> Self {
-        self
+    pub fn seen_from(&self, view: &View) -> Self {
+        let new = Projection::of(view);
+        // A move by m along the picture shifts by focal * m / depth, one along the view by up to the
+        // tangent of the widest angle times that.
+        let corner = self.grid.size_px().length() * 0.5;
+        let parallax = new.eye().distance(self.old.eye()) * (self.old.focal_px() + corner);
+        Self { new, parallax, ..self.clone() }
+    }
+
+    /// What of the box can be on the new picture, as an outline on the old one and its least depth there.
+    fn in_old_picture(&self, b: &OrientedBox) -> Option<(Polygon, f64)> {
+        let size = self.new.size_px();
+        let seen = self.new.silhouette(b)?;
+        let [low, high] = seen.bounds()?;
+        if low.cmpge(DVec2::ZERO).all() && high.cmple(size).all() {
+            let old = self.old.silhouette(b)?;
+            let [nearest, _] = self.old.depths(b);
+            return (nearest > self.old.near()).then(|| (*old.polygon(), nearest));
+        }
+        // Of what sticks out of the new picture, the rest: its outline there, from its nearest to its
+        // farthest depth.
+        let clipped = seen.clipped(DVec2::ZERO, size);
+        let ends = [seen.nearest, seen.farthest];
+        let corners = clipped.corners().iter().flat_map(|&c| ends.map(|d| self.new.place(c, d)));
+        let mut nearest = f64::INFINITY;
+        let mut behind = false;
+        let outline = corners.map(|corner: DVec3| {
+            let depth = self.old.depth(corner);
+            nearest = nearest.min(depth);
+            behind |= depth.is_nan() || depth <= self.old.near();
+            self.old.on_picture(corner)
+        });
+        let outline = Polygon::hull_of(outline);
+        (!behind).then_some((outline, nearest))
+    }
+
+    /// Whether the tiles about an outline hide what is behind `nearest` after the eye has moved.
+    fn hides_beside(&self, [low, high]: [DVec2; 2], nearest: f64) -> bool {
+        let size = self.grid.size_px();
+        let mut reach = 0.0;
+        // The nearer what is about it, the farther it moves, the more is about it.
+        for _ in 0..4 {
+            let (low, high) = (low - reach, high + reach);
+            if !(low.cmpge(DVec2::splat(-ROUNDING_PX)).all()
+                && high.cmple(size + ROUNDING_PX).all())
+            {
+                return false;
+            }
+            let [front, back] = self.range_within(low, high);
+            if back >= nearest * (1.0 - 1e-5) {
+                return false;
+            }
+            let needed = self.parallax * (1.0 / front - 1.0 / nearest);
+            if needed <= reach {
+                return self.parallax * (1.0 / front - 1.0 / back) <= GAP_MAX_PX;
+            }
+            // Some more than is needed, so that the next round is mostly the last.
+            reach = needed * 1.1;
+        }
+        false
+    }
+
+    /// Nearest and farthest depth of the tiles that a rectangle of the old picture touches.
+    fn range_within(&self, low: DVec2, high: DVec2) -> [f64; 2] {
+        let tile = |at: DVec2, axis: usize| {
+            ((at * self.grid.tiles_per_px())[axis].max(0.0) as usize).min(SIDE - 1)
+        };
+        let (mut front, mut back) = (f32::INFINITY, 0.0f32);
+        for y in tile(low, 1)..=tile(high, 1) {
+            let row = y * SIDE + tile(low, 0)..=y * SIDE + tile(high, 0);
+            front = self.nearest[row.clone()].iter().fold(front, |a, &b| a.min(b));
+            back = self.grid.farthest()[row].iter().fold(back, |a, &b| a.max(b));
+        }
+        [f64::from(front), f64::from(back)]
     }
 }
 
 impl Occlusion for DepthFeedback {
-    fn hides(&self, _: &OrientedBox) -> bool {
-        false
+    fn hides(&self, b: &OrientedBox) -> bool {
+        let Some((outline, nearest)) = self.in_old_picture(b) else { return false };
+        let Some(bounds) = outline.bounds() else { return false };
+        let size = self.grid.size_px() + ROUNDING_PX;
+        let is_within =
+            bounds[0].cmpge(DVec2::splat(-ROUNDING_PX)).all() && bounds[1].cmple(size).all();
+        is_within
+            && self.grid.hides(&outline, nearest)
+            && (self.parallax == 0.0 || self.hides_beside(bounds, nearest))
     }
 }

@@ -2,14 +2,17 @@
 //! [`View`] and a node table go in, a [`Selection`] (nodes, prefixes, counters) comes out; the
 //! [`CompactOctree`] of a selection tells the renderer how densely each place is drawn.
 
+pub mod closed;
 pub mod depth;
 pub mod feedback;
 pub mod frustum;
+pub mod grid;
 pub mod occlusion;
 pub mod octree;
 pub mod oriented_box;
 pub mod prefix;
 pub mod project;
+pub mod raster;
 pub mod residual;
 pub mod select;
 pub mod view;

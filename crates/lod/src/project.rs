@@ -8,7 +8,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// Most corners of a silhouette: a plane leaves at most 7 corners of a box and cuts at most 6 edges; the
 /// picture's four sides each add at most one.
-const CORNERS_MAX: usize = 7 + 6 + 4;
+/// The hull of an outline seen at two depths has at most twice as many.
+const CORNERS_MAX: usize = 2 * (7 + 6 + 4);
 
 /// A view's projection, made once and used for many boxes.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +38,37 @@ impl Projection {
         self.centre_px * 2.0
     }
 
+    /// Where it looks from, world.
+    pub fn eye(&self) -> DVec3 {
+        self.eye
+    }
+
+    /// Pixels that a unit of length takes at unit eye depth.
+    pub fn focal_px(&self) -> f64 {
+        self.focal_px
+    }
+
+    /// Depth of the near plane, the file's unit.
+    pub fn near(&self) -> f64 {
+        self.near
+    }
+
+    /// Eye depth of a world point.
+    pub fn depth(&self, world: DVec3) -> f64 {
+        -self.view_from_world.row(2).dot(world - self.eye)
+    }
+
+    /// A world point in front of the eye on the picture, pixels.
+    pub fn on_picture(&self, world: DVec3) -> DVec2 {
+        self.project(self.view_from_world * (world - self.eye))
+    }
+
+    /// The world point at a place of the picture, pixels, and an eye depth.
+    pub fn place(&self, px: DVec2, depth: f64) -> DVec3 {
+        let xy = (px - self.centre_px) * (depth / self.focal_px);
+        self.eye + self.view_from_world.transpose() * DVec3::new(xy.x, -xy.y, -depth)
+    }
+
     /// Nearest and farthest eye depth of a box, not cut at the near plane.
     pub fn depths(&self, b: &OrientedBox) -> [f64; 2] {
         let forward = -self.view_from_world.row(2);
@@ -59,10 +91,10 @@ impl Projection {
         if !(farthest >= self.near && farthest.is_finite() && nearest.is_finite()) {
             return None;
         }
-        let mut hull = Polygon::default();
+        let mut outline = Polygon::default();
         for (i, corner) in corners.iter().enumerate() {
             if -corner.z >= self.near {
-                hull.push(self.project(*corner));
+                outline.push(self.project(*corner));
                 continue;
             }
             // Of the edges that the near plane cuts, those that start at this corner.
@@ -71,11 +103,11 @@ impl Projection {
                 if -other.z >= self.near {
                     let t = (self.near + corner.z) / (corner.z - other.z);
                     let cut = corner.lerp(other, t);
-                    hull.push(self.project(cut.with_z(-self.near)));
+                    outline.push(self.project(cut.with_z(-self.near)));
                 }
             }
         }
-        let polygon = hull.convex_hull();
+        let polygon = outline.convex_hull();
         Some(Silhouette { polygon, nearest: nearest.max(self.near), farthest })
     }
 
@@ -95,6 +127,10 @@ pub struct Silhouette {
 }
 
 impl Silhouette {
+    pub(crate) fn polygon(&self) -> &Polygon {
+        &self.polygon
+    }
+
     /// Its corners in pixels, in order around it; convex.
     pub fn corners(&self) -> &[DVec2] {
         self.polygon.corners()
@@ -111,22 +147,19 @@ impl Silhouette {
 
     /// Lowest and highest x and y, pixels; `None` where it has no corner.
     pub fn bounds(&self) -> Option<[DVec2; 2]> {
-        let corners = self.corners();
-        let low = corners.iter().copied().reduce(DVec2::min)?;
-        let high = corners.iter().copied().reduce(DVec2::max)?;
-        Some([low, high])
+        self.polygon.bounds()
     }
 
-    /// The part of it within a rectangle, by cutting it at each side.
+    /// The part of it within a rectangle.
     pub fn clipped(&self, low: DVec2, high: DVec2) -> Self {
-        let sides = [(0, 1.0, low.x), (0, -1.0, high.x), (1, 1.0, low.y), (1, -1.0, high.y)];
-        let polygon = sides.iter().fold(self.polygon, |p, &(axis, sign, at)| p.cut(axis, sign, at));
+        let polygon = self.polygon.clipped(low, high);
         Self { polygon, ..*self }
     }
 }
 
+/// A convex polygon of few corners, counterclockwise (in a picture whose y grows downwards: clockwise).
 #[derive(Clone, Copy, Debug)]
-struct Polygon {
+pub(crate) struct Polygon {
     corners: [DVec2; CORNERS_MAX],
     len: usize,
 }
@@ -138,8 +171,34 @@ impl Default for Polygon {
 }
 
 impl Polygon {
-    fn corners(&self) -> &[DVec2] {
+    /// The convex hull of a few points; what is more than its room is left out.
+    pub(crate) fn hull_of(points: impl IntoIterator<Item = DVec2>) -> Self {
+        let mut polygon = Self::default();
+        points.into_iter().for_each(|p| polygon.push(p));
+        polygon.convex_hull()
+    }
+
+    pub(crate) fn corners(&self) -> &[DVec2] {
         &self.corners[..self.len]
+    }
+
+    /// Lowest and highest x and y; `None` where it has no corner.
+    pub(crate) fn bounds(&self) -> Option<[DVec2; 2]> {
+        let low = self.corners().iter().copied().reduce(DVec2::min)?;
+        let high = self.corners().iter().copied().reduce(DVec2::max)?;
+        Some([low, high])
+    }
+
+    /// Each corner moved.
+    pub(crate) fn map(mut self, f: impl Fn(DVec2) -> DVec2) -> Self {
+        self.corners[..self.len].iter_mut().for_each(|c| *c = f(*c));
+        self
+    }
+
+    /// The part of it within a rectangle, by cutting it at each side.
+    pub(crate) fn clipped(&self, low: DVec2, high: DVec2) -> Self {
+        let sides = [(0, 1.0, low.x), (0, -1.0, high.x), (1, 1.0, low.y), (1, -1.0, high.y)];
+        sides.iter().fold(*self, |p, &(axis, sign, at)| p.cut(axis, sign, at))
     }
 
     fn push(&mut self, p: DVec2) {

@@ -260,7 +260,7 @@ impl<R: Residency> Walk<'_, R> {
             self.selection.counters.culled += 1;
             return;
         }
-        if self.occlusion.is_some_and(|o| o.hides(&cell)) {
+        if self.is_hidden(&cell, spacing) {
             self.selection.counters.occluded += 1;
             return;
         }
@@ -269,21 +269,25 @@ impl<R: Residency> Walk<'_, R> {
         self.open.push(Candidate { spacing_px, node: index, distance, spacing, above });
     }
 
+    /// Whether a box, in whose place points of a spacing are drawn so far, is certainly hidden. Surfaces
+    /// made of those may stand off by as much: they must not hide the points that would mend them.
+    fn is_hidden(&self, b: &OrientedBox, spacing: f64) -> bool {
+        let Some(occlusion) = self.occlusion.filter(|_| spacing.is_finite()) else { return false };
+        occlusion.hides(&OrientedBox { half: b.half + spacing, ..*b })
+    }
+
     fn visit(&mut self, candidate: &Candidate) {
         let node = &self.table.nodes[candidate.node as usize];
-        let counters = &mut self.selection.counters;
         if node.is_continuation() && self.options.target_spacing_px > 0.0 {
-            counters.continuations += 1;
+            self.selection.counters.continuations += 1;
             return;
         }
         let contour = OrientedBox::of_contour(node, self.lattice);
         let is_culled = !self.frustum.touches(&contour);
-        if is_culled || self.occlusion.is_some_and(|o| o.hides(&contour)) {
-            *(if is_culled {
-                &mut counters.contour_culled
-            } else {
-                &mut counters.contour_occluded
-            }) += 1;
+        if is_culled || self.is_hidden(&contour, candidate.spacing) {
+            let counters = &mut self.selection.counters;
+            counters.contour_culled += u64::from(is_culled);
+            counters.contour_occluded += u64::from(!is_culled);
             let place = self.pass(candidate);
             if candidate.node == 0 && self.fits(place) {
                 self.want(place, 0);
