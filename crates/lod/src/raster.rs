@@ -34,6 +34,8 @@ impl<const SIDE: usize> Rows<SIDE> {
     /// The corners go around it counterclockwise, in squares.
     pub fn touch(&mut self, corners: &[DVec2]) {
         let Some((low, high)) = bounds(corners) else { return self.clear() };
+        let rounding = DVec2::splat(f64::from(ROUNDING));
+        let (low, high) = (low - rounding, high + rounding);
         self.start(low.y.floor(), high.y.floor() + 1.0, [low.x, high.x]);
         let (top, bottom) = (low.y as f32, high.y as f32);
         self.cut(corners, |row, from_y, slope| {
@@ -178,7 +180,8 @@ mod tests {
             for (i, w) in weights.iter().enumerate() {
                 let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % corners.len()]);
                 let p = (a * w[0] + b * w[1] + c * w[2]) / (w[0] + w[1] + w[2]);
-                if p.cmpge(DVec2::ZERO).all() && p.cmplt(DVec2::splat(SIDE as f64)).all() && depth_inside(corners, p) >= 0.0 {
+                if p.cmpge(DVec2::ZERO).all()
+                    && p.cmplt(DVec2::splat(SIDE as f64)).all() && depth_inside(corners, p) >= 0.0 {
                     prop_assert!(touched[p.y as usize][p.x as usize], "{p}");
                 }
             }
