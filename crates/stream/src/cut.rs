@@ -54,7 +54,7 @@ impl CutNode {
 
 impl Cut {
     /// What there is before the first choice: nothing.
-    pub fn empty(needs: Needs) -> Self {
+    pub(crate) fn empty(needs: Needs) -> Self {
         Self {
             epoch: 0,
             view: View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, 1.0, 1, 1),

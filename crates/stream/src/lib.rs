@@ -5,14 +5,29 @@
 
 #![forbid(unsafe_code)]
 
+mod batch;
+mod cache;
+mod choose;
 pub mod cut;
 pub mod error;
+mod identity;
 pub mod landing;
+mod loader;
+mod lod_thread;
+mod mailbox;
 pub mod options;
+mod planes;
+mod pool;
+mod priority;
+mod reading;
+mod retries;
+mod shared;
 pub mod status;
+pub mod streamer;
 
 pub use cut::{Cut, CutNode};
 pub use error::StreamError;
 pub use landing::{Landing, Run, Slot, Transfer};
 pub use options::{Needs, Options, Priority};
 pub use status::{PassTimes, Status};
+pub use streamer::Streamer;

@@ -56,7 +56,7 @@ impl PassTimes {
     const BINS: usize = 104;
 
     /// Adds a pass.
-    pub fn add(&mut self, ms: f64) {
+    pub(crate) fn add(&mut self, ms: f64) {
         self.last_ms = ms;
         self.max_ms = self.max_ms.max(ms);
         // Casting clamps what is negative, too large or no number.

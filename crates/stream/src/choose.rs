@@ -1,0 +1,339 @@
+//! A pass of the LOD thread (kanzok2015, section 3.2.2): choose the cut of the newest view, publish it,
+//! then give the slots of what it does not want to the best of what it misses. The order matters, see
+//! [`crate::shared`].
+
+use crate::batch::{Batch, REQUESTS_MAX, batches, queue_bytes_max};
+use crate::cache::Cache;
+use crate::cut::{Cut, CutNode};
+use crate::error::StreamError;
+use crate::options::{Needs, Options};
+use crate::planes::{Planes, Request, Sight};
+use crate::priority::{Worth, wishes};
+use crate::retries::Retries;
+use crate::shared::Shared;
+use crossbeam_channel::{Receiver, Sender};
+use esker_format::PlaneKind;
+use esker_lod::{
+    CompactOctree, DepthFeedback, Drawn, Occlusion, Residency, Selection, SoftwareDepth, View,
+    needs_residual, select,
+};
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
+
+/// Wishes in a row for which no place is found before the rest is left for the next pass.
+const MISFITS_MAX: usize = 16;
+
+/// What the LOD thread owns.
+pub(crate) struct Chooser {
+    pub(crate) options: Options,
+    pub(crate) planes: Planes,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) cache: Cache,
+    pub(crate) retries: Retries,
+    pub(crate) run_bytes: usize,
+    /// Both ends of the load queue: what loaders have not taken yet is taken back by it.
+    pub(crate) queue: (Sender<Batch>, Receiver<Batch>),
+    /// Requests under way, by id.
+    pub(crate) asked: HashMap<u64, Request>,
+    pub(crate) last_id: u64,
+    pub(crate) epoch: u64,
+    pub(crate) view: Option<View>,
+    /// What cuts are drawn with.
+    pub(crate) shown: Needs,
+    /// What was asked for last; shown once the root has it.
+    pub(crate) needs: Needs,
+    pub(crate) feedback: Option<Arc<DepthFeedback>>,
+    /// What the front cut draws.
+    pub(crate) drawn: Vec<Drawn>,
+    /// Whether wishes were left over because the queue was full.
+    pub(crate) has_more: bool,
+}
+
+/// What [`select`] is told of the cache. The root counts nothing: it has its place.
+struct Known<'a> {
+    chooser: &'a Chooser,
+    base: &'a [PlaneKind],
+    view: &'a View,
+}
+
+impl Residency for Known<'_> {
+    fn is_resident(&self, node: u32) -> bool {
+        self.chooser.cache.is_resident(node, self.base)
+    }
+
+    fn slot_bytes(&self, node: u32) -> u64 {
+        if node == 0 { 0 } else { self.chooser.node_bytes(node, self.base, self.view) }
+    }
+}
+
+impl Chooser {
+    /// One pass; whether another one should follow, though nothing happens until then: it may find more
+    /// hidden. Never where one may not follow.
+    pub(crate) fn pass(&mut self, may_follow: bool) -> bool {
+        self.cache.begin_pass();
+        self.show_needs();
+        let Some(view) = self.view else {
+            self.ask_for_root();
+            return false;
+        };
+        let began = Instant::now();
+        let base = self.planes.base(&self.shown);
+        let mut selection = self.select(&view, &base);
+        self.keep_to_nodes_max(&mut selection);
+        let cut = self.cut(&view, &base, &selection, began);
+        let is_complete = cut.complete;
+        let front = Arc::new(cut);
+        self.shared.front.store(Arc::clone(&front));
+        let same = self.drawn.iter().map(|d| d.node).eq(selection.drawn.iter().map(|d| d.node));
+        let follows = may_follow && self.options.occlusion && !same;
+        self.touch(&selection, &base, &view);
+        self.ask(&selection, &base, &view);
+        self.drawn = selection.drawn;
+        let waits = !is_complete && self.retries.next_due(began).is_some();
+        if self.asked.is_empty() && !self.has_more && !waits && !follows {
+            self.epoch += 1;
+            let cut = Cut { epoch: self.epoch, settled: true, ..Cut::clone(&front) };
+            self.shared.front.store(Arc::new(cut));
+        }
+        follows
+    }
+
+    /// Whether the root can be drawn with these planes, beside those that it is drawn with.
+    pub(crate) fn check_root(&self, needs: &Needs) -> Result<(), StreamError> {
+        let mut kinds = self.planes.base(&self.shown);
+        kinds.extend(self.planes.base(needs));
+        kinds.sort_unstable();
+        kinds.dedup();
+        let lengths = kinds.iter().map(|&kind| self.planes.taken(0, kind));
+        let bytes = lengths.clone().sum();
+        let Options { drawing_bytes, page_bytes, .. } = self.options;
+        let has_root = self.planes.file.table().root().is_some();
+        if has_root && (bytes > drawing_bytes || lengths.max() > Some(page_bytes)) {
+            let path = self.planes.file.path().to_path_buf();
+            return Err(StreamError::RootTooLarge { path, bytes, drawing_bytes, page_bytes });
+        }
+        Ok(())
+    }
+
+    /// Bytes of a node's slots for a view.
+    fn node_bytes(&self, node: u32, base: &[PlaneKind], view: &View) -> u64 {
+        let base: u64 = base.iter().map(|&kind| self.planes.taken(node, kind)).sum();
+        let residual = self.needs_residual(node, view).then_some(PlaneKind::Residual);
+        base + residual.map_or(0, |kind| self.planes.taken(node, kind))
+    }
+
+    fn needs_residual(&self, node: u32, view: &View) -> bool {
+        needs_residual(self.planes.node(node), &self.planes.file.metadata().lattice, view)
+    }
+
+    /// Bytes that a cut may take: all but what holes between slots of different lengths may cost, and
+    /// the root's.
+    fn bytes_budget(&self, base: &[PlaneKind], view: &View) -> u64 {
+        let coming = self.planes.base(&self.needs);
+        let root = coming.iter().filter(|kind| !base.contains(kind));
+        let root: u64 = root.map(|&kind| self.planes.taken(0, kind)).sum();
+        let root = root + self.node_bytes(0, base, view);
+        let bytes = self.options.drawing_bytes;
+        (bytes - bytes / 16).saturating_sub(root)
+    }
+
+    fn select(&self, view: &View, base: &[PlaneKind]) -> Selection {
+        let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
+        let options = esker_lod::Options {
+            points_budget: self.options.points_budget,
+            bytes_budget: self.bytes_budget(base, view),
+            target_spacing_px: self.options.target_spacing_px,
+        };
+        let mut hiding: Vec<Arc<dyn Occlusion>> = Vec::new();
+        if self.options.occlusion {
+            hiding.push(Arc::new(SoftwareDepth::new(table, lattice, view, &self.drawn)));
+            let feedback = self.feedback.as_ref().map(|f| DepthFeedback::clone(f).seen_from(view));
+            hiding.extend(feedback.map(|f| Arc::new(f) as Arc<dyn Occlusion>));
+        }
+        let occlusion: Option<&dyn Occlusion> =
+            if self.options.occlusion { Some(&hiding) } else { None };
+        let known = Known { chooser: self, base, view };
+        select(table, lattice, view, &options, &known, occlusion)
+    }
+
+    /// Leaves out what is beyond the greatest number of nodes; the beginning of what is wanted is
+    /// closed under parent.
+    fn keep_to_nodes_max(&self, selection: &mut Selection) {
+        if selection.wanted.len() > self.options.nodes_max {
+            selection.wanted.truncate(self.options.nodes_max.max(1));
+            let wanted: HashSet<u32> = selection.wanted.iter().copied().collect();
+            selection.drawn.retain(|d| wanted.contains(&d.node));
+            selection.missing.retain(|m| wanted.contains(&m.node));
+            let counters = &mut selection.counters;
+            counters.drawn = selection.drawn.len() as u64;
+            counters.points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
+        }
+    }
+
+    fn cut(&mut self, view: &View, base: &[PlaneKind], chosen: &Selection, began: Instant) -> Cut {
+        let mut lacks_residual = false;
+        let nodes = chosen.drawn.iter().map(|d| {
+            let residual = self.needs_residual(d.node, view).then_some(PlaneKind::Residual);
+            let kinds = base.iter().copied().chain(residual);
+            let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
+            let planes: Vec<_> = planes.collect();
+            lacks_residual |= planes.len() < base.len() + usize::from(residual.is_some());
+            CutNode {
+                node: d.node,
+                prefix: d.prefix,
+                effective_spacing: d.effective_spacing,
+                planes,
+            }
+        });
+        let nodes = nodes.collect();
+        self.epoch += 1;
+        Cut {
+            epoch: self.epoch,
+            view: *view,
+            needs: self.shown.clone(),
+            nodes,
+            octree: CompactOctree::new(self.planes.file.table(), &chosen.drawn),
+            counters: chosen.counters,
+            complete: chosen.missing.is_empty() && !lacks_residual && self.shown == self.needs,
+            settled: false,
+            lod_ms: began.elapsed().as_secs_f64() * 1000.0,
+        }
+    }
+
+    /// Keeps what the cut wants; everything else may leave.
+    fn touch(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) {
+        for &node in &selection.wanted {
+            base.iter().for_each(|&kind| self.cache.touch(node, kind));
+            if self.needs_residual(node, view) {
+                self.cache.touch(node, PlaneKind::Residual);
+            }
+        }
+        for kind in self.planes.base(&self.needs) {
+            self.cache.touch(0, kind);
+        }
+    }
+
+    /// Replaces the load queue.
+    fn ask(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) {
+        self.take_back();
+        if self.shown != self.needs {
+            // Only the root's new planes: with them everything else is chosen anew.
+            self.ask_for_root();
+            return;
+        }
+        let now = Instant::now();
+        let worth = Worth::new(&self.planes, view, self.options.priority);
+        let wishes = wishes(selection, base, &worth, |node, kinds| {
+            let asks = self.retries.may_ask(node, now);
+            kinds.iter().copied().filter(|&k| asks && !self.cache.has(node, k)).collect()
+        });
+        let bytes_max = queue_bytes_max(self.options.drawing_bytes);
+        let (mut bytes, mut misfits, mut requests) = (0, 0, Vec::new());
+        self.has_more = false;
+        for wish in wishes {
+            if bytes >= bytes_max || self.asked.len() >= REQUESTS_MAX || misfits >= MISFITS_MAX {
+                self.has_more = misfits < MISFITS_MAX;
+                break;
+            }
+            if wish.node != 0 && !self.cache.has_node(self.planes.node(wish.node).parent) {
+                continue;
+            }
+            let Some(slots) = self.cache.reserve(wish.node, &wish.kinds, base) else {
+                misfits += 1;
+                continue;
+            };
+            bytes += slots.iter().map(|(_, slot)| slot.bytes).sum::<u64>();
+            let sight = match wish.node {
+                0 => Sight::Always,
+                _ if wish.is_seen => Sight::Contour,
+                _ => Sight::Cell,
+            };
+            requests.push(self.request(wish.node, slots, sight));
+        }
+        self.send(requests);
+    }
+
+    fn ask_for_root(&mut self) {
+        if self.planes.file.table().root().is_none() {
+            return;
+        }
+        let base = self.planes.base(&self.needs);
+        let may_ask = self.retries.may_ask(0, Instant::now());
+        let kinds: Vec<_> =
+            base.iter().copied().filter(|&k| may_ask && !self.cache.has(0, k)).collect();
+        if !kinds.is_empty()
+            && let Some(slots) = self.cache.reserve(0, &kinds, &base)
+        {
+            let request = self.request(0, slots, Sight::Always);
+            self.send(vec![request]);
+        }
+    }
+
+    fn request(
+        &mut self,
+        node: u32,
+        planes: Vec<(PlaneKind, crate::Slot)>,
+        sight: Sight,
+    ) -> Request {
+        self.last_id += 1;
+        let alone = self.retries.has_failed(node);
+        let request = Request { id: self.last_id, node, planes, sight, alone };
+        self.asked.insert(request.id, request.clone());
+        request
+    }
+
+    fn send(&mut self, requests: Vec<Request>) {
+        for batch in batches(requests, &self.planes, self.run_bytes) {
+            let count = batch.len();
+            self.shared.counts.waiting.fetch_add(count, Relaxed);
+            if let Err(unsent) = self.queue.0.try_send(batch) {
+                // Cannot be: the queue has room for all requests under way.
+                self.shared.counts.waiting.fetch_sub(count, Relaxed);
+                self.give_up_all(&unsent.into_inner());
+            }
+        }
+    }
+
+    /// Takes back what no loader has taken yet; its slots were never written.
+    pub(crate) fn take_back(&mut self) {
+        while let Ok(batch) = self.queue.1.try_recv() {
+            self.shared.counts.waiting.fetch_sub(batch.len(), Relaxed);
+            self.give_up_all(&batch);
+        }
+    }
+
+    fn give_up_all(&mut self, batch: &Batch) {
+        for request in batch {
+            self.give_up(request.id);
+        }
+    }
+
+    /// A request that will not be landed: its slots are free again. Its node.
+    pub(crate) fn give_up(&mut self, id: u64) -> Option<u32> {
+        let request = self.asked.remove(&id)?;
+        for &(kind, _) in &request.planes {
+            self.cache.release(request.node, kind);
+        }
+        Some(request.node)
+    }
+
+    /// A request whose bytes are all uploaded. Whether a node has come with it.
+    pub(crate) fn arrive(&mut self, id: u64) -> bool {
+        let Some(request) = self.asked.remove(&id) else { return false };
+        for &(kind, _) in &request.planes {
+            self.cache.arrive(request.node, kind);
+        }
+        self.retries.succeed(request.node);
+        request.planes.iter().any(|&(kind, _)| kind == PlaneKind::Position)
+    }
+
+    /// Shows what was asked for last, once the root has it: from there on there is always something to
+    /// draw.
+    fn show_needs(&mut self) {
+        if self.shown != self.needs && self.cache.is_resident(0, &self.planes.base(&self.needs)) {
+            self.shown = self.needs.clone();
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Which planes of a node are needed, how long they are, and where they lie in the file.
+
+use crate::landing::Slot;
+use crate::options::Needs;
+use crate::pool::Pool;
+use esker_format::{EskerFile, PlaneKind};
+use esker_points::Node;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The file's planes.
+#[derive(Clone, Debug)]
+pub(crate) struct Planes {
+    pub(crate) file: Arc<EskerFile>,
+}
+
+impl Planes {
+    /// The planes without which a node is not drawn. Planes that the file does not have are left out.
+    pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
+        let mut base = vec![PlaneKind::Position];
+        let more = needs.colour.into_iter().chain(needs.normals.then_some(PlaneKind::Normal));
+        for kind in more {
+            // The residual is asked for node by node.
+            let counts = kind.is_written() && kind != PlaneKind::Residual;
+            if counts && self.file.layout().has(kind) && !base.contains(&kind) {
+                base.push(kind);
+            }
+        }
+        base
+    }
+
+    pub(crate) fn node(&self, node: u32) -> &Node {
+        &self.file.table().nodes[node as usize]
+    }
+
+    /// Bytes of a node's plane.
+    pub(crate) fn bytes(&self, node: u32, kind: PlaneKind) -> u64 {
+        if let Some(range) = self.in_page(node, kind) {
+            return range.end - range.start;
+        }
+        let layout = self.file.layout();
+        let plane = layout.plane_index(kind).map(|i| layout.planes()[i]);
+        plane.map_or(0, |p| u64::from(p.value_bytes)) * self.node(node).points() as u64
+    }
+
+    /// Bytes that a node's plane takes in drawing memory.
+    pub(crate) fn taken(&self, node: u32, kind: PlaneKind) -> u64 {
+        Pool::taken(self.bytes(node, kind))
+    }
+
+    /// Where a plane lies in the file; `None` for a cold one, which only its page's directory knows.
+    pub(crate) fn in_file(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
+        let page = self.node(node).page_offset;
+        self.in_page(node, kind).map(|r| page + r.start..page + r.end)
+    }
+
+    fn in_page(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
+        let node = self.node(node);
+        self.file.layout().plane_range(kind, node.points(), node.hot_shift)
+    }
+}
+
+/// What a loader is asked to read: planes of one node, and where they go.
+#[derive(Clone, Debug)]
+pub(crate) struct Request {
+    /// Its name, never used twice.
+    pub(crate) id: u64,
+    pub(crate) node: u32,
+    pub(crate) planes: Vec<(PlaneKind, Slot)>,
+    /// How it is told whether it is still in view.
+    pub(crate) sight: Sight,
+    /// Whether it is read by itself: reading it failed before, and shall not fail its neighbours.
+    pub(crate) alone: bool,
+}
+
+/// What of a node must be in view for it to be loaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// It is always wanted: the root.
+    Always,
+    /// Its own points.
+    Contour,
+    /// Anything in its cell: it is wanted for its children's sake.
+    Cell,
+}

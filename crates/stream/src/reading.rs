@@ -1,0 +1,277 @@
+//! Reads a batch into lent runs: planes become pieces, pieces that lie close in the file one read, and
+//! reads fill runs one after another. What was read is landed as transfers; what could not be read is
+//! reported, after the runs have been landed, so that a slot that goes to another node is written by
+//! that node last.
+
+use crate::batch::{Batch, GAP_BYTES_MAX};
+use crate::landing::{Landing, Run, Slot, Transfer};
+use crate::planes::{Planes, Request};
+use esker_format::{EskerFile, PlaneKind};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// A part of a plane that fits a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Piece {
+    /// Index of its request in the batch.
+    request: usize,
+    kind: PlaneKind,
+    slot: Slot,
+    slot_offset: u64,
+    /// Where it lies: in the file, or in the copy of a cold plane.
+    place: Range<u64>,
+}
+
+/// Pieces that one call reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Read {
+    place: Range<u64>,
+    pieces: Vec<Piece>,
+}
+
+/// What became of a batch.
+#[derive(Debug, Default)]
+pub(crate) struct Outcome {
+    /// Requests that could not be read.
+    pub(crate) failed: Vec<u64>,
+    /// Why: of the first of them.
+    pub(crate) fault: Option<String>,
+    /// Bytes read.
+    pub(crate) read_bytes: u64,
+    /// Bytes of those that were asked for.
+    pub(crate) useful_bytes: u64,
+    /// Calls that read.
+    pub(crate) reads: u64,
+}
+
+/// Reads batches for one loader.
+pub(crate) struct Reading<'a, L: Landing> {
+    pub(crate) planes: &'a Planes,
+    pub(crate) landing: &'a L,
+    /// Lends a run, waiting until there is one; `None` once streaming stops.
+    pub(crate) lend: &'a dyn Fn() -> Option<L::Run>,
+}
+
+/// A run that is being filled.
+struct Filling<R> {
+    run: R,
+    at: usize,
+    transfers: Vec<Transfer>,
+}
+
+impl<L: Landing> Reading<'_, L> {
+    /// Reads what a batch asks for, beginning in `run`, and lands it. `None` once streaming stops.
+    pub(crate) fn read(&self, batch: &Batch, run: L::Run) -> Option<Outcome> {
+        let mut outcome = Outcome::default();
+        let mut filling = Filling { run, at: 0, transfers: Vec::new() };
+        let mut left = HashMap::new();
+        let reads = self.hot_reads(batch, &mut left);
+        for read in &reads {
+            filling = self.read_hot(batch, read, filling, &mut left, &mut outcome)?;
+        }
+        for (index, request) in batch.iter().enumerate() {
+            for &(kind, slot) in &request.planes {
+                if self.planes.in_file(request.node, kind).is_none() {
+                    let cold = Cold { index, request, kind, slot };
+                    filling = self.read_cold(batch, cold, filling, &mut left, &mut outcome)?;
+                }
+            }
+        }
+        self.landing.land(filling.run, filling.transfers);
+        Some(outcome)
+    }
+
+    /// The reads of all planes whose places are known. Counts the pieces of each request in `left`,
+    /// a cold plane as one.
+    fn hot_reads(&self, batch: &Batch, left: &mut HashMap<u64, usize>) -> Vec<Read> {
+        let run_bytes = self.landing.run_bytes() as u64;
+        let mut pieces = Vec::new();
+        for (index, request) in batch.iter().enumerate() {
+            let before = pieces.len();
+            let mut cold = 0;
+            for &(kind, slot) in &request.planes {
+                match self.planes.in_file(request.node, kind) {
+                    Some(place) => pieces.extend(split(index, kind, slot, place, run_bytes)),
+                    None => cold += 1,
+                }
+            }
+            left.insert(request.id, pieces.len() - before + cold);
+        }
+        pieces.sort_by_key(|p| p.place.start);
+        joined(pieces, run_bytes)
+    }
+
+    fn read_hot(
+        &self,
+        batch: &Batch,
+        read: &Read,
+        filling: Filling<L::Run>,
+        left: &mut HashMap<u64, usize>,
+        outcome: &mut Outcome,
+    ) -> Option<Filling<L::Run>> {
+        let bytes = (read.place.end - read.place.start) as usize;
+        let mut filling = self.room(filling, bytes)?;
+        let at = filling.at;
+        let done = match filling.run.bytes().get_mut(at..at + bytes) {
+            Some(buffer) => {
+                let done = self.planes.file.read_exact_at(buffer, read.place.start);
+                done.map_err(|e| e.to_string())
+            }
+            None => Err("the landing lent a shorter run than it says".into()),
+        };
+        outcome.reads += 1;
+        if let Err(fault) = done {
+            outcome.fault.get_or_insert(fault);
+            read.pieces.iter().for_each(|p| fail(&batch[p.request], &mut filling, outcome));
+            return Some(filling);
+        }
+        outcome.read_bytes += bytes as u64;
+        filling.at += bytes.next_multiple_of(Transfer::ALIGNMENT);
+        for piece in &read.pieces {
+            outcome.useful_bytes += piece.place.end - piece.place.start;
+            let run_offset = at + (piece.place.start - read.place.start) as usize;
+            filling.transfer(&batch[piece.request], piece, run_offset, left, outcome);
+        }
+        Some(filling)
+    }
+
+    /// Reads a cold plane, which is checked and unpacked on its way, and copies it.
+    fn read_cold(
+        &self,
+        batch: &Batch,
+        cold: Cold<'_>,
+        mut filling: Filling<L::Run>,
+        left: &mut HashMap<u64, usize>,
+        outcome: &mut Outcome,
+    ) -> Option<Filling<L::Run>> {
+        let Cold { index, request, kind, slot } = cold;
+        outcome.reads += 1;
+        let copy = match cold_plane(&self.planes.file, request.node, kind, slot.bytes) {
+            Ok(copy) => copy,
+            Err(fault) => {
+                outcome.fault.get_or_insert(fault);
+                fail(request, &mut filling, outcome);
+                return Some(filling);
+            }
+        };
+        outcome.read_bytes += slot.bytes;
+        outcome.useful_bytes += slot.bytes;
+        let parts: Vec<_> =
+            split(index, kind, slot, 0..slot.bytes, self.landing.run_bytes() as u64).collect();
+        // It was counted as one piece.
+        *left.entry(request.id).or_default() += parts.len() - 1;
+        for part in &parts {
+            let bytes = (part.place.end - part.place.start) as usize;
+            filling = self.room(filling, bytes)?;
+            let at = filling.at;
+            let Some(buffer) = filling.run.bytes().get_mut(at..at + bytes) else {
+                outcome.fault.get_or_insert("the landing lent a shorter run than it says".into());
+                fail(request, &mut filling, outcome);
+                return Some(filling);
+            };
+            buffer.copy_from_slice(&copy[part.place.start as usize..part.place.end as usize]);
+            filling.at += bytes.next_multiple_of(Transfer::ALIGNMENT);
+            filling.transfer(&batch[index], part, at, left, outcome);
+        }
+        Some(filling)
+    }
+
+    /// A run with room for so many bytes: this one, or a fresh one after landing this.
+    fn room(&self, filling: Filling<L::Run>, bytes: usize) -> Option<Filling<L::Run>> {
+        if filling.at == 0 || filling.at + bytes <= self.landing.run_bytes() {
+            return Some(filling);
+        }
+        self.landing.land(filling.run, filling.transfers);
+        let run = (self.lend)()?;
+        Some(Filling { run, at: 0, transfers: Vec::new() })
+    }
+}
+
+/// A cold plane that is asked for.
+struct Cold<'a> {
+    index: usize,
+    request: &'a Request,
+    kind: PlaneKind,
+    slot: Slot,
+}
+
+impl<R> Filling<R> {
+    /// Notes a piece that is in the run; with the last of its request, that this is all of it.
+    fn transfer(
+        &mut self,
+        request: &Request,
+        piece: &Piece,
+        run_offset: usize,
+        left: &mut HashMap<u64, usize>,
+        outcome: &Outcome,
+    ) {
+        if outcome.failed.contains(&request.id) {
+            return;
+        }
+        let left = left.entry(request.id).or_default();
+        *left = left.saturating_sub(1);
+        self.transfers.push(Transfer {
+            node: request.node,
+            plane: piece.kind,
+            run_offset,
+            bytes: (piece.place.end - piece.place.start) as usize,
+            slot: piece.slot,
+            slot_offset: piece.slot_offset,
+            request: (*left == 0).then_some(request.id),
+        });
+    }
+}
+
+/// Gives a request up: nothing of it that is still here is landed.
+fn fail<R>(request: &Request, filling: &mut Filling<R>, outcome: &mut Outcome) {
+    if !outcome.failed.contains(&request.id) {
+        outcome.failed.push(request.id);
+        let slots = request.planes.iter().map(|&(_, slot)| slot).collect::<Vec<_>>();
+        filling.transfers.retain(|t| !slots.contains(&t.slot));
+    }
+}
+
+/// A plane in parts of at most `run_bytes`; one empty part for an empty plane.
+fn split(
+    request: usize,
+    kind: PlaneKind,
+    slot: Slot,
+    place: Range<u64>,
+    run_bytes: u64,
+) -> impl Iterator<Item = Piece> {
+    let bytes = place.end - place.start;
+    (0..bytes.div_ceil(run_bytes).max(1)).map(move |part| {
+        let slot_offset = part * run_bytes;
+        let end = bytes.min(slot_offset + run_bytes);
+        let place = place.start + slot_offset..place.start + end;
+        Piece { request, kind, slot, slot_offset, place }
+    })
+}
+
+/// Joins pieces, in the file's order, into reads of at most `run_bytes`.
+fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
+    let mut reads: Vec<Read> = Vec::new();
+    for piece in pieces {
+        let end = piece.place.end;
+        match reads.last_mut() {
+            Some(read)
+                if piece.place.start >= read.place.end
+                    && piece.place.start - read.place.end <= GAP_BYTES_MAX
+                    && end - read.place.start <= run_bytes =>
+            {
+                read.place.end = end;
+                read.pieces.push(piece);
+            }
+            _ => reads.push(Read { place: piece.place.clone(), pieces: vec![piece] }),
+        }
+    }
+    reads
+}
+
+fn cold_plane(file: &EskerFile, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
+    let planes = file.read_planes(node, &[kind]).map_err(|e| e.to_string())?;
+    match planes.get(kind) {
+        Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),
+        _ => Err(format!("{}: node {node} has no whole plane {kind:?}", file.path().display())),
+    }
+}

@@ -1,0 +1,222 @@
+//! The streamer: starts the threads, passes messages on, joins the threads. What the render thread
+//! calls never waits.
+
+use crate::batch::REQUESTS_MAX;
+use crate::cache::Cache;
+use crate::choose::Chooser;
+use crate::cut::Cut;
+use crate::error::StreamError;
+use crate::identity::Identity;
+use crate::landing::{Landing, RUN_BYTES_MIN, Transfer};
+use crate::loader::{Loader, Report};
+use crate::lod_thread::LodThread;
+use crate::options::{Needs, Options};
+use crate::planes::Planes;
+use crate::pool::Pool;
+use crate::retries::Retries;
+use crate::shared::Shared;
+use crate::status::Status;
+use crossbeam_channel::{Receiver, Sender, bounded};
+use esker_format::EskerFile;
+use esker_lod::{DepthFeedback, View, Visible};
+use std::collections::HashMap;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+
+/// Loader threads at most: a disk serves no more at once.
+const LOADERS_MAX: usize = 64;
+
+/// Streams one file. Dropping it stops and joins its threads: after at most one read and one patience
+/// of the landing.
+///
+/// Each frame the render thread first drains landed runs, then takes [`Streamer::cut`], then uploads
+/// what it drained and tells of it by [`Streamer::uploaded`], then draws. In this order no slot that is
+/// drawn is ever overwritten by another node.
+#[derive(Debug)]
+pub struct Streamer {
+    shared: Arc<Shared>,
+    wake: Sender<()>,
+    uploaded: Sender<u64>,
+    /// Dropped to stop.
+    stop: Option<Sender<Infallible>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// Both ends of every channel between the threads of one streamer. All are bounded.
+struct Channels {
+    /// One is enough: it only says "look around".
+    wake: (Sender<()>, Receiver<()>),
+    /// The load queue; each batch has at least one request.
+    queue: (Sender<Vec<crate::planes::Request>>, Receiver<Vec<crate::planes::Request>>),
+    /// Each request is told of once.
+    uploaded: (Sender<u64>, Receiver<u64>),
+    /// Each request is told of once; a changed file once a second.
+    reports: (Sender<Report>, Receiver<Report>),
+    stop: (Sender<Infallible>, Receiver<Infallible>),
+}
+
+impl Channels {
+    fn new() -> Self {
+        Self {
+            wake: bounded(1),
+            queue: bounded(REQUESTS_MAX),
+            uploaded: bounded(REQUESTS_MAX),
+            reports: bounded(REQUESTS_MAX + LOADERS_MAX),
+            stop: bounded(0),
+        }
+    }
+}
+
+impl Streamer {
+    /// Starts streaming: the root first, and what views need once there is one.
+    ///
+    /// # Errors
+    /// Where the root does not fit drawing memory, the landing's runs are too short, or the system
+    /// refuses a thread.
+    pub fn start<L: Landing>(
+        file: Arc<EskerFile>,
+        landing: Arc<L>,
+        options: Options,
+        needs: Needs,
+    ) -> Result<Self, StreamError> {
+        let run_bytes = landing.run_bytes();
+        if run_bytes < RUN_BYTES_MIN || !run_bytes.is_multiple_of(Transfer::ALIGNMENT) {
+            return Err(StreamError::Runs(run_bytes));
+        }
+        let loaders = options.loaders.clamp(1, LOADERS_MAX);
+        let planes = Planes { file: Arc::clone(&file) };
+        let shared = Arc::new(Shared::new(&needs));
+        let channels = Channels::new();
+        let chooser = chooser(&planes, &shared, &channels, options, needs, run_bytes);
+        chooser.check_root(&chooser.needs)?;
+        let lod = LodThread {
+            chooser,
+            wake: channels.wake.1,
+            uploaded: channels.uploaded.1,
+            reports: channels.reports.1,
+            stop: channels.stop.1.clone(),
+            status: Status::default(),
+            is_fed: false,
+        };
+        let mut streamer = Self {
+            shared: Arc::clone(&shared),
+            wake: channels.wake.0.clone(),
+            uploaded: channels.uploaded.0,
+            stop: Some(channels.stop.0),
+            threads: Vec::with_capacity(loaders + 1),
+        };
+        streamer.thread("esker-lod".into(), move || lod.run())?;
+        let identity = Arc::new(Identity::new(file));
+        for i in 0..loaders {
+            let loader = Loader {
+                planes: planes.clone(),
+                landing: Arc::clone(&landing),
+                shared: Arc::clone(&shared),
+                identity: Arc::clone(&identity),
+                queue: channels.queue.1.clone(),
+                reports: channels.reports.0.clone(),
+                wake: channels.wake.0.clone(),
+                stop: channels.stop.1.clone(),
+            };
+            streamer.thread(format!("esker-load-{i}"), move || loader.run())?;
+        }
+        Ok(streamer)
+    }
+
+    fn thread(
+        &mut self,
+        name: String,
+        run: impl FnOnce() + Send + 'static,
+    ) -> Result<(), StreamError> {
+        let thread = Builder::new().name(name.clone()).spawn(run);
+        self.threads.push(thread.map_err(|source| StreamError::Thread { name, source })?);
+        Ok(())
+    }
+
+    /// Looks from here; replaces the view before. Never waits.
+    pub fn look(&self, view: View) {
+        self.shared.visible.store(Some(Arc::new(Visible::new(&view, None))));
+        self.shared.view.put(view);
+        self.nudge();
+    }
+
+    /// Changes which planes are drawn. Cuts keep the planes before until the root has the new ones.
+    /// Where they would not fit, [`Status::fault`] says so and nothing changes. Never waits.
+    pub fn need(&self, needs: Needs) {
+        self.shared.needs.put(needs);
+        self.nudge();
+    }
+
+    /// Tells what a finished frame hides; used by the choices that follow, where `Options::occlusion`
+    /// is set. Never waits.
+    pub fn feedback(&self, feedback: DepthFeedback) {
+        self.shared.feedback.put(feedback);
+        self.nudge();
+    }
+
+    /// What to draw: empty until the root is there, never after that where the root is in view. Never
+    /// waits. To be taken after the landed runs of the frame have been drained.
+    pub fn cut(&self) -> Arc<Cut> {
+        self.shared.front.load_full()
+    }
+
+    /// Tells that a request ([`Transfer::request`]) is uploaded. Never waits: there is room for all
+    /// requests under way.
+    pub fn uploaded(&self, request: u64) {
+        // Full only where requests are told of that never were.
+        let _ = self.uploaded.try_send(request);
+    }
+
+    /// What streaming is at. Never waits.
+    pub fn status(&self) -> Status {
+        self.shared.status()
+    }
+
+    /// Stops and joins all threads, as dropping does.
+    pub fn stop(self) {}
+
+    fn nudge(&self) {
+        // Full: it has been nudged already.
+        let _ = self.wake.try_send(());
+    }
+}
+
+impl Drop for Streamer {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn chooser(
+    planes: &Planes,
+    shared: &Arc<Shared>,
+    channels: &Channels,
+    options: Options,
+    needs: Needs,
+    run_bytes: usize,
+) -> Chooser {
+    let pool = Pool::new(options.drawing_bytes, options.page_bytes);
+    Chooser {
+        cache: Cache::new(planes.clone(), pool, options.nodes_max),
+        options,
+        planes: planes.clone(),
+        shared: Arc::clone(shared),
+        retries: Retries::default(),
+        run_bytes,
+        queue: (channels.queue.0.clone(), channels.queue.1.clone()),
+        asked: HashMap::new(),
+        last_id: 0,
+        epoch: 0,
+        view: None,
+        shown: needs.clone(),
+        needs,
+        feedback: None,
+        drawn: Vec::new(),
+        has_more: false,
+    }
+}

@@ -1,0 +1,242 @@
+//! A stand-in for a GPU: a ring of upload runs, drawing memory with its own budget, its own slowness,
+//! and a frame in the order that the streamer asks for. Checks in each frame that what is drawn is the
+//! file's bytes, closed under parent, within the budget, and never empty once the root is there.
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use esker_format::{EskerFile, PlaneKind};
+use esker_lod::{Frustum, OrientedBox};
+use esker_stream::{Cut, Landing, Run, Slot, Streamer, Transfer};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::time::Duration;
+
+/// How it behaves.
+#[derive(Clone, Copy, Debug)]
+pub struct Habits {
+    pub runs: usize,
+    pub run_bytes: usize,
+    /// Uploaded at most in a frame.
+    pub upload_bytes: usize,
+    /// Whether uploaded bytes are compared with the file's.
+    pub checks_bytes: bool,
+}
+
+impl Default for Habits {
+    fn default() -> Self {
+        Self { runs: 6, run_bytes: 64 << 10, upload_bytes: 1 << 20, checks_bytes: true }
+    }
+}
+
+pub struct GpuRun(Vec<u8>);
+
+impl Run for GpuRun {
+    fn bytes(&mut self) -> &mut [u8] {
+        &mut self.0
+    }
+}
+
+/// A run that came back, and what is in it.
+type Landed = (GpuRun, Vec<Transfer>);
+
+/// The ring of runs.
+pub struct Ring {
+    run_bytes: usize,
+    free: (Sender<GpuRun>, Receiver<GpuRun>),
+    landed: (Sender<Landed>, Receiver<Landed>),
+    /// Whether nothing is lent.
+    pub stuck: AtomicBool,
+}
+
+impl Landing for Ring {
+    type Run = GpuRun;
+
+    fn run_bytes(&self) -> usize {
+        self.run_bytes
+    }
+
+    fn lend(&self, patience: Duration) -> Option<GpuRun> {
+        if self.stuck.load(SeqCst) {
+            std::thread::sleep(patience);
+            return None;
+        }
+        self.free.1.recv_timeout(patience).ok()
+    }
+
+    fn land(&self, run: GpuRun, transfers: Vec<Transfer>) {
+        self.landed.0.try_send((run, transfers)).expect("only lent runs come back");
+    }
+}
+
+/// What is where in drawing memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Owned {
+    slot: Slot,
+    node: u32,
+    plane: PlaneKind,
+    written: u64,
+}
+
+pub struct Gpu {
+    pub landing: Arc<Ring>,
+    habits: Habits,
+    bytes: u64,
+    file: Arc<EskerFile>,
+    waiting: VecDeque<(GpuRun, VecDeque<Transfer>)>,
+    memory: BTreeMap<u64, Owned>,
+    /// Requests in the order in which they came.
+    pub arrived: Vec<(u32, PlaneKind)>,
+    root_seen: bool,
+    epoch: u64,
+    pub frames: u64,
+    pub uploaded_bytes: u64,
+    cold: HashMap<(u32, PlaneKind), Vec<u8>>,
+}
+
+impl Gpu {
+    pub fn new(habits: Habits, bytes: u64, file: Arc<EskerFile>) -> Self {
+        let free = bounded(habits.runs);
+        for _ in 0..habits.runs {
+            free.0.send(GpuRun(vec![0xa5; habits.run_bytes])).unwrap();
+        }
+        let landing = Ring {
+            run_bytes: habits.run_bytes,
+            free,
+            landed: bounded(habits.runs),
+            stuck: AtomicBool::new(false),
+        };
+        Self {
+            landing: Arc::new(landing),
+            habits,
+            bytes,
+            file,
+            waiting: VecDeque::new(),
+            memory: BTreeMap::new(),
+            arrived: Vec::new(),
+            root_seen: false,
+            epoch: 0,
+            frames: 0,
+            uploaded_bytes: 0,
+            cold: HashMap::new(),
+        }
+    }
+
+    /// Drains, takes the cut, uploads, draws.
+    pub fn frame(&mut self, streamer: &Streamer) -> Arc<Cut> {
+        while let Ok((run, transfers)) = self.landing.landed.1.try_recv() {
+            self.waiting.push_back((run, transfers.into()));
+        }
+        let cut = streamer.cut();
+        assert!(cut.epoch >= self.epoch, "cuts only get newer");
+        self.epoch = cut.epoch;
+        self.upload(streamer, &cut);
+        self.draw(&cut);
+        let status = streamer.status();
+        assert!(status.drawing_bytes <= self.bytes && status.drawing_bytes_peak <= self.bytes);
+        self.frames += 1;
+        cut
+    }
+
+    fn upload(&mut self, streamer: &Streamer, cut: &Cut) {
+        let drawn: Vec<Slot> =
+            cut.nodes.iter().flat_map(|n| n.planes.iter().map(|&(_, slot)| slot)).collect();
+        let mut left = self.habits.upload_bytes;
+        while let Some((run, transfers)) = self.waiting.front_mut() {
+            let Some(&transfer) = transfers.front() else {
+                let (mut run, _) = self.waiting.pop_front().unwrap();
+                run.0.fill(0xa5);
+                let _ = self.landing.free.0.try_send(run);
+                continue;
+            };
+            if left < transfer.bytes {
+                break;
+            }
+            left -= transfer.bytes;
+            transfers.pop_front();
+            let bytes = run.0[transfer.run_offset..][..transfer.bytes].to_vec();
+            assert!(transfer.run_offset.is_multiple_of(Transfer::ALIGNMENT));
+            assert!(transfer.slot_offset.is_multiple_of(Transfer::ALIGNMENT as u64));
+            let overlaps = |s: &Slot| {
+                s.offset < transfer.slot.offset + transfer.slot.bytes
+                    && transfer.slot.offset < s.offset + s.bytes
+            };
+            assert!(!drawn.iter().any(overlaps), "what is drawn is overwritten by {transfer:?}");
+            self.check_bytes(&transfer, &bytes);
+            self.write(&transfer);
+            if let Some(request) = transfer.request {
+                self.arrived.push((transfer.node, transfer.plane));
+                streamer.uploaded(request);
+            }
+        }
+    }
+
+    fn write(&mut self, transfer: &Transfer) {
+        let Transfer { slot, node, plane, .. } = *transfer;
+        assert!(slot.offset + slot.bytes <= self.bytes, "{slot:?} is past the budget");
+        self.uploaded_bytes += transfer.bytes as u64;
+        let is_same = |o: &Owned| o.slot == slot && o.node == node && o.plane == plane;
+        self.memory.retain(|_, o| {
+            is_same(o)
+                || o.slot.offset + o.slot.bytes <= slot.offset
+                || slot.offset + slot.bytes <= o.slot.offset
+        });
+        let fresh = Owned { slot, node, plane, written: 0 };
+        let owned = self.memory.entry(slot.offset).or_insert(fresh);
+        if transfer.slot_offset == 0 {
+            owned.written = 0;
+        }
+        assert_eq!(owned.written, transfer.slot_offset, "parts come in order");
+        owned.written += transfer.bytes as u64;
+    }
+
+    fn check_bytes(&mut self, transfer: &Transfer, bytes: &[u8]) {
+        if !self.habits.checks_bytes {
+            return;
+        }
+        let node = &self.file.table().nodes[transfer.node as usize];
+        let layout = self.file.layout();
+        let range = layout.plane_range(transfer.plane, node.points(), node.hot_shift);
+        let start = transfer.slot_offset as usize;
+        match range {
+            Some(range) => {
+                let at = (node.page_offset + range.start) as usize + start;
+                assert_eq!(bytes, &super::pristine()[at..at + bytes.len()]);
+            }
+            None => {
+                let key = (transfer.node, transfer.plane);
+                let file = EskerFile::from_source(
+                    std::path::Path::new("hills"),
+                    Box::new(Vec::clone(super::pristine())),
+                );
+                let whole = self.cold.entry(key).or_insert_with(|| {
+                    let planes = file.unwrap().read_planes(key.0, &[key.1]).unwrap();
+                    planes.get(key.1).unwrap().to_vec()
+                });
+                assert_eq!(bytes, &whole[start..start + bytes.len()]);
+            }
+        }
+    }
+
+    fn draw(&mut self, cut: &Cut) {
+        let table = self.file.table();
+        for node in &cut.nodes {
+            for &(kind, slot) in &node.planes {
+                let is = self.memory.get(&slot.offset).copied();
+                let should = Owned { slot, node: node.node, plane: kind, written: slot.bytes };
+                assert_eq!(is, Some(should), "node {} is drawn as it is", node.node);
+            }
+        }
+        let positions = self.memory.values().filter(|o| o.plane == PlaneKind::Position);
+        let resident: std::collections::HashSet<u32> = positions.map(|o| o.node).collect();
+        for node in &cut.nodes {
+            let parent = table.nodes[node.node as usize].parent;
+            assert!(node.node == 0 || resident.contains(&parent), "closed under parent");
+        }
+        let lattice = &self.file.metadata().lattice;
+        let root = OrientedBox::of_contour(&table.nodes[0], lattice);
+        if self.root_seen && Frustum::of(&cut.view).touches(&root) {
+            assert!(!cut.nodes.is_empty(), "never an empty picture");
+        }
+        self.root_seen |= cut.nodes.iter().any(|n| n.node == 0);
+    }
+}

@@ -1,0 +1,101 @@
+//! What the tests stream: a small file on a faulty disk, into a stand-in for a GPU that checks all that
+//! must hold in every frame.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+pub mod disk;
+pub mod gpu;
+pub mod hills;
+
+pub use disk::{Disk, Faults};
+pub use gpu::{Gpu, Habits};
+
+use esker_format::EskerFile;
+use esker_lod::View;
+use esker_stream::{Needs, Options, Streamer};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// The bytes of the file that all tests read: hills of 150,000 points in nodes of 1,000.
+pub fn pristine() -> &'static Arc<Vec<u8>> {
+    static BYTES: OnceLock<Arc<Vec<u8>>> = OnceLock::new();
+    BYTES.get_or_init(|| Arc::new(hills::file(150_000, 1000)))
+}
+
+/// A streamer, the stand-in that it lands in, and the disk that it reads from.
+pub struct Rig {
+    pub file: Arc<EskerFile>,
+    pub faults: Arc<Faults>,
+    pub gpu: Gpu,
+    pub streamer: Streamer,
+}
+
+impl Rig {
+    pub fn new(habits: Habits, options: Options, needs: Needs) -> Self {
+        let faults = Arc::new(Faults::default());
+        let disk = Disk { bytes: Arc::clone(pristine()), faults: Arc::clone(&faults) };
+        let file = Arc::new(EskerFile::from_source(Path::new("hills"), Box::new(disk)).unwrap());
+        let gpu = Gpu::new(habits, options.drawing_bytes, Arc::clone(&file));
+        let streamer =
+            Streamer::start(Arc::clone(&file), Arc::clone(&gpu.landing), options, needs).unwrap();
+        Self { file, faults, gpu, streamer }
+    }
+
+    /// One frame.
+    pub fn frame(&mut self) -> Arc<esker_stream::Cut> {
+        self.gpu.frame(&self.streamer)
+    }
+
+    /// Frames until one does; fails where none does for long.
+    pub fn until(&mut self, what: &str, done: impl Fn(&esker_stream::Cut, &Self) -> bool) {
+        let began = Instant::now();
+        loop {
+            let cut = self.frame();
+            if done(&cut, self) {
+                return;
+            }
+            let status = self.streamer.status();
+            assert!(began.elapsed() < Duration::from_secs(60), "{what}: {status:?}");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Looks, and frames until the cut of this view is settled.
+    pub fn settle(&mut self, view: View) -> Arc<esker_stream::Cut> {
+        self.streamer.look(view);
+        self.until("settles", |cut, _| cut.view == view && cut.settled);
+        self.streamer.cut()
+    }
+
+    /// A view from above, from a height, towards a place, all in shares of the hills' edge.
+    pub fn view(&self, x: f64, y: f64, height: f64) -> View {
+        view(&self.file, [x, y, height], [x + 0.05, y + 0.3, 0.0])
+    }
+}
+
+/// A view from one place to another, in shares of the edge of the root's cell.
+pub fn view(file: &EskerFile, from: [f64; 3], to: [f64; 3]) -> View {
+    let lattice = &file.metadata().lattice;
+    let cell = file.table().nodes[0].cell();
+    let corner = DVec3::from_array(lattice.world(cell.corner));
+    let edge = DVec3::from_array(lattice.world(cell.last())) - corner;
+    let at = |share: [f64; 3]| corner + edge * DVec3::from_array(share);
+    View::look_at(at(from), at(to), DVec3::Z, 1.0, 400, 300)
+}
+
+/// Knuth's MMIX generator: enough for tests.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn unit(&mut self) -> f64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+    pub fn below(&mut self, n: u32) -> u32 {
+        (self.unit() * f64::from(n)) as u32
+    }
+}
