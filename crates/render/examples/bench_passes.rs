@@ -16,7 +16,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let least = std::env::args().nth(2).is_some_and(|a| a == "least");
     let what = if least { "least" } else { "median" };
     println!("{} threads, {what} of {runs}", rayon::current_num_threads());
-    println!("points   method     normals  project  gather   pull   push  shade  total   covered");
+    println!(
+        "points   method     normals  project  gather   pull   push   mend  shade soften  total   covered"
+    );
     for side in [1000, 2236] {
         let scene = terrain(side);
         let view = View::look_at(
@@ -48,7 +50,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 if least { all[0] } else { all[all.len() / 2] }
             };
             println!(
-                "{:8} {:10} {:7} {:8.1} {:7.1} {:6.1} {:6.1} {:6.1} {:6.1} {:8.1} %",
+                "{:8} {:10} {:7} {:8.1} {:7.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:8.1} %",
                 picture.stats.points_drawn,
                 format!("{method:?}"),
                 normals,
@@ -56,7 +58,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 pick(|s| s.gather_ms),
                 pick(|s| s.pull_ms),
                 pick(|s| s.push_ms),
+                pick(|s| s.mend_ms),
                 pick(|s| s.shade_ms),
+                pick(|s| s.soften_ms),
                 pick(|s| s.total_ms),
                 picture.stats.pixels_covered as f64 / (1 << 20) as f64 * 100.0,
             );

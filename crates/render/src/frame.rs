@@ -137,8 +137,12 @@ pub struct Stages {
     pub pull_ms: f64,
     /// Filling downwards.
     pub push_ms: f64,
+    /// Closing gaps and trimming outlines.
+    pub mend_ms: f64,
     /// Lighting and encoding.
     pub shade_ms: f64,
+    /// Antialiasing.
+    pub soften_ms: f64,
     /// All of it.
     pub total_ms: f64,
 }

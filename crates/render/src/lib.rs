@@ -1,6 +1,8 @@
 //! Passes from points to a picture (marroquim2007 section 3): points become single pixels
 //! ([`project`]), pixels become the base of an image pyramid ([`gather`]), the pyramid is averaged
-//! upwards ([`pull`]) and filled downwards ([`push`]), and what is filled is lit ([`shade`]).
+//! upwards ([`pull`]) and filled downwards ([`push`]), and what is filled is lit ([`shade`]). Beside the
+//! published passes: gaps are closed ([`mend`]) and outlines taken back to the samples ([`trim`]) before
+//! shading, and edges antialiased ([`soften`]) after it.
 //!
 //! These are the passes on the CPU. They are the renderer of a machine without a GPU, and the twins
 //! that passes on a GPU are held against: `f32`, flat buffers, one file a pass. Knows no file, starts
@@ -8,10 +10,12 @@
 
 pub mod camera;
 pub mod colour;
+pub mod edges;
 pub mod ellipse;
 pub mod error;
 pub mod frame;
 pub mod gather;
+pub mod mend;
 pub mod project;
 pub mod pull;
 pub mod push;
@@ -20,6 +24,8 @@ pub mod relief;
 pub mod renderer;
 pub mod resolve;
 pub mod shade;
+pub mod soften;
+pub mod trim;
 
 pub use colour::{ColourBy, ColourMap, Palette};
 pub use error::RenderError;

@@ -6,6 +6,7 @@
 //! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
 
 use glam::{Vec2, Vec4};
+use rayon::prelude::*;
 
 /// One level.
 #[derive(Clone, Debug, Default)]
@@ -44,6 +45,16 @@ impl Level {
     /// Whether a pixel holds a surface.
     pub fn is_valid(&self, pixel: usize) -> bool {
         self.front[pixel].x < f32::INFINITY
+    }
+
+    /// Writes its depths; infinite where a pixel is invalid.
+    pub fn depth_image(&self, depth: &mut [f32]) {
+        let rows = depth.par_chunks_mut(self.width).zip(self.front.par_chunks(self.width));
+        rows.zip(self.depth.par_chunks(self.width)).for_each(|((out, front), depth)| {
+            for ((out, front), depth) in out.iter_mut().zip(front).zip(depth) {
+                *out = if front.x < f32::INFINITY { *depth } else { f32::INFINITY };
+            }
+        });
     }
 
     /// Centre of a pixel, in pixels of level 0.

@@ -185,6 +185,23 @@ impl Surroundings<'_> {
         }
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
+    /// How far a pixel lies behind the middle of what is on both sides of it, 0 to 1; bends up to `flat` do not
+    /// count. Slopes are no bends, so nothing darkens towards a silhouette.
+    #[inline]
+    pub fn sunken(&self, x: usize, flat: f32) -> f32 {
+        let here = self.here[x];
+        let per_slope = self.focal_px / (here * REACH as f32);
+        let [above, middle, below] = self.far;
+        let left = |row: &[f32]| x.checked_sub(REACH).map_or(f32::INFINITY, |x| row[x]);
+        let right = |row: &[f32]| row.get(x + REACH).copied().unwrap_or(f32::INFINITY);
+        let dark =
+            |a: f32, b: f32| ((here - (a + b) * 0.5) * per_slope - flat).clamp(0.0, BEHIND_MAX);
+        let sum = dark(above[x], below[x])
+            + dark(left(middle), right(middle))
+            + dark(left(above), right(below))
+            + dark(right(above), left(below));
+        sum * (1.0 / (4.0 * BEHIND_MAX))
+    }
 }
 
 /// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on

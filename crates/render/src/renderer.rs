@@ -1,18 +1,22 @@
 //! The frame from first pass to last, and the memory that the passes keep from frame to frame (fresh
 //! pages cost more than the passes that fill them). Projection first; then either the surface (gather,
-//! pull, push, shade) or the points as they are (resolve).
+//! pull, push, mend, trim, shade, soften) or the points as they are (resolve).
 
 use crate::camera::Camera;
+use crate::edges::edges;
 use crate::error::RenderError;
 use crate::frame::{Frame, Method, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
+use crate::mend::mend;
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push;
-use crate::pyramid::Pyramid;
+use crate::pyramid::{Level, Pyramid};
 use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
 use crate::shade::shade;
+use crate::soften::soften;
+use crate::trim::trim;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
@@ -103,14 +107,39 @@ impl Renderer {
             stats.stages.pull_ms = clock.lap();
             push(&mut self.pyramid);
             stats.stages.push_ms = clock.lap();
-            stats.pixels_covered =
-                shade(&camera, &self.pyramid, frame.background, &mut self.scratch, picture);
+            let base = &mut self.pyramid.levels[0];
+            let edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
+            stats.stages.mend_ms = clock.lap();
+            let (pyramid, scratch) = (&self.pyramid, &mut self.scratch);
+            let shaded = shade(&camera, pyramid, frame.background, scratch, picture);
+            stats.pixels_covered = shaded.covered;
             stats.stages.shade_ms = clock.lap();
+            soften(
+                &picture.depth,
+                width,
+                camera.focal_px,
+                &edges,
+                &shaded.creases,
+                &mut picture.rgba,
+            );
+            stats.stages.soften_ms = clock.lap();
         }
         stats.stages.total_ms = ms(start.elapsed());
         picture.stats = stats;
         Ok(())
     }
+}
+
+/// Closes gaps of the filled level and takes back what sticks out of its surfaces; fills `depth`. Returns the
+/// pixels that may lie at an edge.
+fn mend_outlines(base: &mut Level, depth: &mut [f32], focal_px: f32) -> Vec<usize> {
+    /// A slope of two: less is a surface's own.
+    const STEP_PX: f32 = 2.0;
+    base.depth_image(depth);
+    let mut edges = edges(depth, base.width, STEP_PX / focal_px);
+    mend(base, depth, &edges, focal_px);
+    edges.extend(trim(base, depth, &edges, focal_px));
+    edges
 }
 
 /// Time since the last lap.

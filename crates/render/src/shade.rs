@@ -12,9 +12,9 @@ use crate::frame::{Background, Picture};
 use crate::pyramid::{Level, Pyramid};
 use crate::relief::{DepthImage, ReliefScratch};
 use crate::resolve::backdrop;
+use crate::soften::is_crease;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Direction to the key light, view space, unit length.
 const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
@@ -26,32 +26,30 @@ const GROUND_SHARE: f32 = 0.12;
 /// The highlight: its strength and Phong's exponent.
 const SHINE: f32 = 0.10;
 const SHINE_POWER: i32 = 24;
-/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With
-/// normals only edges are set off; without them the depth alone has to tell the shape.
+/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With normals
+/// only what lies behind an edge is set off, whatever its slope; without them the depth alone has to tell
+/// the shape.
 const EDGE: (f32, f32) = (1.2, 4.0);
 const DOME: (f32, f32) = (2.0, 0.5);
 
-/// Lights level 0 and writes colours and depths of the picture. Returns the number of pixels covered.
+/// What shading found.
+pub struct Shaded {
+    /// Pixels that show a surface.
+    pub covered: u64,
+    /// Pixels beside which the surface bends sharply, in their order.
+    pub creases: Vec<usize>,
+}
+
+/// Lights level 0, whose depth image the picture has already, and writes its colours.
 pub fn shade(
     camera: &Camera,
     pyramid: &Pyramid,
     background: Background,
     scratch: &mut ReliefScratch,
     picture: &mut Picture,
-) -> u64 {
+) -> Shaded {
     let base = &pyramid.levels[0];
     let width = base.width;
-    let covered = AtomicU64::new(0);
-    picture.depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        let first = y * width;
-        let mut count = 0;
-        for (x, out) in row.iter_mut().enumerate() {
-            let valid = base.is_valid(first + x);
-            *out = if valid { base.depth[first + x] } else { f32::INFINITY };
-            count += u64::from(valid);
-        }
-        covered.fetch_add(count, Relaxed);
-    });
     let has_normals = !base.normal.is_empty();
     let focal_px = camera.focal_px;
     let raw = DepthImage {
@@ -63,11 +61,13 @@ pub fn shade(
     };
     let relief = if has_normals { raw } else { raw.smoothed(scratch) };
     let nothing = vec![f32::INFINITY; width];
-    let (dark, flat) = if has_normals { EDGE } else { DOME };
+    let dark = if has_normals { EDGE.0 } else { DOME.0 };
     let encoder = Encoder::get();
-    picture.rgba.par_chunks_mut(width * 4).enumerate().for_each(|(y, row)| {
+    let rows = picture.rgba.par_chunks_mut(width * 4).enumerate();
+    let found = rows.map(|(y, row)| {
         let backdrop = backdrop(background, y, base.height);
         let around = relief.surroundings(y, &nothing);
+        let (mut count, mut creases) = (0, Vec::new());
         for (x, out) in row.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let pixel = y * width + x;
             if !base.is_valid(pixel) {
@@ -85,13 +85,32 @@ pub fn shade(
             } else {
                 around.normal(x)
             };
-            let light = darken(dark * around.behind(x, flat));
+            let behind =
+                if has_normals { around.sunken(x, EDGE.1) } else { around.behind(x, DOME.1) };
+            let light = darken(dark * behind);
             let c = phong(base.tint[pixel].truncate(), normal, to_eye) * light;
             let [r, g, b] = encoder.bytes(c);
             *out = [r, g, b, 255];
+            count += 1;
+            if has_normals && is_bent(base, x, pixel) {
+                creases.push(pixel);
+            }
         }
+        (count, creases)
     });
-    covered.into_inner()
+    let found: Vec<_> = found.collect();
+    let covered = found.iter().map(|(count, _)| count).sum();
+    let creases = found.into_iter().flat_map(|(_, creases)| creases).collect();
+    Shaded { covered, creases }
+}
+
+/// Whether the surface bends sharply to the right or below.
+#[inline]
+fn is_bent(base: &Level, x: usize, pixel: usize) -> bool {
+    let normal = |p: usize| base.normal[p].truncate();
+    let bent =
+        |p: usize| p < base.normal.len() && is_crease(normal(pixel), normal(p)) && base.is_valid(p);
+    (x + 1 < base.width && bent(pixel + 1)) || bent(pixel + base.width)
 }
 
 /// The interpolated normal; of a point that has none in a cloud that has them, the normal of its

@@ -1,0 +1,124 @@
+//! Mend: pixels that lie behind nearly all of their neighbours are gaps of the surface in front, through
+//! which a farther one or the background is seen. They take the mean of what surrounds them (after the masks of
+//! Rosenthal and Linsen, Image-space point cloud rendering, 2008). Pull-push leaves such gaps where an
+//! ellipse that should cover a pixel is a mean that does not, and where a depth interval has grown so
+//! long that it takes in the surface behind.
+
+use crate::pyramid::Level;
+use glam::Vec4;
+use rayon::prelude::*;
+
+/// Of the eight neighbours, how many must be in front. A gap one pixel wide has six.
+const SURROUNDED: usize = 6;
+/// How often: a second time closes what the first has left one pixel wide.
+const ROUNDS: usize = 2;
+
+/// A pixel's new attributes.
+struct Patch {
+    pixel: usize,
+    front: Vec4,
+    tint: Vec4,
+    depth: f32,
+    normal: Vec4,
+}
+
+/// Closes gaps of `base`, whose depth image is `depth` (infinite where there is nothing) with its
+/// [`crate::edges`].
+pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) {
+    for _ in 0..ROUNDS {
+        let candidates = edges.par_iter().with_min_len(1024);
+        let patches: Vec<Patch> =
+            candidates.filter_map(|&p| patch(base, depth, focal_px, p)).collect();
+        for p in patches {
+            depth[p.pixel] = p.depth;
+            base.depth[p.pixel] = p.depth;
+            base.front[p.pixel] = p.front;
+            base.tint[p.pixel] = p.tint;
+            if let Some(normal) = base.normal.get_mut(p.pixel) {
+                *normal = p.normal;
+            }
+        }
+    }
+}
+
+/// What closes the gap at a pixel, where it is one: enough neighbours are in front by more than their
+/// radius.
+fn patch(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> Option<Patch> {
+    let (x, y) = (pixel % base.width, pixel / base.width);
+    if x == 0 || y == 0 || x + 1 == base.width || y + 1 == base.height {
+        return None;
+    }
+    let (up, down) = (pixel - base.width, pixel + base.width);
+    let around = [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1];
+    let nearer = around.into_iter().filter(|&n| depth[n] < depth[pixel]).count();
+    if nearer < SURROUNDED {
+        return None;
+    }
+    let mut count = 0;
+    let mut patch =
+        Patch { pixel, front: Vec4::ZERO, tint: Vec4::ZERO, depth: 0.0, normal: Vec4::ZERO };
+    for n in around {
+        if depth[n] * (1.0 + base.tint[n].w / focal_px) < depth[pixel] {
+            count += 1;
+            patch.front += base.front[n];
+            patch.tint += base.tint[n];
+            patch.depth += depth[n];
+            patch.normal += base.normal.get(n).copied().unwrap_or_default();
+        }
+    }
+    let share = 1.0 / count as f32;
+    patch.front *= share * Vec4::new(1.0, 1.0, 0.0, 0.0);
+    patch.tint *= share;
+    patch.depth *= share;
+    patch.normal *= share;
+    (count >= SURROUNDED).then_some(patch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edges::edges;
+    use crate::pyramid::{INVALID, Pyramid};
+
+    const SIDE: usize = 24;
+
+    /// A near surface of red points, with other depths where `depth` has them.
+    fn mended(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let mut pyramid = Pyramid::default();
+        pyramid.fit(SIDE, SIDE, false);
+        let base = &mut pyramid.levels[0];
+        let mut image: Vec<f32> = (0..SIDE * SIDE).map(|i| depth(i % SIDE, i / SIDE)).collect();
+        for (i, &d) in image.iter().enumerate() {
+            let valid = d < f32::INFINITY;
+            base.front[i] = if valid { Vec4::new(d, d + 0.1, 0.0, 0.0) } else { INVALID };
+            (base.depth[i], base.tint[i]) = (d, Vec4::new(1.0 / d, 0.0, 0.0, 2.0));
+        }
+        let edges = edges(&image, SIDE, 0.02);
+        mend(base, &mut image, &edges, 100.0);
+        for (i, &d) in image.iter().enumerate() {
+            assert!(
+                base.is_valid(i) == (d < f32::INFINITY) && (d == 1.0) == (base.tint[i].x == 1.0)
+            );
+        }
+        image
+    }
+
+    #[test]
+    fn gaps_a_pixel_wide_take_what_surrounds_them_whatever_is_behind() {
+        for behind in [5.0, f32::INFINITY] {
+            let gap = |x, y| matches!((x, y), (5, 5) | (9, 9) | (9, 10) | (14, 4..20));
+            assert_eq!(mended(|x, y| if gap(x, y) { behind } else { 1.0 }), [1.0; SIDE * SIDE]);
+        }
+    }
+
+    #[test]
+    fn windows_and_rims_stay() {
+        let scene = |x, y| match (x, y) {
+            (0..3, _) => f32::INFINITY,
+            (8..12, 8..12) => 5.0,
+            _ => 1.0,
+        };
+        let expected: Vec<f32> = (0..SIDE * SIDE).map(|i| scene(i % SIDE, i / SIDE)).collect();
+        assert_eq!(mended(scene), expected);
+    }
+}

@@ -1,0 +1,153 @@
+//! Soften: antialiasing where a surface ends before another or before the background, and at creases;
+//! elsewhere nothing changes. What is seen around such a pixel falls into two, before and behind the step.
+//! A weighted count of both is the pixel's coverage, which smooths the outline and gives it its share of a
+//! pixel; the two are mixed by it. In linear light, colours weighted by their alpha.
+
+use crate::colour::{Encoder, linear};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+/// Weights of coverage an axis (binomial).
+const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+/// Weights of colours an axis.
+const COLOUR: [f32; 5] = [0.0, 1.0, 2.0, 1.0, 0.0];
+/// How much steeper the outline is than its weighted count. Steeper ones show steps again.
+const STEEP: f32 = 1.5;
+/// Depth over width beyond which neighbouring pixels show two surfaces.
+const STEP_PX: f32 = 6.0;
+/// Square of the cosine below which neighbouring normals make a crease (30 degrees).
+const CREASE: f32 = 0.75;
+
+/// Whether two normals make a crease. Their lengths do not matter.
+#[inline]
+pub fn is_crease(a: Vec3, b: Vec3) -> bool {
+    let dot = a.dot(b);
+    dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
+}
+
+/// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie at a step of
+/// `depth` (infinite where there is nothing), and those of `creases`.
+pub fn soften(
+    depth: &[f32],
+    width: usize,
+    focal_px: f32,
+    edges: &[usize],
+    creases: &[usize],
+    rgba: &mut [u8],
+) {
+    let near = STEP_PX / focal_px;
+    let image = Image { depth, pixels: rgba.as_chunks().0, width };
+    let at_edges = edges.par_iter().with_min_len(1024).filter_map(|&p| {
+        let split = image.split(p, near);
+        (split < f32::INFINITY).then(|| (p, image.softened(p, split)))
+    });
+    let at_creases = creases.par_iter().with_min_len(1024);
+    let at_creases = at_creases.map(|&p| (p, image.softened(p, image.split(p, near))));
+    let softened: Vec<_> = at_edges.chain(at_creases).collect();
+    let pixels = rgba.as_chunks_mut::<4>().0;
+    for (pixel, colour) in softened {
+        pixels[pixel] = colour;
+    }
+}
+
+struct Image<'a> {
+    depth: &'a [f32],
+    pixels: &'a [[u8; 4]],
+    width: usize,
+}
+
+impl Image<'_> {
+    /// Its surroundings before `split` and behind it, mixed.
+    fn softened(&self, pixel: usize, split: f32) -> [u8; 4] {
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        let height = self.depth.len() / self.width;
+        // Of each side: coverage, colour times alpha, alpha, and their weight.
+        let (mut coverage, mut colour, mut weight) = ([0.0; 2], [Vec4::ZERO; 2], [0.0; 2]);
+        for (dy, &down) in COVERAGE.iter().enumerate() {
+            for (dx, &across) in COVERAGE.iter().enumerate() {
+                let (u, v) = ((x + dx).wrapping_sub(2), (y + dy).wrapping_sub(2));
+                if u >= self.width || v >= height {
+                    continue;
+                }
+                let tap = v * self.width + u;
+                let side = usize::from(self.depth[tap] > split);
+                coverage[side] += across * down;
+                let share = COLOUR[dx] * COLOUR[dy];
+                if share > 0.0 {
+                    let [r, g, b, a] = self.pixels[tap];
+                    colour[side] += linear([r, g, b]).extend(1.0) * (f32::from(a) * share);
+                    weight[side] += share;
+                }
+            }
+        }
+        let share = coverage[0] / (coverage[0] + coverage[1]);
+        let share = ((share - 0.5) * STEEP + 0.5).clamp(0.0, 1.0);
+        let [before, behind] = [0, 1].map(|side| colour[side] / f32::max(weight[side], 1.0));
+        let mixed = match weight {
+            // Without a step all is on one side.
+            [_, 0.0] => before,
+            [0.0, _] => behind,
+            _ => before * share + behind * (1.0 - share),
+        };
+        let colour = if mixed.w > 0.0 { mixed.truncate() / mixed.w } else { Vec3::ZERO };
+        let [r, g, b] = Encoder::get().bytes(colour);
+        [r, g, b, (mixed.w + 0.5) as u8]
+    }
+
+    /// The depth between the two sides of the greatest step to a neighbour, where it is more than the share
+    /// `near` of the depth; else infinity.
+    fn split(&self, pixel: usize, near: f32) -> f32 {
+        let (width, here) = (self.width, self.depth[pixel]);
+        let x = pixel % width;
+        let beside = [
+            (x > 0).then(|| pixel - 1),
+            (x + 1 < width).then_some(pixel + 1),
+            pixel.checked_sub(width),
+            Some(pixel + width).filter(|&p| p < self.depth.len()),
+        ];
+        let (mut most, mut split) = (0.0, f32::INFINITY);
+        for depth in beside.into_iter().flatten().map(|p| self.depth[p]) {
+            // Infinity less infinity is no number, which is no step.
+            let (step, nearer) = ((depth - here).abs(), depth.min(here));
+            if step > near * nearer && step > most {
+                (most, split) =
+                    (step, if step < f32::INFINITY { nearer + step * 0.5 } else { f32::MAX });
+            }
+        }
+        split
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 12;
+
+    fn softened(depth: impl Fn(usize) -> f32, rgba: &mut [u8]) {
+        let depth: Vec<f32> = (0..SIDE * SIDE).map(depth).collect();
+        let all: Vec<usize> = (0..SIDE * SIDE).collect();
+        soften(&depth, SIDE, 100.0, &all, &[], rgba);
+    }
+
+    #[test]
+    fn within_a_surface_nothing_changes_also_on_a_slope() {
+        let texture: Vec<u8> = (0..SIDE * SIDE * 4).map(|i| (i * 37 % 251) as u8).collect();
+        let mut rgba = texture.clone();
+        softened(|i| 2.0 + 0.1 * (i % SIDE) as f32, &mut rgba);
+        assert_eq!(rgba, texture);
+    }
+
+    #[test]
+    fn both_sides_of_an_edge_share_its_pixels_and_colours_do_not_darken() {
+        // Red from column 6 on, nothing to the left.
+        let pixel = |i: usize| if i % SIDE < 6 { [0; 4] } else { [200, 0, 0, 255] };
+        let mut rgba: Vec<u8> = (0..SIDE * SIDE).flat_map(pixel).collect();
+        softened(|i| if i % SIDE < 6 { f32::INFINITY } else { 1.0 }, &mut rgba);
+        let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
+        assert_eq!([row[4], row[7]], [[0; 4], [200, 0, 0, 255]]);
+        assert!((30..100).contains(&row[5][3]) && (155..225).contains(&row[6][3]));
+        assert_eq!(u32::from(row[5][3]) + u32::from(row[6][3]), 255);
+        assert!(row[5][0].abs_diff(200) <= 1 && row[6][0].abs_diff(200) <= 1);
+    }
+}

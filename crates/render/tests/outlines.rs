@@ -1,0 +1,218 @@
+//! Outlines: where a surface ends on the picture, against where it ends in truth.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+use esker_lod::View;
+use esker_render::{Background, Picture, Renderer};
+use glam::{DVec2, DVec3};
+use scene::{Dice, Scene, ScenePoint};
+
+const SIDE: u32 = 320;
+
+fn draw(points: &[ScenePoint], spacing: f64, normals: bool) -> Picture {
+    let scene = Scene::new(points, 1e-6, spacing, spacing, 10_000);
+    let view = view();
+    let draws = scene.draws(true, true, normals);
+    let mut frame = scene.frame(&view, &draws);
+    frame.background = Background::Plain([0; 4]);
+    Renderer::default().render(&frame).unwrap()
+}
+
+fn view() -> View {
+    View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE, SIDE)
+}
+
+/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
+fn sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
+    let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let jitter = |dice: &mut Dice| (dice.unit() - 0.5) * spacing;
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+            let (s, c) = (i as f64 * golden).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let moved = DVec3::new(r * c + jitter(dice), r * s + jitter(dice), z + jitter(dice));
+            let normal = moved.normalize_or_zero();
+            ScenePoint { at: normal, normal, colour: [220, 180, 120] }
+        })
+        .collect()
+}
+
+/// Where the picture's alpha falls to one half along rays from its middle: distance in pixels for each of
+/// `n` directions, from outside inwards.
+fn outline(picture: &Picture, n: usize) -> Vec<f64> {
+    let alpha = |at: DVec2| {
+        let (x, y) = (at.x - 0.5, at.y - 0.5);
+        let (i, j) = (x.floor(), y.floor());
+        let value = |i: f64, j: f64| {
+            f64::from(picture.rgba[(j as usize * SIDE as usize + i as usize) * 4 + 3]) / 255.0
+        };
+        let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+        mix(
+            mix(value(i, j), value(i + 1.0, j), x - i),
+            mix(value(i, j + 1.0), value(i + 1.0, j + 1.0), x - i),
+            y - j,
+        )
+    };
+    let middle = f64::from(SIDE) / 2.0;
+    (0..n)
+        .map(|k| {
+            let direction = DVec2::from_angle(k as f64 / n as f64 * std::f64::consts::TAU);
+            let mut at = middle - 3.0;
+            while alpha(direction * at + middle) < 0.5 && at > 0.0 {
+                at -= 0.05;
+            }
+            at
+        })
+        .collect()
+}
+
+/// Pixels a unit takes at the origin.
+fn pixels_per_unit() -> f64 {
+    view().focal_px() / 20.0
+}
+
+/// Brightness of a pixel, 0 to 255.
+fn light(picture: &Picture, x: usize, y: usize) -> f64 {
+    let pixel = &picture.rgba[(y * SIDE as usize + x) * 4..][..3];
+    pixel.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0
+}
+
+/// An even wall facing the viewer at this depth behind the origin, its sides (in pixels from the middle)
+/// from `low` to `high`.
+fn wall(dice: &mut Dice, behind: f64, low: DVec2, high: DVec2, spacing_px: f64) -> Vec<ScenePoint> {
+    let pixel = (20.0 + behind) / view().focal_px();
+    let [columns, rows] = ((high - low) / spacing_px).to_array().map(|n| n as usize);
+    (0..columns * rows)
+        .map(|i| {
+            let cell = DVec2::new((i % columns) as f64, (i / columns) as f64);
+            let at = low + (cell + DVec2::new(dice.unit(), dice.unit())) * spacing_px;
+            let at = DVec3::new(at.x * pixel, behind, at.y * pixel);
+            ScenePoint { at, normal: DVec3::NEG_Y, colour: [180; 3] }
+        })
+        .collect()
+}
+
+#[test]
+fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
+    let radius_px = view().focal_px() / (20f64.powi(2) - 1.0).sqrt();
+    for spacing_px in [1.0, 2.0, 4.0, 8.0] {
+        for normals in [true, false] {
+            let spacing = spacing_px / pixels_per_unit();
+            let picture = draw(&sphere(&mut Dice(3), spacing), spacing, normals);
+            let off: Vec<f64> = outline(&picture, 720).iter().map(|r| r - radius_px).collect();
+            let mean = off.iter().sum::<f64>() / 720.0;
+            let rough = (off.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / 720.0).sqrt();
+            // Without normals a surface ends a third of a radius beyond its samples.
+            let beyond = if normals { 1.5 } else { 1.2f64.max(0.3 * spacing_px) };
+            let what =
+                format!("{mean:.2} px, rough {rough:.2} px: spacing {spacing_px} px, {normals}");
+            assert!(mean.abs() < beyond && rough < 0.5 + 0.06 * spacing_px, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_rim_is_no_brighter_than_what_is_inside_of_it() {
+    for spacing_px in [1.5, 3.0, 6.0] {
+        let spacing = spacing_px / pixels_per_unit();
+        let picture = draw(&sphere(&mut Dice(4), spacing), spacing, false);
+        let ends = outline(&picture, 360);
+        // Mean light between two distances from the outline, in twelve sectors.
+        let ring = |sector: usize, from: f64, to: f64| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (k, end) in ends.iter().enumerate().skip(sector * 30).take(30) {
+                let direction = DVec2::from_angle(f64::from(k as u32).to_radians());
+                for step in 0..4 {
+                    let inwards = from + (to - from) * f64::from(step) / 3.0;
+                    let at = direction * (end - inwards) + f64::from(SIDE) / 2.0;
+                    sum += light(&picture, at.x as usize, at.y as usize);
+                    count += 1.0;
+                }
+            }
+            sum / count
+        };
+        for sector in 0..12 {
+            let (rim, inside) = (ring(sector, 1.5, 3.5), ring(sector, 8.0, 12.0));
+            assert!(
+                rim < inside * 1.1,
+                "{rim:.0} after {inside:.0}: sector {sector}, {spacing_px} px"
+            );
+        }
+    }
+}
+
+#[test]
+fn no_dark_dots_where_a_near_surface_ends_before_a_far_one() {
+    let far = DVec2::splat(f64::from(SIDE) * 0.6);
+    for normals in [true, false] {
+        for spacing_px in [0.8, 1.5, 3.0] {
+            let dice = &mut Dice(5);
+            let mut points = wall(dice, 0.5, -far, far, spacing_px);
+            let near = DVec2::new(90.0, 70.0);
+            // Two layers, as overlapping scans have them.
+            points.extend(wall(dice, 0.0, -near, near, spacing_px));
+            points.extend(wall(dice, 0.004, -near, near, spacing_px));
+            let picture = draw(&points, spacing_px / pixels_per_unit(), normals);
+            let (mut dots, mut bright) = (0, 0);
+            let inner = 4..SIDE as usize - 4;
+            for (x, y) in inner.clone().flat_map(|y| inner.clone().map(move |x| (x, y))) {
+                let here = light(&picture, x, y);
+                bright += usize::from(here > 100.0);
+                let around = (0..9).filter(|&k| k != 4);
+                let darker =
+                    around.filter(|k| light(&picture, x + k % 3 - 1, y + k / 3 - 1) > here + 25.0);
+                dots += usize::from(darker.count() == 8);
+            }
+            assert!(dots == 0, "{dots} dots at {spacing_px} px, {normals}");
+            assert!(bright > 90_000, "{bright} pixels lit");
+        }
+    }
+}
+
+#[test]
+fn a_point_alone_is_drawn_smaller_than_the_disc_that_closes_surfaces() {
+    let at = DVec3::ZERO;
+    let point = ScenePoint { at, normal: DVec3::NEG_Y, colour: [200; 3] };
+    for (normals, share) in [(true, 0.6), (false, 0.45)] {
+        let radius_px = 30.0;
+        let picture = draw(&[point], radius_px / pixels_per_unit(), normals);
+        let factor = if normals { 1.4 } else { 1.15 };
+        let drawn = (picture.stats.pixels_covered as f64 / std::f64::consts::PI).sqrt();
+        assert!(drawn > 5.0 && drawn < share * factor * radius_px, "{drawn} px");
+    }
+}
+
+#[test]
+fn a_slanted_edge_covers_its_share_of_pixels_and_thin_lines_stay() {
+    let line = |across: f64, along: f64| {
+        let (s, c) = 0.2f64.sin_cos();
+        let at = DVec2::new(c * across - s * along, s * across + c * along) / pixels_per_unit();
+        let at = DVec3::new(at.x, 0.0, at.y);
+        ScenePoint { at, normal: DVec3::NEG_Y, colour: [200; 3] }
+    };
+    let steps = |half: f64, step: f64| {
+        let n = (half / step) as i32;
+        (-n..=n).map(move |i| f64::from(i) * step)
+    };
+    let spacing = 1.0 / pixels_per_unit();
+    let alphas = |picture: &Picture| -> Vec<f64> {
+        picture.rgba.as_chunks::<4>().0.iter().map(|p| f64::from(p[3]) / 255.0).collect()
+    };
+    let square: Vec<_> =
+        steps(60.0, 0.5).flat_map(|a| steps(60.0, 0.5).map(move |b| line(a, b))).collect();
+    let alpha = alphas(&draw(&square, spacing, true));
+    let area: f64 = alpha.iter().sum();
+    // Discs reach beyond their samples by up to a pixel and a half.
+    assert!(area > 120.0f64.powi(2) && area < 123.0f64.powi(2), "{area}");
+    assert!(alpha.iter().filter(|a| (0.1..0.9).contains(*a)).count() > 300);
+    let wire: Vec<_> = steps(100.0, 0.5).map(|along| line(0.0, along)).collect();
+    let alpha = alphas(&draw(&wire, spacing, true));
+    for y in 80..240 {
+        let width: f64 = alpha[y * SIDE as usize..][..SIDE as usize].iter().sum();
+        assert!(width > 0.7 && width < 4.5, "{width} px wide in row {y}");
+    }
+}
