@@ -1,10 +1,13 @@
-//! What the programs do, as calls: build, info, verify, render, demo. Puts scan, build, format, lod and
-//! render together; the programs only parse their command lines and print what comes back.
+//! What the programs do, as calls: build, info, verify, render, demo, bench. Puts scan, build, format,
+//! lod, stream and render together; the programs only parse their command lines and print what comes
+//! back.
 
+pub mod budget;
 pub mod build;
 pub mod camera;
 pub mod colour;
 pub mod demo;
+pub mod drawing;
 pub mod info;
 pub mod output;
 pub mod picture;
@@ -12,6 +15,10 @@ pub mod pool;
 pub mod progress;
 pub mod quantity;
 pub mod render;
+pub mod session;
+pub mod slots;
+pub mod staging;
+pub mod system;
 pub mod verify;
 
 pub use esker_build::memory;

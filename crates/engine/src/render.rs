@@ -3,15 +3,14 @@
 
 use crate::camera::Camera;
 use crate::colour::{Colouring, colouring};
+use crate::drawing::{draw_node, frame};
 use crate::{info, output, picture, pool};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{EskerFile, PlaneKind, Planes};
-use esker_lod::{
-    AllResident, CompactOctree, Drawn, Options, Selection, View, needs_residual, select,
-};
+use esker_lod::{AllResident, CompactOctree, Options, Selection, View, needs_residual, select};
 use esker_points::Task;
-use esker_render::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
+use esker_render::{DrawNode, Method, Picture, Renderer};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -54,12 +53,15 @@ impl Default for Request {
     }
 }
 
-/// Whether a file is an `.esker` file, by its first bytes.
+/// Whether a file is an `.esker` file, by its first bytes; a generated scan is none.
 ///
 /// # Errors
 /// Where it cannot be read.
 pub fn is_esker(path: &Path) -> Result<bool> {
     use std::io::Read;
+    if esker_scan::synthetic::is_spec(path) {
+        return Ok(false);
+    }
     let mut head = Vec::new();
     let file =
         std::fs::File::open(path).with_context(|| format!("{}: cannot open", path.display()))?;
@@ -158,7 +160,10 @@ impl Scene {
     pub fn draws<'a>(&'a self, file: &'a EskerFile) -> Vec<DrawNode<'a>> {
         let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
         nodes
-            .map(|(entry, (drawn, planes))| draw_node(file, entry, drawn, planes, &self.colouring))
+            .map(|(entry, (drawn, planes))| {
+                let node = &file.table().nodes[drawn.node as usize];
+                draw_node(node, entry, drawn.prefix, &self.colouring, |kind| planes.get(kind))
+            })
             .collect()
     }
 }
@@ -170,43 +175,11 @@ impl Scene {
 pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
     let scene = Scene::read(file, request, task)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
-    let has_normals = file.layout().has(PlaneKind::Normal);
-    let frame = Frame {
-        view: &scene.view,
-        lattice: &file.metadata().lattice,
-        draws: &scene.draws(file),
-        octree: Some(&octree),
-        method: request.method,
-        colour: scene.colouring.by,
-        cull_back_faces: has_normals && request.method == Method::PullPush,
-        background: Background::default(),
-    };
+    let draws = scene.draws(file);
+    let frame = frame(file, &scene.view, &draws, &octree, &scene.colouring, request.method);
     let picture = Renderer::default().render(&frame)?;
     let report = report(&picture, &scene);
     Ok((picture, report))
-}
-
-fn draw_node<'a>(
-    file: &'a EskerFile,
-    entry: usize,
-    drawn: &Drawn,
-    planes: &'a Planes,
-    colouring: &Colouring,
-) -> DrawNode<'a> {
-    let colour = match colouring.plane.and_then(|(kind, ty)| Some((planes.get(kind)?, ty))) {
-        Some((bytes, None)) => ColourPlane::Rgba(bytes),
-        Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
-        None => ColourPlane::None,
-    };
-    DrawNode {
-        node: &file.table().nodes[drawn.node as usize],
-        entry,
-        prefix: drawn.prefix,
-        position: planes.get(PlaneKind::Position).unwrap_or_default(),
-        residual: planes.get(PlaneKind::Residual),
-        colour,
-        normal: planes.get(PlaneKind::Normal),
-    }
 }
 
 /// Reads the planes that the frame needs, several nodes at a time.

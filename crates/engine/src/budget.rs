@@ -1,0 +1,80 @@
+//! Where a session's main memory goes, before any of it is taken: what cannot be less, and how much of
+//! the rest is lent to the loaders. `--budget-ram` bounds the sum; `--budget-gpu` bounds the drawing
+//! slots by itself.
+
+use crate::quantity::readable_bytes;
+use crate::staging::RUN_BYTES;
+use anyhow::{Result, ensure};
+use esker_format::EskerFile;
+use esker_points::Node;
+
+/// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
+const PIXEL_BYTES: u64 = 90;
+/// Bytes a node beside its record: the cache's entry, and what a choice that visits it keeps of it.
+const NODE_BYTES: u64 = 512;
+/// Threads' stacks, channels, allocators' slack.
+const FIXED_BYTES: u64 = 12 << 20;
+/// Runs of staging at least: one that is read into while another one is uploaded, and room for chance.
+const RUNS_MIN: u64 = 4;
+/// Runs of staging at most: what a gigabyte a second brings during a frame of a twentieth of one.
+const RUNS_MAX: u64 = 48;
+
+/// The shares of main memory, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shares {
+    /// Node table, metadata, statistics, what the choice and the cache keep a node.
+    pub tree_bytes: u64,
+    /// The renderer's buffers for the largest picture.
+    pub picture_bytes: u64,
+    /// Runs that are lent to loaders.
+    pub staging_bytes: u64,
+}
+
+impl Shares {
+    /// Of `budget_bytes`, for this file and pictures of at most this size. `runs` are the runs of
+    /// staging where the caller wants a certain number.
+    ///
+    /// # Errors
+    /// Where the budget is too small; the least that works is in the message.
+    pub fn of(
+        budget_bytes: u64,
+        file: &EskerFile,
+        size: [u32; 2],
+        runs: Option<usize>,
+    ) -> Result<Self> {
+        let footer = file.footer();
+        let nodes = footer.nodes;
+        let tree_bytes = nodes * (size_of::<Node>() as u64 + NODE_BYTES)
+            + footer.metadata.bytes * 2
+            + footer.statistics.bytes * 2;
+        let picture_bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
+        let run_bytes = RUN_BYTES as u64;
+        let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
+        let least = fixed + runs.map_or(RUNS_MIN, |r| r as u64) * run_bytes;
+        ensure!(
+            budget_bytes >= least,
+            "{}: a budget of main memory of {} is too small: {} is the least (tree {}, pictures of {}x{} {}); \
+             raise --budget-ram, or draw smaller pictures",
+            file.path().display(),
+            readable_bytes(budget_bytes),
+            at_least(least),
+            readable_bytes(tree_bytes),
+            size[0],
+            size[1],
+            readable_bytes(picture_bytes),
+        );
+        let free = (budget_bytes - fixed) / run_bytes;
+        let runs = runs.map_or(free.clamp(RUNS_MIN, RUNS_MAX), |r| r as u64);
+        Ok(Self { tree_bytes, picture_bytes, staging_bytes: runs * run_bytes })
+    }
+
+    /// Runs of staging.
+    pub fn runs(&self) -> usize {
+        (self.staging_bytes / RUN_BYTES as u64) as usize
+    }
+}
+
+/// Whole mebibytes, rounded up: what the user can type.
+fn at_least(bytes: u64) -> String {
+    format!("{} MiB", bytes.div_ceil(1 << 20))
+}

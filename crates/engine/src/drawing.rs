@@ -1,0 +1,55 @@
+//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
+//! become what is drawn. Shared by pictures read whole and by sessions that stream.
+
+use crate::colour::Colouring;
+use esker_format::{EskerFile, PlaneKind};
+use esker_lod::{CompactOctree, View};
+use esker_points::Node;
+use esker_render::{Background, ColourPlane, DrawNode, Frame, Method};
+
+/// A node of the cut, whose `entry` is its place in it, with the planes that `plane` gives.
+pub fn draw_node<'a>(
+    node: &'a Node,
+    entry: usize,
+    prefix: usize,
+    colouring: &Colouring,
+    plane: impl Fn(PlaneKind) -> Option<&'a [u8]>,
+) -> DrawNode<'a> {
+    let colour = match colouring.plane.and_then(|(kind, ty)| Some((plane(kind)?, ty))) {
+        Some((bytes, None)) => ColourPlane::Rgba(bytes),
+        Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
+        None => ColourPlane::None,
+    };
+    DrawNode {
+        node,
+        entry,
+        prefix,
+        position: plane(PlaneKind::Position).unwrap_or_default(),
+        residual: plane(PlaneKind::Residual),
+        colour,
+        normal: plane(PlaneKind::Normal),
+    }
+}
+
+/// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
+/// dropped from surfaces of clouds with normals.
+pub fn frame<'a>(
+    file: &'a EskerFile,
+    view: &'a View,
+    draws: &'a [DrawNode<'a>],
+    octree: &'a CompactOctree,
+    colouring: &Colouring,
+    method: Method,
+) -> Frame<'a> {
+    let has_normals = file.layout().has(PlaneKind::Normal);
+    Frame {
+        view,
+        lattice: &file.metadata().lattice,
+        draws,
+        octree: Some(octree),
+        method,
+        colour: colouring.by,
+        cull_back_faces: has_normals && method == Method::PullPush,
+        background: Background::default(),
+    }
+}
