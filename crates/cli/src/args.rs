@@ -1,6 +1,7 @@
 //! The command line.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
 use esker_engine::{ColourDepth, Method, quantity};
@@ -37,6 +38,93 @@ pub enum Command {
         #[arg(short, long, default_value = "out")]
         out: PathBuf,
     },
+    /// Measure; without a name: say what can be measured.
+    Bench {
+        #[command(subcommand)]
+        benchmark: Option<Benchmark>,
+    },
+}
+
+#[derive(Subcommand)]
+pub enum Benchmark {
+    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times, bytes
+    /// read, memory against the budgets; with and without the depth test.
+    Stream(Box<Stream>),
+}
+
+#[derive(ClapArgs)]
+pub struct Stream {
+    /// .esker files; scans, and synthetic:SCENE:POINTS:SEED, are built first, into a temporary file. Each
+    /// is measured in a process of its own.
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    /// The camera's path; where not said: an overview, nearer, then a dense place.
+    #[arg(long, value_name = "PATH.json")]
+    pub path: Option<PathBuf>,
+    /// Drawing memory (in main memory, for the CPU renderer).
+    #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
+    pub budget_gpu: u64,
+    /// Main memory beside that: table, statistics, staging, the renderer's buffers.
+    #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
+    pub budget_ram: u64,
+    /// What draws.
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: Backend,
+    /// Draw what is hidden, too. Else the flight without the depth test is measured beside the one with.
+    #[arg(long)]
+    pub no_occlusion: bool,
+    /// Empty the system's cache of the file before each flight, and compare loading a view with plain
+    /// reads of the same ranges.
+    #[arg(long)]
+    pub cold: bool,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    /// Measure with the settings of kanzok2015 as well: 5 buffers on their way, one loader, 2,000 nodes.
+    #[arg(long)]
+    pub paper: bool,
+    /// Whose settings a single run has.
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub settings: SettingsArg,
+    /// Build scans once with each of these node capacities, such as 32768,65536,131072.
+    #[arg(long, value_delimiter = ',', value_name = "N,N")]
+    pub capacities: Vec<u32>,
+    /// Folder for a picture of each view.
+    #[arg(long, value_name = "DIR")]
+    pub pictures: Option<PathBuf>,
+    #[command(flatten)]
+    pub how: BuildHow,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum Backend {
+    /// The CPU renderer.
+    #[default]
+    Cpu,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum SettingsArg {
+    /// Esker's.
+    #[default]
+    Own,
+    /// Those of kanzok2015.
+    Paper,
+}
+
+impl From<SettingsArg> for Settings {
+    fn from(arg: SettingsArg) -> Self {
+        match arg {
+            SettingsArg::Own => Self::Own,
+            SettingsArg::Paper => Self::Paper,
+        }
+    }
 }
 
 #[derive(ClapArgs)]

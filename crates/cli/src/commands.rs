@@ -1,9 +1,9 @@
 //! Each command: from its arguments to a call of the engine, and what that returns to standard output.
 
-use crate::args::{Build, BuildHow, Command, Render, Verify};
-use anyhow::Result;
+use crate::args::{Benchmark, Build, BuildHow, Command, Render, Stream, Verify};
+use anyhow::{Context, Result};
 use esker_engine::progress::{Progress, Style};
-use esker_engine::{BuildOptions, Value, build, demo, info, quantity, render, verify};
+use esker_engine::{BuildOptions, Value, bench, build, demo, info, quantity, render, verify};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -22,6 +22,11 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<()> {
         Command::Demo { out } => {
             let lines = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;
             write(&lines.join("\n"))
+        }
+        Command::Bench { benchmark: Some(Benchmark::Stream(args)) } => run_stream(*args, stop),
+        Command::Bench { benchmark: None } => {
+            let line = |(name, what)| format!("esker bench {name:<8} {what}");
+            write(&bench::BENCHMARKS.map(line).join("\n"))
         }
     }
 }
@@ -68,6 +73,31 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     let report = render::render(&args.inputs, &args.out, &request, &progress)?;
     drop(progress);
     print(args.json, &report, || render::text(&report))
+}
+
+fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
+    let plan = bench::process::Plan {
+        request: bench::stream::Request {
+            path: args.path,
+            budget_gpu_bytes: args.budget_gpu,
+            budget_ram_bytes: args.budget_ram,
+            size: args.size,
+            occlusion: !args.no_occlusion,
+            cold: args.cold,
+            settings: args.settings.into(),
+            pictures: args.pictures,
+            threads: args.how.threads,
+        },
+        inputs: args.inputs,
+        paper_too: args.paper,
+        capacities: args.capacities,
+        build: options(&args.how),
+        program: std::env::current_exe().context("cannot find the program itself")?,
+    };
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = bench::process::stream(&plan, &progress)?;
+    drop(progress);
+    print(args.json, &report, || bench::report::text(&report))
 }
 
 fn options(how: &BuildHow) -> BuildOptions {

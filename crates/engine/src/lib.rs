@@ -2,6 +2,7 @@
 //! lod, stream and render together; the programs only parse their command lines and print what comes
 //! back.
 
+pub mod bench;
 pub mod budget;
 pub mod build;
 pub mod camera;

@@ -1,0 +1,100 @@
+//! What the disk gives without Esker: a plain sequential read of a file, and plain reads of given ranges
+//! with as many in flight as the loaders have. What streaming is compared with, in the same run.
+
+use anyhow::{Context, Result};
+use esker_format::{EskerFile, PlaneKind};
+use esker_points::Task;
+use esker_stream::Cut;
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::Instant;
+
+/// Bytes a read.
+const READ_BYTES: usize = 1 << 20;
+/// Ranges with less than this between them are read at once, as loaders do.
+const GAP_BYTES: u64 = 64 << 10;
+
+/// Bytes a second of reading a file from its beginning to its end.
+///
+/// # Errors
+/// Where it cannot be read, or on request.
+pub fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
+    let context = || format!("{}: cannot read", path.display());
+    let mut file = File::open(path).with_context(context)?;
+    let mut buffer = vec![0; READ_BYTES];
+    let start = Instant::now();
+    let mut bytes = 0u64;
+    loop {
+        task.check()?;
+        match file.read(&mut buffer).with_context(context)? {
+            0 => break,
+            n => bytes += n as u64,
+        }
+    }
+    Ok(bytes as f64 / start.elapsed().as_secs_f64().max(1e-9))
+}
+
+/// The ranges of the file that hold the planes of a cut without the root, neighbours as one, none longer
+/// than a read.
+pub fn ranges_of(file: &EskerFile, cut: &Cut) -> Vec<Range<u64>> {
+    let mut ranges: Vec<Range<u64>> = Vec::new();
+    for drawn in cut.nodes.iter().filter(|n| n.node != 0) {
+        let node = &file.table().nodes[drawn.node as usize];
+        let range = |&(kind, _): &(PlaneKind, _)| {
+            let range = file.layout().plane_range(kind, node.points(), node.hot_shift)?;
+            Some(node.page_offset + range.start..node.page_offset + range.end)
+        };
+        ranges.extend(drawn.planes.iter().filter_map(range).filter(|r| !r.is_empty()));
+    }
+    ranges.sort_by_key(|r| r.start);
+    let mut joined: Vec<Range<u64>> = Vec::new();
+    for range in ranges {
+        match joined.last_mut() {
+            Some(last)
+                if range.start <= last.end + GAP_BYTES
+                    && range.end - last.start <= READ_BYTES as u64 =>
+            {
+                last.end = last.end.max(range.end);
+            }
+            _ => joined.push(range),
+        }
+    }
+    let pieces = |r: Range<u64>| {
+        let end = r.end;
+        r.step_by(READ_BYTES).map(move |at| at..end.min(at + READ_BYTES as u64))
+    };
+    joined.into_iter().flat_map(pieces).collect()
+}
+
+/// Seconds that plain reads of these ranges take, `in_flight` at a time.
+///
+/// # Errors
+/// Where one fails.
+pub fn plain_seconds(file: &EskerFile, ranges: &[Range<u64>], in_flight: usize) -> Result<f64> {
+    let next = AtomicUsize::new(0);
+    let longest = ranges.iter().map(|r| r.end - r.start).max().unwrap_or(0);
+    let read = || -> Result<()> {
+        let mut buffer = vec![0; longest as usize];
+        while let Some(range) = ranges.get(next.fetch_add(1, Relaxed)) {
+            let buffer = &mut buffer[..(range.end - range.start) as usize];
+            file.read_exact_at(buffer, range.start)?;
+        }
+        Ok(())
+    };
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        let reader = |i| {
+            let thread = std::thread::Builder::new().name(format!("plain-read-{i}"));
+            thread.spawn_scoped(scope, read).context("cannot start a reading thread")
+        };
+        let readers: Vec<_> = (0..in_flight).map(reader).collect::<Result<_>>()?;
+        readers.into_iter().try_for_each(|r| match r.join() {
+            Ok(result) => result,
+            Err(_) => anyhow::bail!("a reading thread panicked"),
+        })
+    })?;
+    Ok(start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,15 @@
+//! Benchmarks as calls: what they measure is what programs do, through the same calls, and their reports
+//! are for machines (JSON) and for people.
+
+pub mod disk;
+pub mod flight;
+pub mod path;
+pub mod process;
+pub mod report;
+pub mod stream;
+
+/// The benchmarks that there are, with what each measures.
+pub const BENCHMARKS: [(&str, &str); 1] = [(
+    "stream",
+    "flies a camera through a scan: nodes, points, times, bytes and memory against the budgets",
+)];
