@@ -10,6 +10,7 @@ pub mod grid;
 pub mod occlusion;
 pub mod octree;
 pub mod oriented_box;
+pub mod parts;
 pub mod prefix;
 pub mod project;
 pub mod raster;

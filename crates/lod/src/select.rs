@@ -7,6 +7,7 @@
 use crate::frustum::Frustum;
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
+use crate::parts::any_part;
 use crate::prefix::{effective_spacing, prefix_at_most, spacing, wanted};
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
@@ -272,8 +273,18 @@ impl<R: Residency> Walk<'_, R> {
     /// Whether a box, in whose place points of a spacing are drawn so far, is certainly hidden. Surfaces
     /// made of those may stand off by as much: they must not hide the points that would mend them.
     fn is_hidden(&self, b: &OrientedBox, spacing: f64) -> bool {
-        let Some(occlusion) = self.occlusion.filter(|_| spacing.is_finite()) else { return false };
-        occlusion.hides(&OrientedBox { half: b.half + spacing, ..*b })
+        let Some(occlusion) = self.occlusion else { return false };
+        let from_eye = b.centre - self.view.eye;
+        let distance = from_eye.length();
+        let nearer = from_eye * (1.0 - spacing / distance);
+        spacing < distance && occlusion.hides(&OrientedBox { centre: self.view.eye + nearer, ..*b })
+    }
+
+    /// Whether some of a node's own points may be on the picture.
+    fn shows_points(&self, node: &Node, contour: &OrientedBox, spacing: f64) -> bool {
+        any_part(contour, node.occupancy, &mut |part| {
+            self.frustum.touches(part) && !self.is_hidden(part, spacing)
+        })
     }
 
     fn visit(&mut self, candidate: &Candidate) {
@@ -284,7 +295,7 @@ impl<R: Residency> Walk<'_, R> {
         }
         let contour = OrientedBox::of_contour(node, self.lattice);
         let is_culled = !self.frustum.touches(&contour);
-        if is_culled || self.is_hidden(&contour, candidate.spacing) {
+        if is_culled || !self.shows_points(node, &contour, candidate.spacing) {
             let counters = &mut self.selection.counters;
             counters.contour_culled += u64::from(is_culled);
             counters.contour_occluded += u64::from(!is_culled);
