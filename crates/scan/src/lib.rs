@@ -1,5 +1,5 @@
 //! Scan formats to columnar batches on the lattice. The only crate that knows LAS, LAZ, PLY and text.
-//! The format is told by content, never by the name.
+//! The format is told by content, never by the name; only generated scans ([`synthetic`]) are named.
 //!
 //! | format | what is read | coordinates |
 //! |---|---|---|
@@ -14,6 +14,7 @@ pub mod las;
 pub mod ply;
 pub mod registry;
 pub mod source;
+pub mod synthetic;
 pub mod text;
 
 pub use error::ScanError;

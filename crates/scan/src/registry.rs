@@ -2,6 +2,7 @@
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, Source};
+use crate::synthetic;
 use esker_points::Task;
 use std::fs::File;
 use std::io::Read;
@@ -19,15 +20,18 @@ const NAMED: &[(&[u8], &str)] = &[
 /// Bytes of a file's beginning by which its format is told.
 const HEAD_BYTES: u64 = 4096;
 
-/// Opens a scan, its format told by its content.
+/// Opens a scan, its format told by its content; or a generated one, told by its name.
 ///
 /// # Errors
-/// Where the file cannot be read, is of no known format, or is damaged.
+/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is generated.
 pub fn open(
     path: &Path,
     options: &OpenOptions,
     task: &dyn Task,
 ) -> Result<Box<dyn Source>, ScanError> {
+    if synthetic::is_spec(path) {
+        return synthetic::open(path, options);
+    }
     let io = |source| ScanError::io(path, source);
     let file = File::open(path).map_err(io)?;
     if file.metadata().map_err(io)?.is_dir() {

@@ -1,0 +1,182 @@
+//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a function
+//! of the scene, the number of points, the seed and its index, the same on every machine (the rule for
+//! that is in [`draw`]), so that blocks of points are made apart, on all cores, and handed over in order.
+//! They have the grid and the fields of a LAS file of point format 7.
+//!
+//! | scene | what it is |
+//! |---|---|
+//! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
+
+mod draw;
+mod floor_plan;
+mod furniture;
+mod office;
+mod point;
+mod ray;
+mod solid;
+mod spec;
+mod station;
+
+use crate::error::ScanError;
+use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use esker_points::lattice::{GridKind, Placement};
+use esker_points::{ColourDepth, Grid, InputGrid, Task};
+use point::{Point, Run};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+pub use spec::{POINTS_MAX, is_spec};
+
+/// Points that are made together; a batch.
+const BLOCK_POINTS: u64 = 1 << 14;
+/// Blocks made while those before are taken: 16 MiB of batches.
+const GROUP_BLOCKS: u64 = 28;
+
+/// A kind of scene.
+pub struct SceneKind {
+    /// Its name in `synthetic:NAME:...`.
+    pub name: &'static str,
+    make: fn(points: u64, seed: u64) -> Box<dyn Scene>,
+}
+
+/// All scenes.
+pub static SCENES: &[SceneKind] = &[SceneKind { name: "office", make: office::make }];
+
+/// A world and how it is scanned.
+trait Scene: Send + Sync {
+    /// The grid of its coordinates.
+    fn grid(&self) -> Grid;
+    /// Corners of a box that no point is outside of, without the grid's offset.
+    fn bounds(&self) -> [[f64; 3]; 2];
+    /// Appends these points; the range begins at a multiple of [`BLOCK_POINTS`] and is not longer.
+    fn block(&self, range: Range<u64>, out: &mut Vec<Point>);
+}
+
+/// ETRS89 / UTM zone 32N, EPSG 25832.
+const CRS: &str = r#"PROJCS["ETRS89 / UTM zone 32N",GEOGCS["ETRS89",DATUM["European_Terrestrial_Reference_System_1989",SPHEROID["GRS 1980",6378137,298.257222101]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#;
+
+struct Synthetic {
+    info: SourceInfo,
+    scene: Box<dyn Scene>,
+}
+
+/// Opens a generated scan.
+///
+/// # Errors
+/// Where the name is none of a generated scan.
+pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, ScanError> {
+    let spec = spec::Spec::parse(path)?;
+    let kind = &SCENES[spec.scene];
+    let scene = (kind.make)(spec.points, spec.seed);
+    let grid = scene.grid();
+    let world = |corner: [f64; 3]| [0, 1, 2].map(|i| corner[i] + grid.offset[i]);
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("synthetic {}", kind.name),
+        grid: InputGrid {
+            name: path.display().to_string(),
+            kind: GridKind::Integer,
+            grid,
+            bounds: (spec.points > 0).then_some(scene.bounds().map(world)),
+        },
+        schema: Arc::new(point::schema()),
+        points_hint: spec.points,
+        bytes: 0,
+        colour_depth: Some(options.colour_depth.unwrap_or(ColourDepth::Sixteen)),
+        crs: Some(Crs { text: CRS.to_owned(), unit: Some("metre".to_owned()) }),
+        verbatim: Vec::new(),
+        notes: Vec::new(),
+    };
+    Ok(Box::new(Synthetic { info, scene }))
+}
+
+impl Synthetic {
+    /// Makes these blocks, in order, on all cores.
+    fn group<T: Send>(
+        &self,
+        blocks: Range<u64>,
+        make: &(dyn Fn(&[Point]) -> Result<T, ScanError> + Sync),
+    ) -> Result<Vec<T>, ScanError> {
+        let one = |block: u64| {
+            let start = block * BLOCK_POINTS;
+            let range = start..self.info.points_hint.min(start + BLOCK_POINTS);
+            let mut points = Vec::with_capacity(BLOCK_POINTS as usize);
+            self.scene.block(range, &mut points);
+            make(&points)
+        };
+        blocks.into_par_iter().map(one).collect()
+    }
+
+    /// Hands what `make` makes of every block to `sink`, in order, while the next ones are made.
+    fn each<T: Send>(
+        &self,
+        task: &dyn Task,
+        make: &(dyn Fn(&[Point]) -> Result<T, ScanError> + Sync),
+        sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
+    ) -> Result<(), ScanError> {
+        let end = self.info.points_hint.div_ceil(BLOCK_POINTS);
+        let mut ready = Vec::new();
+        for start in (0..end).step_by(GROUP_BLOCKS as usize) {
+            task.check()?;
+            let blocks = start..end.min(start + GROUP_BLOCKS);
+            let mut made = Ok(Vec::new());
+            let sunk = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| made = self.group(blocks, make));
+                std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)
+            });
+            ready = sunk.and(made)?;
+        }
+        ready.into_iter().try_for_each(sink)
+    }
+}
+
+impl Source for Synthetic {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let mut report = ReadReport::default();
+        let (schema, grid) = (&self.info.schema, &self.info.grid.grid);
+        let make = |points: &[Point]| point::run(points, schema, grid, placement, &self.info.path);
+        self.each(task, &make, &mut |run: Run| {
+            report.points += run.batch.len() as u64;
+            report.colour_max = report.colour_max.max(run.colour_max);
+            report.rounding_error_max = report.rounding_error_max.max(run.rounding_error_max);
+            sink(run.batch)
+        })?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        let mut bounds: Option<[[i32; 3]; 2]> = None;
+        let make = |points: &[Point]| {
+            Ok(points.iter().fold([[i32::MAX; 3], [i32::MIN; 3]], |[low, high], p| {
+                [
+                    [0, 1, 2].map(|i| low[i].min(p.position[i])),
+                    [0, 1, 2].map(|i| high[i].max(p.position[i])),
+                ]
+            }))
+        };
+        self.each(task, &make, &mut |[low, high]| {
+            let [least, greatest] = bounds.unwrap_or([low, high]);
+            bounds = Some([
+                [0, 1, 2].map(|i| low[i].min(least[i])),
+                [0, 1, 2].map(|i| high[i].max(greatest[i])),
+            ]);
+            Ok(())
+        })?;
+        let grid = &self.info.grid.grid;
+        let world = |corner: [i32; 3]| {
+            [0, 1, 2].map(|i| f64::from(corner[i]) * grid.scale[i] + grid.offset[i])
+        };
+        Ok(bounds.map(|b| b.map(world)))
+    }
+}

@@ -1,0 +1,130 @@
+//! A generated point with the fields of LAS point format 7, and runs of them as batches.
+
+use super::draw::{Draw, floor};
+use super::ray::{Hit, Vec3};
+use crate::error::ScanError;
+use esker_points::attribute::names;
+use esker_points::lattice::Placement;
+use esker_points::{AttrType, Attribute, Batch, Grid, Schema};
+use std::path::Path;
+use std::sync::Arc;
+
+/// One point; the fields are those of the LAS specification, packed as in `esker_points::attribute`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Point {
+    /// Steps of the scene's grid.
+    pub position: [i32; 3],
+    /// Pulse return magnitude.
+    pub intensity: u16,
+    /// Number of this return (bits 0-3) and of all of its pulse (4-7).
+    pub returns: u8,
+    /// Direction of the scan and edge of the flight line.
+    pub flags: u8,
+    /// ASPRS class.
+    pub classification: u8,
+    /// The scene's own.
+    pub user_data: u8,
+    /// Steps of 0.006 degrees.
+    pub scan_angle: i16,
+    /// Station or strip.
+    pub point_source_id: u16,
+    /// Seconds.
+    pub gps_time: f64,
+    /// 8 bits in the upper byte, as most exports have it.
+    pub rgb: [u16; 3],
+}
+
+/// All attributes of a point.
+pub fn schema() -> Schema {
+    use AttrType::{F64, I16, U8, U16};
+    let all = [
+        (names::INTENSITY, U16),
+        (names::RETURNS, U8),
+        (names::FLAGS, U8),
+        (names::CLASSIFICATION, U8),
+        (names::USER_DATA, U8),
+        (names::SCAN_ANGLE, I16),
+        (names::POINT_SOURCE_ID, U16),
+        (names::GPS_TIME, F64),
+        (names::RED, U16),
+        (names::GREEN, U16),
+        (names::BLUE, U16),
+    ];
+    Schema::new(all.into_iter().map(|(name, ty)| Attribute::new(name, ty)).collect())
+}
+
+impl Point {
+    /// Steps of a place.
+    pub fn steps(place: Vec3, scale: f64) -> [i32; 3] {
+        // Multiplied by the whole number that the steps of a metre are.
+        let a_metre = (1.0 / scale + 0.5) as i64 as f64;
+        place.map(|c| floor(c * a_metre + 0.5).clamp(i32::MIN.into(), i32::MAX.into()) as i32)
+    }
+
+    /// Colour of 0 to 1, with the noise of a camera.
+    pub fn set_colour(&mut self, colour: [f64; 3], draw: &mut Draw) {
+        let grain = 2.0 * draw.bell();
+        self.rgb = colour.map(|c| ((c * 255.0 + grain).clamp(0.0, 255.0) as u16) << 8);
+    }
+
+    /// What comes back from `hit`: weaker with distance and at grazing angles.
+    pub fn set_intensity(&mut self, hit: &Hit, draw: &mut Draw) {
+        let far = 1.0 / (1.0 + hit.t * hit.t * (1.0 / 1600.0));
+        let share = hit.material.reflectance * (0.3 + 0.7 * hit.incidence) * far;
+        let value = share * (52_000.0 + 2_500.0 * draw.bell());
+        // 12 bits of measurement.
+        self.intensity = (value.clamp(0.0, 65_535.0) as u16) & 0xfff0;
+    }
+}
+
+/// A run of points as the builder takes it.
+pub struct Run {
+    /// The points.
+    pub batch: Batch,
+    /// Greatest value in its colours.
+    pub colour_max: u16,
+    /// Greatest rounding of a coordinate; none on the lattice of the scene's own grid.
+    pub rounding_error_max: f64,
+}
+
+/// Places points and makes columns of them.
+pub fn run(
+    points: &[Point],
+    schema: &Arc<Schema>,
+    grid: &Grid,
+    placement: &Placement,
+    path: &Path,
+) -> Result<Run, ScanError> {
+    let mut rounding_error_max = 0.0;
+    let mut batch = Batch::with_capacity(Arc::clone(schema), points.len());
+    for point in points {
+        let placed = placement.integer(point.position, grid, &mut rounding_error_max);
+        let placed = placed
+            .map_err(|off| ScanError::OffLattice { path: path.to_owned(), world: off.world })?;
+        batch.positions.push(placed);
+    }
+    let columns = schema.attributes.iter().zip(&mut batch.columns);
+    for (attribute, column) in columns {
+        macro_rules! fill {
+            ($of:expr) => {
+                points.iter().for_each(|p: &Point| column.extend_from_slice(&$of(p).to_le_bytes()))
+            };
+        }
+        match attribute.name.as_str() {
+            names::INTENSITY => fill!(|p: &Point| p.intensity),
+            names::RETURNS => fill!(|p: &Point| p.returns),
+            names::FLAGS => fill!(|p: &Point| p.flags),
+            names::CLASSIFICATION => fill!(|p: &Point| p.classification),
+            names::USER_DATA => fill!(|p: &Point| p.user_data),
+            names::SCAN_ANGLE => fill!(|p: &Point| p.scan_angle),
+            names::POINT_SOURCE_ID => fill!(|p: &Point| p.point_source_id),
+            names::GPS_TIME => fill!(|p: &Point| p.gps_time),
+            names::RED => fill!(|p: &Point| p.rgb[0]),
+            names::GREEN => fill!(|p: &Point| p.rgb[1]),
+            names::BLUE => fill!(|p: &Point| p.rgb[2]),
+            other => unreachable!("the schema above has no {other}"),
+        }
+    }
+    let colour_max = points.iter().flat_map(|p| p.rgb).max().unwrap_or(0);
+    Ok(Run { batch, colour_max, rounding_error_max })
+}

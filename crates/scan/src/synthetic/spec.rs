@@ -1,0 +1,135 @@
+//! The name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
+
+use super::SCENES;
+use crate::error::ScanError;
+use std::path::Path;
+
+/// What every name of a generated scan begins with. A file that is named so is `./synthetic:...`.
+pub const PREFIX: &str = "synthetic:";
+/// Points of a generated scan at most.
+pub const POINTS_MAX: u64 = 1 << 40;
+
+/// A generated scan, as it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spec {
+    /// Which of [`SCENES`].
+    pub scene: usize,
+    /// Points, [`POINTS_MAX`] at most.
+    pub points: u64,
+    /// What is left to chance; 1 where not said.
+    pub seed: u64,
+}
+
+/// Whether an input names a generated scan and not a file.
+pub fn is_spec(path: &Path) -> bool {
+    path.as_os_str().as_encoded_bytes().starts_with(PREFIX.as_bytes())
+}
+
+impl Spec {
+    /// Reads a name.
+    ///
+    /// # Errors
+    /// Where it is no such name: what is wrong with it, and what there is.
+    pub fn parse(path: &Path) -> Result<Self, ScanError> {
+        let text = path.to_string_lossy();
+        let rest = text.strip_prefix(PREFIX).unwrap_or(&text);
+        Self::parts(rest).map_err(|what| {
+            let scenes: Vec<_> = SCENES.iter().map(|s| s.name).collect();
+            ScanError::unsupported(
+                path,
+                format!(
+                    "{what}; a generated scan is synthetic:SCENE:POINTS[:SEED], SCENE one of {}, POINTS such as 250000, 100k, 10M or 1G (a file of that name is ./{PREFIX}...)",
+                    scenes.join(", ")
+                ),
+            )
+        })
+    }
+
+    fn parts(rest: &str) -> Result<Self, String> {
+        let mut parts = rest.split(':');
+        let name = parts.next().unwrap_or_default();
+        let scene = SCENES.iter().position(|s| s.name == name);
+        let scene = scene.ok_or_else(|| format!("there is no scene `{name}`"))?;
+        let points = parts.next().ok_or("the number of points is missing")?;
+        let points = parse_points(points)?;
+        let seed = match parts.next() {
+            None => 1,
+            Some(seed) => seed
+                .parse()
+                .map_err(|_| format!("the seed `{seed}` is no whole number from 0 to 2^64 - 1"))?,
+        };
+        match parts.next() {
+            None => Ok(Self { scene, points, seed }),
+            Some(more) => Err(format!("`{more}` follows the seed")),
+        }
+    }
+}
+
+fn parse_points(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.as_bytes().last() {
+        Some(b'k') => (&text[..text.len() - 1], 1_000),
+        Some(b'M') => (&text[..text.len() - 1], 1_000_000),
+        Some(b'G') => (&text[..text.len() - 1], 1_000_000_000),
+        _ => (text, 1),
+    };
+    if digits.is_empty() || !digits.bytes().all(|b| b.is_ascii_digit()) {
+        return Err(format!("`{text}` is no number of points"));
+    }
+    let points = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    points.filter(|&n| n <= POINTS_MAX).ok_or_else(|| {
+        format!("{text} points are more than the {POINTS_MAX} that can be generated")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Spec, String> {
+        Spec::parse(Path::new(text)).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn points_are_read_with_and_without_a_unit() {
+        for (text, points, seed) in [
+            ("synthetic:office:1000000:7", 1_000_000, 7),
+            ("synthetic:office:100k", 100_000, 1),
+            ("synthetic:office:10M:0", 10_000_000, 0),
+            ("synthetic:office:1G:18446744073709551615", 1_000_000_000, u64::MAX),
+            ("synthetic:office:0", 0, 1),
+            ("synthetic:office:1099511627776", POINTS_MAX, 1),
+        ] {
+            let spec = parse(text).unwrap();
+            assert_eq!((spec.points, spec.seed), (points, seed), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_told_with_what_there_is() {
+        for (text, what) in [
+            ("synthetic:", "there is no scene ``"),
+            ("synthetic:castle:1M", "there is no scene `castle`"),
+            ("synthetic:office", "the number of points is missing"),
+            ("synthetic:office:", "`` is no number of points"),
+            ("synthetic:office:k", "`k` is no number of points"),
+            ("synthetic:office:-5", "`-5` is no number of points"),
+            ("synthetic:office:1.5M", "`1.5M` is no number of points"),
+            ("synthetic:office:1099511627777", "are more than the 1099511627776"),
+            ("synthetic:office:99999999999999999999G", "are more than"),
+            ("synthetic:office:1M:x", "the seed `x` is no whole number"),
+            ("synthetic:office:1M:1:2", "`2` follows the seed"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.starts_with(&format!("{text}: ")), "{error}");
+            assert!(error.contains(what) && !error.contains('\n'), "{error}");
+            assert!(SCENES.iter().all(|s| error.contains(s.name)), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_of_that_name_is_still_a_file() {
+        assert!(is_spec(Path::new("synthetic:office:1M")));
+        assert!(!is_spec(Path::new("./synthetic:office:1M")));
+        assert!(!is_spec(Path::new("synthetic")));
+    }
+}

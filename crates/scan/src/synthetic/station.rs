@@ -1,0 +1,146 @@
+//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a fan of
+//! angles, at equal steps of both. So density falls with the square of the distance and the cosine of
+//! incidence, and what is behind something is not seen. A ray that meets nothing is thrown anew
+//! somewhere in the same turn, so that there are as many points as were asked for.
+
+use super::draw::{Draw, cos_sin};
+use super::point::Point;
+use super::ray::{Hit, Ray, Vec3};
+use super::{BLOCK_POINTS, Scene};
+use esker_points::Grid;
+use std::ops::Range;
+
+/// The fan, in turns: from 65 degrees below the horizon, where the tripod's own foot is, up to the zenith.
+const FAN: [f64; 2] = [-65.0 / 360.0, 90.0 / 360.0];
+/// Throws until a ray is sent straight down.
+const THROWS_MAX: usize = 16;
+/// Steps of coordinates, metres.
+const SCALE: f64 = 0.001;
+/// Of the range, metres: what a good scanner has on grey walls at 10 m.
+const RANGE_NOISE_M: f64 = 0.001;
+/// Of both angles, in steps: scan lines are not ruled with a ruler.
+const ANGLE_NOISE_STEPS: f64 = 0.15;
+/// Seconds from one station's beginning to the next one's, and of one turn.
+const STATION_S: f64 = 600.0;
+const TURN_S: f64 = 240.0;
+/// GPS time of the first station, as LAS counts it (adjusted standard time).
+const START_S: f64 = 300_000_000.0;
+
+/// What rays are thrown into.
+pub trait World: Send + Sync {
+    /// What a ray from a station meets first, if anything.
+    fn cast(&self, station: usize, ray: &Ray, draw: &mut Draw) -> Option<Hit>;
+    /// Corners of a box that no hit is outside of.
+    fn bounds(&self) -> [Vec3; 2];
+}
+
+/// A world and the tripods in it.
+pub struct Terrestrial<W> {
+    /// What is scanned.
+    pub world: W,
+    /// From where.
+    pub stations: Vec<Vec3>,
+    /// World coordinate of the origin.
+    pub offset: Vec3,
+    /// Points of all stations.
+    pub points: u64,
+    /// What is left to chance.
+    pub seed: u64,
+}
+
+/// The pattern of one station: columns of rows, column by column.
+struct Turn {
+    station: usize,
+    range: Range<u64>,
+    rows: u64,
+    columns: u64,
+}
+
+impl<W: World> Terrestrial<W> {
+    fn turn(&self, station: usize) -> Turn {
+        let n = self.stations.len() as u64;
+        let first = |s: usize| s as u64 * self.points / n;
+        let range = first(station)..first(station + 1);
+        let points = range.end - range.start;
+        let rows = (((points as f64 * (FAN[1] - FAN[0])).sqrt() + 0.5) as u64).max(1);
+        Turn { station, range, rows, columns: points.div_ceil(rows).max(1) }
+    }
+
+    fn point(&self, turn: &Turn, index: u64, column: u64, row: u64) -> Point {
+        let mut draw = Draw::new(self.seed, 0, index);
+        let jitter = |draw: &mut Draw| 0.5 + ANGLE_NOISE_STEPS * draw.bell();
+        let fan = FAN[1] - FAN[0];
+        let mut azimuth = (column as f64 + jitter(&mut draw)) / turn.columns as f64;
+        let mut elevation = FAN[0] + (row as f64 + jitter(&mut draw)) / turn.rows as f64 * fan;
+        let from = self.stations[turn.station];
+        let mut hit = None;
+        for _ in 0..THROWS_MAX {
+            let ([ca, sa], [ce, se]) = (cos_sin(azimuth), cos_sin(elevation));
+            let ray = Ray::new(from, [ca * ce, sa * ce, se]);
+            hit = self.world.cast(turn.station, &ray, &mut draw).map(|hit| (ray, hit));
+            if hit.is_some() {
+                break;
+            }
+            (azimuth, elevation) = (draw.unit(), FAN[0] + draw.unit() * fan);
+        }
+        let down = || {
+            let ray = Ray::new(from, [0.0, 0.0, -1.0]);
+            self.world.cast(turn.station, &ray, &mut draw.clone()).map(|hit| (ray, hit))
+        };
+        let time = (index - turn.range.start) as f64 / (turn.range.end - turn.range.start) as f64;
+        let mut point = Point {
+            returns: 0x11,
+            flags: ((column & 1) << 6) as u8,
+            // Steps of 0.006 degrees.
+            scan_angle: (elevation * 60_000.0) as i16,
+            point_source_id: turn.station as u16 + 1,
+            gps_time: START_S + turn.station as f64 * STATION_S + time * TURN_S,
+            ..Point::default()
+        };
+        if let Some((ray, hit)) = hit.or_else(down) {
+            let noise = RANGE_NOISE_M * (1.0 + 0.03 * hit.t) * draw.bell();
+            let place = ray.at(hit.t);
+            point.position = Point::steps(ray.at(hit.t + noise), SCALE);
+            point.classification = hit.material.class;
+            point.set_intensity(&hit, &mut draw);
+            let colour = hit.material.colour_at(self.seed, place).map(|c| c * hit.light);
+            point.set_colour(colour, &mut draw);
+        }
+        point
+    }
+}
+
+impl<W: World> Scene for Terrestrial<W> {
+    fn grid(&self) -> Grid {
+        Grid { scale: [SCALE; 3], offset: self.offset }
+    }
+
+    fn bounds(&self) -> [Vec3; 2] {
+        // Noise of the range goes no further than a few of its deviations.
+        let [low, high] = self.world.bounds();
+        [low.map(|c| c - 0.1), high.map(|c| c + 0.1)]
+    }
+
+    fn block(&self, range: Range<u64>, out: &mut Vec<Point>) {
+        debug_assert!(range.end - range.start <= BLOCK_POINTS);
+        let n = self.stations.len() as u64;
+        let mut index = range.start;
+        while index < range.end {
+            // The station whose share the index falls into.
+            let station = ((index + 1) * n - 1) / self.points;
+            let turn = self.turn(station as usize);
+            let (mut column, mut row) = {
+                let within = index - turn.range.start;
+                (within / turn.rows, within % turn.rows)
+            };
+            for index in index..range.end.min(turn.range.end) {
+                out.push(self.point(&turn, index, column, row));
+                row += 1;
+                if row == turn.rows {
+                    (column, row) = (column + 1, 0);
+                }
+            }
+            index = range.end.min(turn.range.end);
+        }
+    }
+}
