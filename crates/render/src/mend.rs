@@ -25,10 +25,11 @@ struct Patch {
 /// Closes gaps of `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`].
 pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) {
+    let mut candidates = edges.to_vec();
     for _ in 0..ROUNDS {
-        let candidates = edges.par_iter().with_min_len(1024);
-        let patches: Vec<Patch> =
-            candidates.filter_map(|&p| patch(base, depth, focal_px, p)).collect();
+        let gaps = candidates.par_iter().with_min_len(1024);
+        let patches: Vec<Patch> = gaps.filter_map(|&p| patch(base, depth, focal_px, p)).collect();
+        candidates.clear();
         for p in patches {
             depth[p.pixel] = p.depth;
             base.depth[p.pixel] = p.depth;
@@ -37,8 +38,16 @@ pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
             if let Some(normal) = base.normal.get_mut(p.pixel) {
                 *normal = p.normal;
             }
+            // Only beside a gap that was closed may another have become surrounded.
+            candidates.extend(around(p.pixel, base.width));
         }
     }
+}
+
+/// The neighbours of a pixel that is not at the border.
+fn around(pixel: usize, width: usize) -> [usize; 8] {
+    let (up, down) = (pixel - width, pixel + width);
+    [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1]
 }
 
 /// What closes the gap at a pixel, where it is one: enough neighbours are in front by more than their
@@ -48,8 +57,7 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> Option<Pat
     if x == 0 || y == 0 || x + 1 == base.width || y + 1 == base.height {
         return None;
     }
-    let (up, down) = (pixel - base.width, pixel + base.width);
-    let around = [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1];
+    let around = around(pixel, base.width);
     let nearer = around.into_iter().filter(|&n| depth[n] < depth[pixel]).count();
     if nearer < SURROUNDED {
         return None;

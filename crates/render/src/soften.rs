@@ -9,8 +9,10 @@ use rayon::prelude::*;
 
 /// Weights of coverage an axis (binomial).
 const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+const COVERAGE_SUM: f32 = 256.0;
 /// Weights of colours an axis.
 const COLOUR: [f32; 5] = [0.0, 1.0, 2.0, 1.0, 0.0];
+const COLOUR_SUM: f32 = 16.0;
 /// How much steeper the outline is than its weighted count. Steeper ones show steps again.
 const STEEP: f32 = 1.5;
 /// Depth over width beyond which neighbouring pixels show two surfaces.
@@ -57,37 +59,40 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Its surroundings before `split` and behind it, mixed.
+    /// Its surroundings before `split` and behind it, mixed. Beyond the picture they go on as at its border.
     fn softened(&self, pixel: usize, split: f32) -> [u8; 4] {
-        let (x, y) = (pixel % self.width, pixel / self.width);
-        let height = self.depth.len() / self.width;
-        // Of each side: coverage, colour times alpha, alpha, and their weight.
-        let (mut coverage, mut colour, mut weight) = ([0.0; 2], [Vec4::ZERO; 2], [0.0; 2]);
-        for (dy, &down) in COVERAGE.iter().enumerate() {
-            for (dx, &across) in COVERAGE.iter().enumerate() {
-                let (u, v) = ((x + dx).wrapping_sub(2), (y + dy).wrapping_sub(2));
-                if u >= self.width || v >= height {
-                    continue;
-                }
-                let tap = v * self.width + u;
-                let side = usize::from(self.depth[tap] > split);
-                coverage[side] += across * down;
-                let share = COLOUR[dx] * COLOUR[dy];
-                if share > 0.0 {
-                    let [r, g, b, a] = self.pixels[tap];
-                    colour[side] += linear([r, g, b]).extend(1.0) * (f32::from(a) * share);
-                    weight[side] += share;
+        let [width, height] = [self.width, self.depth.len() / self.width];
+        let around = |at: usize, len: usize| {
+            [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(len - 1))
+        };
+        let columns = around(pixel % width, width);
+        let rows = around(pixel / width, height).map(|y| y * width);
+        // Colours times alpha, alpha, and their weights.
+        let (mut coverage, mut before, mut all) = (0.0, Vec4::ZERO, Vec4::ZERO);
+        let mut weight = 0.0;
+        for (row, down) in rows.into_iter().zip(COVERAGE) {
+            for (column, across) in columns.into_iter().zip(COVERAGE) {
+                let is_before = self.depth[row + column] <= split;
+                coverage += if is_before { across * down } else { 0.0 };
+            }
+        }
+        for (row, down) in rows.into_iter().zip(COLOUR).skip(1).take(3) {
+            for (column, across) in columns.into_iter().zip(COLOUR).skip(1).take(3) {
+                let [r, g, b, a] = self.pixels[row + column];
+                let share = down * across;
+                let colour = linear([r, g, b]).extend(1.0) * (f32::from(a) * share);
+                all += colour;
+                if self.depth[row + column] <= split {
+                    before += colour;
+                    weight += share;
                 }
             }
         }
-        let share = coverage[0] / (coverage[0] + coverage[1]);
-        let share = ((share - 0.5) * STEEP + 0.5).clamp(0.0, 1.0);
-        let [before, behind] = [0, 1].map(|side| colour[side] / f32::max(weight[side], 1.0));
-        let mixed = match weight {
-            // Without a step all is on one side.
-            [_, 0.0] => before,
-            [0.0, _] => behind,
-            _ => before * share + behind * (1.0 - share),
+        let share = ((coverage / COVERAGE_SUM - 0.5) * STEEP + 0.5).clamp(0.0, 1.0);
+        let mixed = if weight == 0.0 || weight == COLOUR_SUM {
+            all / COLOUR_SUM
+        } else {
+            before * (share / weight) + (all - before) * ((1.0 - share) / (COLOUR_SUM - weight))
         };
         let colour = if mixed.w > 0.0 { mixed.truncate() / mixed.w } else { Vec3::ZERO };
         let [r, g, b] = Encoder::get().bytes(colour);

@@ -32,7 +32,8 @@ struct Step {
 }
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::edges`]. Returns the pixels that changed and those beside them.
+/// [`crate::edges`]. Returns the pixels that changed and those
+/// that have become a rim.
 pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) -> Vec<usize> {
     let mut touched = Vec::new();
     let grid = Grid { width: base.width, height: base.height };
@@ -43,20 +44,25 @@ pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
     let mut queue: VecDeque<Step> = rim.collect::<Vec<_>>().into();
     while let Some(Step { pixel, from, before }) = queue.pop_front() {
         let radius = base.tint[pixel].w;
+        touched.push(pixel);
         let is_in_front = depth[from] > depth[pixel] * (1.0 + radius / focal_px);
         if !is_in_front || !overhangs(base, pixel) {
             continue;
         }
         replace(base, depth, pixel, from);
-        touched.push(pixel);
-        for direction in AROUND.into_iter().step_by(2) {
-            let Some(next) = grid.step(pixel, direction) else { continue };
-            touched.push(next);
-            if before < radius as u32 && depth[next] < depth[pixel] && overhangs(base, next) {
+        for next in grid.beside(pixel).into_iter().flatten() {
+            if depth[next] >= depth[pixel] {
+                continue;
+            }
+            if before < radius as u32 && overhangs(base, next) {
                 queue.push_back(Step { pixel: next, from: pixel, before: before + 1 });
+            } else {
+                touched.push(next);
             }
         }
     }
+    touched.par_sort_unstable();
+    touched.dedup();
     touched
 }
 
@@ -68,6 +74,17 @@ struct Grid {
 }
 
 impl Grid {
+    /// The pixels left, right, above and below.
+    fn beside(self, pixel: usize) -> [Option<usize>; 4] {
+        let x = pixel % self.width;
+        [
+            (x > 0).then(|| pixel - 1),
+            (x + 1 < self.width).then_some(pixel + 1),
+            pixel.checked_sub(self.width),
+            Some(pixel + self.width).filter(|&p| p < self.width * self.height),
+        ]
+    }
+
     fn step(self, pixel: usize, [dx, dy]: [isize; 2]) -> Option<usize> {
         let x = (pixel % self.width).checked_add_signed(dx)?;
         let y = (pixel / self.width).checked_add_signed(dy)?;
