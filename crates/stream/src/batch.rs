@@ -1,9 +1,10 @@
 //! The prioritised load queue (kanzok2015, section 3.2.1, item 3): what it holds at most, and how
 //! requests whose bytes lie next to each other in the file become one batch, which one loader reads at
-//! once. The queue is a channel that the LOD thread empties and fills anew; loaders take from it.
+//! once.
 
 use crate::planes::{Planes, Request};
-use std::collections::BTreeMap;
+use esker_format::PlaneKind;
+use std::collections::{BTreeMap, HashSet};
 
 /// Bytes between two planes that are read along with them rather than skipped: a disk gives them in
 /// less time than it takes to begin another read.
@@ -33,32 +34,51 @@ struct Extent {
 }
 
 /// Joins requests, given best first, into batches, best first: each as good as its best. No batch has
-/// more than `run_bytes`, gaps included, unless it is a single request.
+/// more than `run_bytes`, gaps included, unless it is a single request; none is read along before what
+/// it is drawn upon.
 pub(crate) fn batches(requests: Vec<Request>, planes: &Planes, run_bytes: usize) -> Vec<Batch> {
     let extents: Vec<_> = requests.iter().map(|r| extent(r, planes)).collect();
     let starts = extents.iter().enumerate().filter_map(|(i, e)| Some((e.as_ref()?.start, i)));
     let mut at: BTreeMap<u64, usize> = starts.collect();
+    let mut bases: HashSet<u32> = requests.iter().filter(|r| is_base(r)).map(|r| r.node).collect();
     let mut waiting: Vec<_> = requests.into_iter().map(Some).collect();
     let mut batches = Vec::new();
     for i in 0..waiting.len() {
         let Some(request) = waiting[i].take() else { continue };
+        bases.remove(&request.node);
         let mut batch = vec![request];
         if let Some(mut extent) = extents[i] {
             // Another request may begin at the same byte; then this one is not in the map.
             if at.get(&extent.start) == Some(&i) {
                 at.remove(&extent.start);
             }
-            while let Some((start, next, joined)) =
-                neighbour(&at, &extents, extent, run_bytes as u64)
+            let may_join = |i: usize, bases: &HashSet<u32>| {
+                waiting[i].as_ref().is_some_and(|r| !bases.contains(&below(r, planes)))
+            };
+            let bytes_max = run_bytes as u64;
+            let mut joined = Vec::new();
+            while let Some((start, next, both)) =
+                neighbour(&at, &extents, extent, bytes_max).filter(|n| may_join(n.1, &bases))
             {
                 at.remove(&start);
-                extent = joined;
-                batch.extend(waiting[next].take());
+                bases.remove(&waiting[next].as_ref().map_or(0, |r| r.node));
+                extent = both;
+                joined.push(next);
             }
+            batch.extend(joined.into_iter().filter_map(|next| waiting[next].take()));
         }
         batches.push(batch);
     }
     batches
+}
+
+fn is_base(request: &Request) -> bool {
+    request.planes.iter().any(|&(kind, _)| kind != PlaneKind::Residual)
+}
+
+/// The node whose base planes a request is of no use without: for a residual its own node.
+fn below(request: &Request, planes: &Planes) -> u32 {
+    if is_base(request) { planes.node(request.node).parent } else { request.node }
 }
 
 /// The request right before or behind an extent that may be read along, and both together.

@@ -9,9 +9,9 @@ use crate::error::StreamError;
 use crate::options::{Needs, Options};
 use crate::planes::{Planes, Request, Sight};
 use crate::priority::{Worth, wishes};
+use crate::queue::Queue;
 use crate::retries::Retries;
 use crate::shared::Shared;
-use crossbeam_channel::{Receiver, Sender};
 use esker_format::PlaneKind;
 use esker_lod::{
     CompactOctree, DepthFeedback, Drawn, Occlusion, Residency, Selection, SoftwareDepth, View,
@@ -22,8 +22,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-/// Wishes in a row for which no place is found before the rest is left for the next pass.
+/// Wishes for which no place is found before the rest is left for the next pass.
 const MISFITS_MAX: usize = 16;
+
+/// The share of drawing memory that is at first kept for holes between slots of different lengths.
+const SPARE: u64 = 16;
 
 /// What the LOD thread owns.
 pub(crate) struct Chooser {
@@ -33,8 +36,7 @@ pub(crate) struct Chooser {
     pub(crate) cache: Cache,
     pub(crate) retries: Retries,
     pub(crate) run_bytes: usize,
-    /// Both ends of the load queue: what loaders have not taken yet is taken back by it.
-    pub(crate) queue: (Sender<Batch>, Receiver<Batch>),
+    pub(crate) queue: Arc<Queue<Batch>>,
     /// Requests under way, by id.
     pub(crate) asked: HashMap<u64, Request>,
     pub(crate) last_id: u64,
@@ -49,6 +51,8 @@ pub(crate) struct Chooser {
     pub(crate) drawn: Vec<Drawn>,
     /// Whether wishes were left over because the queue was full.
     pub(crate) has_more: bool,
+    /// Bytes that are not planned with, because holes between slots take them.
+    pub(crate) spare_bytes: u64,
 }
 
 /// What [`select`] is told of the cache. The root counts nothing: it has its place.
@@ -89,8 +93,9 @@ impl Chooser {
         let same = self.drawn.iter().map(|d| d.node).eq(selection.drawn.iter().map(|d| d.node));
         let follows = may_follow && self.options.occlusion && !same;
         self.touch(&selection, &base, &view);
-        self.ask(&selection, &base, &view);
+        let finds_place = self.ask(&selection, &base, &view);
         self.drawn = selection.drawn;
+        let follows = follows || (!finds_place && self.spare_more());
         let waits = !is_complete && self.retries.next_due(began).is_some();
         if self.asked.is_empty() && !self.has_more && !waits && !follows {
             self.epoch += 1;
@@ -128,15 +133,30 @@ impl Chooser {
         needs_residual(self.planes.node(node), &self.planes.file.metadata().lattice, view)
     }
 
-    /// Bytes that a cut may take: all but what holes between slots of different lengths may cost, and
-    /// the root's.
+    /// A new view; it may find fewer holes than the last.
+    pub(crate) fn look(&mut self, view: View) {
+        self.view = Some(view);
+        let least = self.options.drawing_bytes / SPARE;
+        self.spare_bytes = (self.spare_bytes - self.spare_bytes / 16).max(least);
+    }
+
+    /// Plans with less, where holes keep something from its place though nothing else can leave and
+    /// nothing is under way: then what is wanted least leaves. Whether that may help.
+    fn spare_more(&mut self) -> bool {
+        let step = self.options.drawing_bytes / (4 * SPARE);
+        let may_help = self.asked.is_empty() && self.spare_bytes < self.options.drawing_bytes / 2;
+        self.spare_bytes += if may_help { step } else { 0 };
+        may_help && step > 0
+    }
+
+    /// Bytes that a cut may take: all but the spare ones, and the root's.
     fn bytes_budget(&self, base: &[PlaneKind], view: &View) -> u64 {
         let coming = self.planes.base(&self.needs);
         let root = coming.iter().filter(|kind| !base.contains(kind));
         let root: u64 = root.map(|&kind| self.planes.taken(0, kind)).sum();
         let root = root + self.node_bytes(0, base, view);
         let bytes = self.options.drawing_bytes;
-        (bytes - bytes / 16).saturating_sub(root)
+        bytes.saturating_sub(self.spare_bytes).saturating_sub(root)
     }
 
     fn select(&self, view: &View, base: &[PlaneKind]) -> Selection {
@@ -215,13 +235,16 @@ impl Chooser {
         }
     }
 
-    /// Replaces the load queue.
-    fn ask(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) {
+    /// Replaces the load queue. False where something found no place.
+    fn ask(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) -> bool {
         self.take_back();
         if self.shown != self.needs {
-            // Only the root's new planes: with them everything else is chosen anew.
+            // With the root's new planes everything else is chosen anew, so they come alone; unless
+            // they cannot be had.
             self.ask_for_root();
-            return;
+            if !self.retries.has_failed(0) {
+                return true;
+            }
         }
         let now = Instant::now();
         let worth = Worth::new(&self.planes, view, self.options.priority);
@@ -253,6 +276,7 @@ impl Chooser {
             requests.push(self.request(wish.node, slots, sight));
         }
         self.send(requests);
+        misfits == 0
     }
 
     fn ask_for_root(&mut self) {
@@ -285,28 +309,17 @@ impl Chooser {
     }
 
     fn send(&mut self, requests: Vec<Request>) {
-        for batch in batches(requests, &self.planes, self.run_bytes) {
-            let count = batch.len();
-            self.shared.counts.waiting.fetch_add(count, Relaxed);
-            if let Err(unsent) = self.queue.0.try_send(batch) {
-                // Cannot be: the queue has room for all requests under way.
-                self.shared.counts.waiting.fetch_sub(count, Relaxed);
-                self.give_up_all(&unsent.into_inner());
-            }
-        }
+        self.shared.counts.waiting.fetch_add(requests.len(), Relaxed);
+        self.queue.fill(batches(requests, &self.planes, self.run_bytes));
     }
 
     /// Takes back what no loader has taken yet; its slots were never written.
     pub(crate) fn take_back(&mut self) {
-        while let Ok(batch) = self.queue.1.try_recv() {
+        for batch in self.queue.take_back() {
             self.shared.counts.waiting.fetch_sub(batch.len(), Relaxed);
-            self.give_up_all(&batch);
-        }
-    }
-
-    fn give_up_all(&mut self, batch: &Batch) {
-        for request in batch {
-            self.give_up(request.id);
+            for request in batch {
+                self.give_up(request.id);
+            }
         }
     }
 

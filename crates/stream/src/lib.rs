@@ -10,6 +10,8 @@ mod cache;
 mod choose;
 pub mod cut;
 pub mod error;
+#[cfg(all(test, loom))]
+mod handover;
 mod identity;
 pub mod landing;
 mod loader;
@@ -19,6 +21,7 @@ pub mod options;
 mod planes;
 mod pool;
 mod priority;
+mod queue;
 mod reading;
 mod retries;
 mod shared;

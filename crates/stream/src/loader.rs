@@ -6,9 +6,10 @@ use crate::batch::Batch;
 use crate::identity::Identity;
 use crate::landing::Landing;
 use crate::planes::{Planes, Sight};
+use crate::queue::Queue;
 use crate::reading::{Outcome, Reading};
 use crate::shared::Shared;
-use crossbeam_channel::{Receiver, Sender, TryRecvError, select};
+use crossbeam_channel::{Receiver, Sender, TryRecvError};
 use esker_lod::{OrientedBox, Visible};
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -38,7 +39,7 @@ pub(crate) struct Loader<L: Landing> {
     pub(crate) landing: Arc<L>,
     pub(crate) shared: Arc<Shared>,
     pub(crate) identity: Arc<Identity>,
-    pub(crate) queue: Receiver<Batch>,
+    pub(crate) queue: Arc<Queue<Batch>>,
     pub(crate) reports: Sender<Report>,
     pub(crate) wake: Sender<()>,
     /// Nothing is ever sent: it closes when streaming stops.
@@ -68,10 +69,7 @@ impl<L: Landing> Loader<L> {
 
     /// Waits for a batch; `None` once streaming stops.
     fn take(&self) -> Option<Batch> {
-        let batch = select! {
-            recv(self.queue) -> batch => batch.ok()?,
-            recv(self.stop) -> _ => return None,
-        };
+        let batch = self.queue.take()?;
         self.shared.counts.waiting.fetch_sub(batch.len(), Relaxed);
         if self.queue.len() < QUEUE_LOW {
             // Full: the LOD thread is woken already.

@@ -118,7 +118,7 @@ impl LodThread {
         while let Ok(report) = self.reports.try_recv() {
             cause = cause.max(self.take_report(report));
         }
-        if self.chooser.has_more && self.chooser.queue.1.len() < QUEUE_LOW {
+        if self.chooser.has_more && self.chooser.queue.len() < QUEUE_LOW {
             cause = cause.max(Cause::Loading);
         }
         cause
@@ -138,7 +138,7 @@ impl LodThread {
             }
         }
         if let Some(view) = shared.view.take().filter(|v| chooser.view != Some(**v)) {
-            chooser.view = Some(*view);
+            chooser.look(*view);
             cause = Cause::Looking;
         }
         if let Some(feedback) = shared.feedback.take() {

@@ -11,7 +11,8 @@
 //! slots until they are uploaded, or reported as dropped or failed, which happens after their runs have
 //! been landed; runs are uploaded in that order, so a slot's later owner writes last.
 //!
-//! `tests/handover.rs` checks this order in all interleavings, and that the other order fails.
+//! `handover.rs` checks this order in all interleavings, and that other orders fail. There is no `unsafe`
+//! in this crate, so that no data race can be; what it checks is the protocol.
 
 use crate::cut::Cut;
 use crate::mailbox::Mailbox;

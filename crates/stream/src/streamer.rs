@@ -1,7 +1,7 @@
 //! The streamer: starts the threads, passes messages on, joins the threads. What the render thread
 //! calls never waits.
 
-use crate::batch::REQUESTS_MAX;
+use crate::batch::{Batch, REQUESTS_MAX};
 use crate::cache::Cache;
 use crate::choose::Chooser;
 use crate::cut::Cut;
@@ -13,6 +13,7 @@ use crate::lod_thread::LodThread;
 use crate::options::{Needs, Options};
 use crate::planes::Planes;
 use crate::pool::Pool;
+use crate::queue::Queue;
 use crate::retries::Retries;
 use crate::shared::Shared;
 use crate::status::Status;
@@ -38,7 +39,9 @@ pub struct Streamer {
     shared: Arc<Shared>,
     wake: Sender<()>,
     uploaded: Sender<u64>,
-    /// Dropped to stop.
+    /// Closed to stop those that wait for something to load.
+    queue: Arc<Queue<Batch>>,
+    /// Dropped to stop all others.
     stop: Option<Sender<Infallible>>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -47,8 +50,6 @@ pub struct Streamer {
 struct Channels {
     /// One is enough: it only says "look around".
     wake: (Sender<()>, Receiver<()>),
-    /// The load queue; each batch has at least one request.
-    queue: (Sender<Vec<crate::planes::Request>>, Receiver<Vec<crate::planes::Request>>),
     /// Each request is told of once.
     uploaded: (Sender<u64>, Receiver<u64>),
     /// Each request is told of once; a changed file once a second.
@@ -60,7 +61,6 @@ impl Channels {
     fn new() -> Self {
         Self {
             wake: bounded(1),
-            queue: bounded(REQUESTS_MAX),
             uploaded: bounded(REQUESTS_MAX),
             reports: bounded(REQUESTS_MAX + LOADERS_MAX),
             stop: bounded(0),
@@ -88,7 +88,8 @@ impl Streamer {
         let planes = Planes { file: Arc::clone(&file) };
         let shared = Arc::new(Shared::new(&needs));
         let channels = Channels::new();
-        let chooser = chooser(&planes, &shared, &channels, options, needs, run_bytes);
+        let queue = Arc::new(Queue::new());
+        let chooser = chooser(&planes, &shared, Arc::clone(&queue), options, needs, run_bytes);
         chooser.check_root(&chooser.needs)?;
         let lod = LodThread {
             chooser,
@@ -103,6 +104,7 @@ impl Streamer {
             shared: Arc::clone(&shared),
             wake: channels.wake.0.clone(),
             uploaded: channels.uploaded.0,
+            queue: Arc::clone(&queue),
             stop: Some(channels.stop.0),
             threads: Vec::with_capacity(loaders + 1),
         };
@@ -114,7 +116,7 @@ impl Streamer {
                 landing: Arc::clone(&landing),
                 shared: Arc::clone(&shared),
                 identity: Arc::clone(&identity),
-                queue: channels.queue.1.clone(),
+                queue: Arc::clone(&queue),
                 reports: channels.reports.0.clone(),
                 wake: channels.wake.0.clone(),
                 stop: channels.stop.1.clone(),
@@ -185,6 +187,7 @@ impl Streamer {
 impl Drop for Streamer {
     fn drop(&mut self) {
         drop(self.stop.take());
+        self.queue.close();
         for thread in self.threads.drain(..) {
             // A thread that panicked has said so itself.
             let _ = thread.join();
@@ -195,7 +198,7 @@ impl Drop for Streamer {
 fn chooser(
     planes: &Planes,
     shared: &Arc<Shared>,
-    channels: &Channels,
+    queue: Arc<Queue<Batch>>,
     options: Options,
     needs: Needs,
     run_bytes: usize,
@@ -203,12 +206,13 @@ fn chooser(
     let pool = Pool::new(options.drawing_bytes, options.page_bytes);
     Chooser {
         cache: Cache::new(planes.clone(), pool, options.nodes_max),
+        spare_bytes: 0,
         options,
         planes: planes.clone(),
         shared: Arc::clone(shared),
         retries: Retries::default(),
         run_bytes,
-        queue: (channels.queue.0.clone(), channels.queue.1.clone()),
+        queue,
         asked: HashMap::new(),
         last_id: 0,
         epoch: 0,

@@ -1,14 +1,16 @@
-//! What streaming promises: a view converges to the pure choice, in the order that priorities say,
-//! whatever the disk and the landing do; and the streamer stops from any state.
+//! What streaming promises while nothing goes wrong: a view converges to the pure choice, in the order
+//! that priorities say; the queue is replaced; needs change without an empty picture.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod rig;
 
 use esker_format::PlaneKind;
-use esker_lod::{AllResident, select};
-use esker_stream::{Cut, Needs, Options};
+use esker_lod::{AllResident, OrientedBox, View, select};
+use esker_stream::{Cut, Needs, Options, Priority};
 use rig::{Habits, Rig};
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::Ordering::SeqCst;
 
 fn needs() -> Needs {
     Needs { colour: Some(PlaneKind::Colour), normals: true }
@@ -19,7 +21,7 @@ fn roomy() -> Options {
 }
 
 /// What the pure choice draws with everything at hand.
-fn pure(rig: &Rig, cut: &Cut, options: &Options) -> Vec<(u32, usize)> {
+fn pure(rig: &Rig, view: &View, options: &Options) -> Vec<(u32, usize)> {
     let file = &rig.file;
     let options = esker_lod::Options {
         points_budget: options.points_budget,
@@ -27,8 +29,12 @@ fn pure(rig: &Rig, cut: &Cut, options: &Options) -> Vec<(u32, usize)> {
         target_spacing_px: options.target_spacing_px,
     };
     let lattice = &file.metadata().lattice;
-    let chosen = select(file.table(), lattice, &cut.view, &options, &AllResident, None);
+    let chosen = select(file.table(), lattice, view, &options, &AllResident, None);
     chosen.drawn.iter().map(|d| (d.node, d.prefix)).collect()
+}
+
+fn drawn(cut: &Cut) -> Vec<(u32, usize)> {
+    cut.nodes.iter().map(|n| (n.node, n.prefix)).collect()
 }
 
 #[test]
@@ -38,8 +44,7 @@ fn a_view_converges_to_the_pure_choice() {
         let cut = rig.settle(rig.view(x, y, height));
         assert!(cut.complete);
         assert!(cut.nodes.len() > 3, "{} nodes", cut.nodes.len());
-        let drawn: Vec<_> = cut.nodes.iter().map(|n| (n.node, n.prefix)).collect();
-        assert_eq!(drawn, pure(&rig, &cut, &roomy()));
+        assert_eq!(drawn(&cut), pure(&rig, &cut.view, &roomy()));
         assert_eq!(cut.octree.len(), cut.nodes.len());
         for node in &cut.nodes {
             let lattice = &rig.file.metadata().lattice;
@@ -50,5 +55,191 @@ fn a_view_converges_to_the_pure_choice() {
         }
     }
     let status = rig.streamer.status();
-    println!("{status:?}");
+    assert_eq!((status.requests_in_flight, status.requests_waiting), (0, 0));
+    assert_eq!((status.fault, status.nodes_evicted), (None, 0));
+    assert!(status.useful_bytes <= status.read_bytes);
+}
+
+#[test]
+fn occlusion_leaves_out_what_is_hidden_and_settles() {
+    let options = Options { occlusion: true, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options.clone(), needs());
+    let cut = rig.settle(rig.view(0.5, 0.1, 0.1));
+    let all: HashSet<u32> = pure(&rig, &cut.view, &options).into_iter().map(|d| d.0).collect();
+    assert!(cut.complete && cut.nodes.iter().all(|n| all.contains(&n.node)));
+}
+
+#[test]
+fn nothing_happens_once_a_view_has_settled() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    let view = rig.view(0.5, -0.5, 0.8);
+    let cut = rig.settle(view);
+    let before = rig.streamer.status();
+    for _ in 0..50 {
+        rig.streamer.look(view);
+        rig.frame();
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    assert_eq!(rig.streamer.status().passes, before.passes);
+    assert_eq!(rig.streamer.cut().epoch, cut.epoch);
+}
+
+#[test]
+fn a_budget_too_small_for_the_view_is_filled_and_kept() {
+    let options = Options { drawing_bytes: 500 << 10, page_bytes: 128 << 10, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options.clone(), needs());
+    for (x, y, height) in [(0.3, 0.2, 0.12), (0.6, 0.5, 0.08), (0.1, 0.6, 0.1), (0.3, 0.2, 0.12)] {
+        let cut = rig.settle(rig.view(x, y, height));
+        let all = pure(&rig, &cut.view, &options);
+        assert!(cut.complete, "what the budget allows finds its place: {:?}", cut.counters);
+        assert!(cut.nodes.len() < all.len() && cut.counters.withheld > 0);
+    }
+    let status = rig.streamer.status();
+    assert!(status.drawing_bytes_peak > (400 << 10), "{}", status.drawing_bytes_peak);
+    assert!(status.nodes_evicted > 0);
+}
+
+#[test]
+fn no_more_nodes_are_resident_than_allowed() {
+    let options = Options { nodes_max: 20, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options, needs());
+    for (x, y, height) in [(0.3, 0.2, 0.12), (0.6, 0.5, 0.08)] {
+        let cut = rig.settle(rig.view(x, y, height));
+        assert!(cut.complete && cut.nodes.len() > 10, "{}", cut.nodes.len());
+        assert!(rig.streamer.status().nodes_resident <= 20);
+    }
+}
+
+/// Which nodes came, in order, when a landing that was stuck until all were asked for lends again.
+fn order(priority: Priority) -> (Rig, View, Vec<u32>) {
+    let options = Options { priority, loaders: 1, ..roomy() };
+    // Runs of few bytes, so that neighbours do not come along.
+    let habits = Habits { run_bytes: 8192, ..Habits::default() };
+    let mut rig = Rig::new(habits, options, needs());
+    let first = rig.settle(rig.view(0.5, 0.5, 20.0));
+    assert!(first.complete);
+    rig.gpu.landing.stuck.store(true, SeqCst);
+    let (view, before) = (rig.view(0.4, 0.0, 0.2), rig.gpu.arrived.len());
+    rig.streamer.look(view);
+    rig.until("asks", |cut, rig| cut.view == view && rig.streamer.status().requests_waiting > 40);
+    rig.gpu.landing.stuck.store(false, SeqCst);
+    rig.until("settles", |cut, _| cut.view == view && cut.settled);
+    let came = rig.gpu.arrived[before..].iter().filter(|a| a.1 != PlaneKind::Residual);
+    let came = came.map(|a| a.0).collect();
+    (rig, view, came)
+}
+
+#[test]
+fn parents_come_before_their_children() {
+    for priority in [Priority::Distance, Priority::ErrorPerByte] {
+        let (rig, _, came) = order(priority);
+        let turn: HashMap<u32, usize> = came.iter().enumerate().map(|(i, &n)| (n, i)).collect();
+        for (i, &node) in came.iter().enumerate() {
+            let parent = rig.file.table().nodes[node as usize].parent;
+            assert!(turn.get(&parent).is_none_or(|&p| p < i), "{priority:?}: {node} at {i}");
+        }
+        assert!(came.len() > 40, "{}", came.len());
+    }
+}
+
+#[test]
+fn the_nearest_come_first_by_distance() {
+    let mean = |priority| {
+        let (rig, view, came) = order(priority);
+        let distance = |&node: &u32| {
+            let record = &rig.file.table().nodes[node as usize];
+            OrientedBox::of_contour(record, &rig.file.metadata().lattice).distance(view.eye)
+        };
+        let distances: Vec<f64> = came.iter().map(distance).collect();
+        let early = &distances[..distances.len() / 3];
+        let late = &distances[distances.len() * 2 / 3..];
+        early.iter().sum::<f64>() / late.iter().sum::<f64>()
+    };
+    assert!(mean(Priority::Distance) < 0.5, "{}", mean(Priority::Distance));
+}
+
+#[test]
+fn a_new_view_replaces_the_queue() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    rig.settle(rig.view(0.5, 0.5, 20.0));
+    rig.gpu.landing.stuck.store(true, SeqCst);
+    let [left, right] = [0.05, 0.85].map(|x| rig.view(x, 0.1, 0.05));
+    rig.streamer.look(left);
+    rig.until("asks", |cut, rig| cut.view == left && rig.streamer.status().requests_waiting > 5);
+    rig.streamer.look(right);
+    rig.until("asks anew", |cut, _| cut.view == right);
+    let before = rig.gpu.arrived.len();
+    rig.gpu.landing.stuck.store(false, SeqCst);
+    rig.until("settles", |cut, _| cut.view == right && cut.settled);
+    let wanted = |view: &View| -> HashSet<u32> {
+        pure(&rig, view, &roomy()).into_iter().map(|d| d.0).collect()
+    };
+    let only_left: HashSet<u32> = wanted(&left).difference(&wanted(&right)).copied().collect();
+    assert!(only_left.len() > 20);
+    let came = rig.gpu.arrived[before..].iter().filter(|a| only_left.contains(&a.0)).count();
+    let status = rig.streamer.status();
+    // At most what loaders had taken already, and that was out of view.
+    assert_eq!(came, 0, "of {} in the old view alone; {status:?}", only_left.len());
+    assert!(status.requests_dropped > 0);
+}
+
+#[test]
+fn needs_change_without_an_empty_picture() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    let view = rig.view(0.3, 0.2, 0.12);
+    rig.settle(view);
+    let schema = rig.file.layout().schema();
+    let time = schema.attributes.iter().position(|a| a.name == "gps_time").unwrap() as u16;
+    let changes = [
+        Needs { colour: Some(PlaneKind::Intensity), normals: false },
+        Needs { colour: Some(PlaneKind::Attribute(time)), normals: true },
+        Needs { colour: None, normals: false },
+        // What the file does not have is left out.
+        Needs { colour: Some(PlaneKind::Class), normals: true },
+        needs(),
+    ];
+    for needs in changes {
+        rig.streamer.need(needs.clone());
+        rig.until("shows", |cut, _| cut.needs == needs && cut.settled);
+        let cut = rig.streamer.cut();
+        assert!(cut.complete);
+        assert_eq!(drawn(&cut), pure(&rig, &view, &roomy()));
+        for node in &cut.nodes {
+            let colour = needs.colour.filter(|&c| c != PlaneKind::Class);
+            assert!(colour.is_none_or(|c| node.slot(c).is_some()));
+            assert_eq!(node.slot(PlaneKind::Normal).is_some(), needs.normals);
+        }
+    }
+    assert_eq!(rig.streamer.status().fault, None);
+}
+
+#[test]
+fn needs_change_where_the_budget_is_full() {
+    let options = Options { drawing_bytes: 700 << 10, page_bytes: 128 << 10, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options, Needs::default());
+    rig.settle(rig.view(0.3, 0.2, 0.12));
+    for needs in [needs(), Needs::default(), needs()] {
+        rig.streamer.need(needs.clone());
+        rig.until("shows", |cut, _| cut.needs == needs && cut.settled);
+    }
+}
+
+#[test]
+fn a_root_that_does_not_fit_is_refused_with_a_remedy() {
+    let file = std::sync::Arc::clone(&Rig::new(Habits::default(), roomy(), needs()).file);
+    let gpu = rig::Gpu::new(Habits::default(), 4096, std::sync::Arc::clone(&file));
+    let options = Options { drawing_bytes: 4096, ..roomy() };
+    let refused = esker_stream::Streamer::start(file, gpu.landing, options, needs());
+    assert!(refused.unwrap_err().to_string().contains("raise the budget"));
+}
+
+#[test]
+fn needs_whose_root_does_not_fit_are_refused_in_the_status() {
+    let options = Options { drawing_bytes: 12 << 10, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options, Needs::default());
+    rig.settle(rig.view(0.5, 0.5, 20.0));
+    rig.streamer.need(needs());
+    rig.until("refuses", |_, rig| rig.streamer.status().fault.is_some());
+    assert!(rig.streamer.status().fault.unwrap().contains("raise the budget"));
+    assert_eq!(rig.streamer.cut().nodes.len(), 1);
 }
