@@ -117,3 +117,76 @@ fn extent(request: &Request, planes: &Planes) -> Option<Extent> {
     }
     (!request.alone).then_some(extent)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::landing::Slot;
+    use crate::planes::Sight;
+    use crate::testing::hills;
+    use proptest::prelude::*;
+
+    fn request(id: u64, node: u32, kinds: &[PlaneKind], alone: bool) -> Request {
+        let slot = Slot { offset: 0, bytes: 0 };
+        let planes = kinds.iter().map(|&kind| (kind, slot)).collect();
+        Request { id, node, planes, sight: Sight::Contour, alone }
+    }
+
+    proptest! {
+        #[test]
+        fn each_request_is_in_one_batch_behind_what_it_is_drawn_upon(
+            nodes in prop::collection::btree_set(0u32..140, 1..80), kinds in 0usize..3,
+            run_bytes in 4096usize..200_000, lonely in 1u32..20,
+        ) {
+            let planes = Planes { file: hills() };
+            let nodes: Vec<u32> =
+                nodes.into_iter().filter(|&n| (n as usize) < planes.file.table().nodes.len()).collect();
+            let all = [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Attribute(7)];
+            let mut requests = Vec::new();
+            for &node in &nodes {
+                let alone = node % lonely == 1;
+                requests.push(request(requests.len() as u64, node, &all[..=kinds], alone));
+                requests.push(request(requests.len() as u64, node, &[PlaneKind::Residual], alone));
+            }
+            let count = requests.len();
+            let batches = batches(requests, &planes, run_bytes);
+            let turns: BTreeMap<u64, usize> = batches
+                .iter()
+                .enumerate()
+                .flat_map(|(turn, batch)| batch.iter().map(move |r| (r.id, turn)))
+                .collect();
+            prop_assert_eq!(turns.len(), count);
+            prop_assert_eq!(batches.iter().map(Vec::len).sum::<usize>(), count);
+            for (i, &node) in nodes.iter().enumerate() {
+                let turn = turns[&(2 * i as u64)];
+                prop_assert!(turn <= turns[&(2 * i as u64 + 1)], "the residual comes later");
+                if let Ok(above) = nodes.binary_search(&planes.node(node).parent) {
+                    prop_assert!(turns[&(2 * above as u64)] <= turn, "the child comes later");
+                }
+            }
+            for batch in batches.iter().filter(|b| b.len() > 1) {
+                prop_assert!(batch.iter().all(|r| !r.alone));
+                let mut ranges: Vec<_> = batch
+                    .iter()
+                    .flat_map(|r| r.planes.iter().filter_map(|&(k, _)| planes.in_file(r.node, k)))
+                    .collect();
+                ranges.sort_by_key(|r| r.start);
+                let bytes: u64 = ranges.iter().map(|r| r.end - r.start).sum();
+                prop_assert!(bytes <= run_bytes as u64);
+                let gaps = ranges.windows(2).map(|w| w[1].start - w[0].end);
+                prop_assert!(gaps.max().unwrap_or(0) <= GAP_BYTES_MAX);
+            }
+        }
+    }
+
+    #[test]
+    fn neighbours_are_read_at_once() {
+        let planes = Planes { file: hills() };
+        let kinds = [PlaneKind::Position, PlaneKind::Colour];
+        // Siblings, whose parent is at hand.
+        let nodes = planes.node(0).children();
+        let requests: Vec<_> = nodes.map(|n| request(n.into(), n, &kinds, false)).collect();
+        assert!(requests.len() > 2);
+        assert_eq!(batches(requests, &planes, 1 << 20).len(), 1);
+    }
+}

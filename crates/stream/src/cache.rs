@@ -39,6 +39,7 @@ pub(crate) struct Cache {
     pass: u64,
     /// What may leave, in this pass; the first to leave is last. Made when first needed.
     leaving: Option<Vec<(u64, Reverse<u32>, PlaneKind)>>,
+    resident: usize,
     evicted: u64,
 }
 
@@ -51,6 +52,7 @@ impl Cache {
             nodes_max,
             pass: 0,
             leaving: None,
+            resident: 0,
             evicted: 0,
         }
     }
@@ -59,9 +61,9 @@ impl Cache {
         &self.pool
     }
 
-    /// Nodes that have slots.
-    pub(crate) fn nodes(&self) -> usize {
-        self.entries.len()
+    /// Nodes whose positions are uploaded.
+    pub(crate) fn resident_nodes(&self) -> usize {
+        self.resident
     }
 
     /// Nodes that left so that others could come.
@@ -154,6 +156,7 @@ impl Cache {
     pub(crate) fn arrive(&mut self, node: u32, kind: PlaneKind) {
         let entry = self.entries.get_mut(&node);
         if let Some(held) = entry.and_then(|e| e.planes.iter_mut().find(|h| h.kind == kind)) {
+            self.resident += usize::from(kind == PlaneKind::Position && !held.is_resident);
             held.is_resident = true;
         }
     }
@@ -162,7 +165,9 @@ impl Cache {
     pub(crate) fn release(&mut self, node: u32, kind: PlaneKind) {
         let Some(entry) = self.entries.get_mut(&node) else { return };
         if let Some(at) = entry.planes.iter().position(|h| h.kind == kind) {
-            self.pool.give(entry.planes.swap_remove(at).slot);
+            let held = entry.planes.swap_remove(at);
+            self.resident -= usize::from(kind == PlaneKind::Position && held.is_resident);
+            self.pool.give(held.slot);
         }
         self.drop_empty(node);
     }
@@ -205,5 +210,89 @@ impl Cache {
         }
         unused.sort_unstable_by(|a, b| b.cmp(a));
         unused
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::hills;
+    use proptest::prelude::*;
+
+    const BASE: [PlaneKind; 2] = [PlaneKind::Position, PlaneKind::Colour];
+
+    impl Cache {
+        /// What must always hold.
+        fn check(&self) -> Result<(), TestCaseError> {
+            let mut children: HashMap<u32, u32> = HashMap::new();
+            for &node in self.entries.keys().filter(|&&n| n != 0) {
+                let parent = self.planes.node(node).parent;
+                prop_assert!(self.has_node(parent), "{} is without {}", node, parent);
+                *children.entry(parent).or_default() += 1;
+            }
+            let mut used = 0;
+            for (node, entry) in &self.entries {
+                prop_assert_eq!(entry.children, children.get(node).copied().unwrap_or(0));
+                prop_assert!(entry.children > 0 || !entry.planes.is_empty());
+                used += entry.planes.iter().map(|h| Pool::taken(h.slot.bytes)).sum::<u64>();
+            }
+            prop_assert_eq!(used, self.pool.used());
+            let resident = self.entries.keys().filter(|&&n| self.is_resident(n, &BASE[..1]));
+            prop_assert_eq!(resident.count(), self.resident);
+            Ok(())
+        }
+    }
+
+    /// A walk from the root: each number chooses a child.
+    fn path(planes: &Planes, turns: &[u8]) -> Vec<u32> {
+        let mut path = vec![0];
+        for &turn in turns {
+            let children = planes.node(path[path.len() - 1]).children();
+            let Some(child) = children.clone().nth(usize::from(turn) % children.len().max(1))
+            else {
+                break;
+            };
+            path.push(child);
+        }
+        path
+    }
+
+    proptest! {
+        #[test]
+        fn it_stays_closed_under_parent_and_keeps_what_is_in_use(
+            pages in 2u64..6, nodes_max in 3usize..40,
+            passes in prop::collection::vec(
+                (prop::collection::vec(any::<u8>(), 1..5), any::<bool>(), 0u8..4), 1..60),
+        ) {
+            let planes = Planes { file: hills() };
+            let mut cache =
+                Cache::new(planes.clone(), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
+            let mut asked: Vec<(u32, PlaneKind)> = Vec::new();
+            for (turns, with_residual, fate) in passes {
+                cache.begin_pass();
+                let path = path(&planes, &turns);
+                for &node in &path {
+                    BASE.iter().for_each(|&kind| cache.touch(node, kind));
+                }
+                for &node in &path {
+                    let mut kinds = BASE.to_vec();
+                    kinds.extend(with_residual.then_some(PlaneKind::Residual));
+                    kinds.retain(|&kind| !cache.has(node, kind));
+                    let kept = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
+                    let slots = cache.reserve(node, &kinds, &BASE);
+                    asked.extend(slots.into_iter().flatten().map(|(kind, _)| (node, kind)));
+                    let still = path.iter().filter(|&&n| cache.is_resident(n, &BASE)).count();
+                    prop_assert_eq!(kept, still, "what is in use stays");
+                    cache.check()?;
+                }
+                // Some arrive, some fail, some are still on their way.
+                let ends = asked.len() * usize::from(fate) / 3;
+                for (i, (node, kind)) in asked.drain(..ends.min(asked.len())).enumerate() {
+                    if i % 5 == 4 { cache.release(node, kind) } else { cache.arrive(node, kind) }
+                }
+                cache.check()?;
+                prop_assert!(cache.entries.len() <= nodes_max);
+            }
+        }
     }
 }

@@ -27,6 +27,8 @@ mod retries;
 mod shared;
 pub mod status;
 pub mod streamer;
+#[cfg(test)]
+mod testing;
 
 pub use cut::{Cut, CutNode};
 pub use error::StreamError;

@@ -179,7 +179,7 @@ impl LodThread {
         let cache = &self.chooser.cache;
         self.status.drawing_bytes = cache.pool().used();
         self.status.drawing_bytes_peak = cache.pool().peak();
-        self.status.nodes_resident = cache.nodes();
+        self.status.nodes_resident = cache.resident_nodes();
         self.status.nodes_evicted = cache.evicted();
         self.status.nodes_failed = self.chooser.retries.given_up();
         // How many of them wait is known to the queue.

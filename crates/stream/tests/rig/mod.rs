@@ -7,9 +7,11 @@
 pub mod disk;
 pub mod gpu;
 pub mod hills;
+pub mod random;
 
 pub use disk::{Disk, Faults};
 pub use gpu::{Gpu, Habits};
+pub use random::Random;
 
 use esker_format::EskerFile;
 use esker_lod::View;
@@ -84,18 +86,4 @@ pub fn view(file: &EskerFile, from: [f64; 3], to: [f64; 3]) -> View {
     let edge = DVec3::from_array(lattice.world(cell.last())) - corner;
     let at = |share: [f64; 3]| corner + edge * DVec3::from_array(share);
     View::look_at(at(from), at(to), DVec3::Z, 1.0, 400, 300)
-}
-
-/// Knuth's MMIX generator: enough for tests.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn unit(&mut self) -> f64 {
-        self.0 =
-            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-    pub fn below(&mut self, n: u32) -> u32 {
-        (self.unit() * f64::from(n)) as u32
-    }
 }

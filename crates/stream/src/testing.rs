@@ -1,0 +1,23 @@
+//! What the tests of several modules look at: the hills of `tests/rig`, read once.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[path = "../tests/rig/hills.rs"]
+mod hills;
+#[path = "../tests/rig/random.rs"]
+mod random;
+
+use esker_format::EskerFile;
+use random::Random;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+/// 30,000 points in nodes of 300.
+pub(crate) fn hills() -> Arc<EskerFile> {
+    static FILE: OnceLock<Arc<EskerFile>> = OnceLock::new();
+    let open = || {
+        let bytes = Box::new(hills::file(30_000, 300));
+        Arc::new(EskerFile::from_source(Path::new("hills"), bytes).unwrap())
+    };
+    Arc::clone(FILE.get_or_init(open))
+}
