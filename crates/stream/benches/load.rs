@@ -1,0 +1,204 @@
+//! How fast a view is loaded: useful bytes a second by a streamer, against plain reads of the same
+//! ranges, as many in flight, in the same run; alternately, and medians of all. Both from cold with
+//! `--cold` (Linux: `dd` tells the system to forget the file).
+//!
+//! `cargo bench -p esker-stream --bench load -- FILE [--cold] [--rounds N]`
+
+#![allow(clippy::unwrap_used, reason = "a benchmark fails by panicking")]
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use esker_format::{EskerFile, PlaneKind};
+use esker_lod::View;
+use esker_stream::{Landing, Needs, Options, Run, Streamer, Transfer};
+use glam::DVec3;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+const IN_FLIGHT: usize = 8;
+const RUN_BYTES: usize = 1 << 20;
+
+struct Plain(Vec<u8>);
+
+impl Run for Plain {
+    fn bytes(&mut self) -> &mut [u8] {
+        &mut self.0
+    }
+}
+
+type Landed = (Plain, Vec<Transfer>);
+
+/// A ring of plain memory; what lands is not copied any further.
+struct Ring {
+    free: (Sender<Plain>, Receiver<Plain>),
+    landed: (Sender<Landed>, Receiver<Landed>),
+}
+
+impl Landing for Ring {
+    type Run = Plain;
+    fn run_bytes(&self) -> usize {
+        RUN_BYTES
+    }
+    fn lend(&self, patience: Duration) -> Option<Plain> {
+        self.free.1.recv_timeout(patience).ok()
+    }
+    fn land(&self, run: Plain, transfers: Vec<Transfer>) {
+        let _ = self.landed.0.try_send((run, transfers));
+    }
+}
+
+/// A loaded view.
+struct Loaded {
+    seconds: f64,
+    useful_bytes: u64,
+    read_bytes: u64,
+    reads: u64,
+    ranges: Vec<Range<u64>>,
+}
+
+fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
+    let runs = 2 * IN_FLIGHT;
+    let ring = Arc::new(Ring { free: bounded(runs), landed: bounded(runs) });
+    for _ in 0..runs {
+        ring.free.0.send(Plain(vec![0; RUN_BYTES])).unwrap();
+    }
+    let options = Options {
+        drawing_bytes: 4 << 30,
+        points_budget: u64::MAX,
+        occlusion: false,
+        loaders: IN_FLIGHT,
+        ..Options::default()
+    };
+    let began = Instant::now();
+    let streamer = Streamer::start(Arc::clone(file), Arc::clone(&ring), options, needs).unwrap();
+    streamer.look(view);
+    let mut places = Vec::new();
+    loop {
+        if let Ok((run, transfers)) = ring.landed.1.recv_timeout(Duration::from_millis(1)) {
+            for t in &transfers {
+                places.push((t.node, t.plane));
+                t.request.into_iter().for_each(|r| streamer.uploaded(r));
+            }
+            let _ = ring.free.0.try_send(run);
+        }
+        let cut = streamer.cut();
+        if cut.settled && cut.view == view {
+            break;
+        }
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    let status = streamer.status();
+    places.sort_unstable();
+    places.dedup();
+    let ranges = places.iter().map(|&(node, kind)| range(file, node, kind)).collect();
+    let status = (status.useful_bytes, status.read_bytes, status.reads);
+    Loaded { seconds, useful_bytes: status.0, read_bytes: status.1, reads: status.2, ranges }
+}
+
+fn range(file: &EskerFile, node: u32, kind: PlaneKind) -> Range<u64> {
+    let record = &file.table().nodes[node as usize];
+    let range = file.layout().plane_range(kind, record.points(), record.hot_shift).unwrap();
+    record.page_offset + range.start..record.page_offset + range.end
+}
+
+/// The ranges that lie next to each other as one, at most a run long.
+fn joined(mut ranges: Vec<Range<u64>>) -> Vec<Range<u64>> {
+    ranges.sort_by_key(|r| r.start);
+    let mut joined: Vec<Range<u64>> = Vec::new();
+    for range in ranges {
+        match joined.last_mut() {
+            Some(last)
+                if range.start - last.end < 64 && range.end - last.start <= RUN_BYTES as u64 =>
+            {
+                last.end = range.end;
+            }
+            _ => joined.push(range),
+        }
+    }
+    joined
+}
+
+/// Seconds that plain reads of ranges take.
+fn read(file: &EskerFile, ranges: &[Range<u64>]) -> f64 {
+    let next = AtomicUsize::new(0);
+    let began = Instant::now();
+    std::thread::scope(|scope| {
+        for i in 0..IN_FLIGHT {
+            let read = || {
+                let mut buffer = vec![0; RUN_BYTES];
+                while let Some(range) = ranges.get(next.fetch_add(1, SeqCst)) {
+                    let buffer = &mut buffer[..(range.end - range.start) as usize];
+                    file.read_exact_at(buffer, range.start).unwrap();
+                }
+            };
+            std::thread::Builder::new()
+                .name(format!("read-{i}"))
+                .spawn_scoped(scope, read)
+                .unwrap();
+        }
+    });
+    began.elapsed().as_secs_f64()
+}
+
+fn forget(path: &Path) {
+    let of = format!("of={}", path.display());
+    let arguments = [of.as_str(), "oflag=nocache", "conv=notrunc,fdatasync", "count=0"];
+    let done = Command::new("dd").args(arguments).output().unwrap();
+    assert!(done.status.success(), "dd cannot make the system forget {}", path.display());
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let Some(path) = arguments.first().filter(|a| !a.starts_with('-')).map(PathBuf::from) else {
+        println!(
+            "names no file: cargo bench -p esker-stream --bench load -- FILE [--cold] [--rounds N]"
+        );
+        return;
+    };
+    let is_cold = arguments.iter().any(|a| a == "--cold");
+    let rounds = arguments.iter().position(|a| a == "--rounds").map(|i| &arguments[i + 1]);
+    let rounds: usize = rounds.map_or(5, |n| n.parse().unwrap());
+    let file = Arc::new(EskerFile::open(&path).unwrap());
+    let bounds = file.metadata().bounds.unwrap();
+    let [low, high] = bounds.map(|c| DVec3::from_array(file.metadata().lattice.world(c)));
+    let view = View::fit(low, high, DVec3::new(0.3, 1.0, -0.7), 1.0, 3840, 2160);
+    let needs = Needs { colour: Some(PlaneKind::Colour), normals: true };
+    let (mut streamed, mut plain, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+    let mut last = load(&file, view, needs.clone());
+    let ranges = joined(last.ranges.clone());
+    for _ in 0..rounds {
+        if is_cold {
+            forget(&path);
+        }
+        let seconds = read(&file, &ranges);
+        let bytes: u64 = ranges.iter().map(|r| r.end - r.start).sum();
+        plain.push(bytes as f64 / seconds);
+        if is_cold {
+            forget(&path);
+        }
+        last = load(&file, view, needs.clone());
+        streamed.push(last.useful_bytes as f64 / last.seconds);
+        ratios.push(streamed[streamed.len() - 1] / plain[plain.len() - 1]);
+    }
+    let mib = |rate: Vec<f64>| median(rate) / f64::from(1 << 20);
+    println!(
+        "{}: {} MiB useful of {} read in {} reads ({} ranges); streamed {:.0} MiB/s, plain {:.0} MiB/s, \
+         ratio {:.2} (medians of {rounds})",
+        if is_cold { "cold" } else { "warm" },
+        last.useful_bytes >> 20,
+        last.read_bytes >> 20,
+        last.reads,
+        ranges.len(),
+        mib(streamed),
+        mib(plain),
+        median(ratios)
+    );
+}
