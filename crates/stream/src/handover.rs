@@ -1,4 +1,4 @@
-//! The hand-over of a slot from one node to another, in all interleavings (loom): the real load queue,
+//! The hand-over of a slot from one node to another, in interleavings (loom): the real load queue,
 //! and the least that LOD thread, loader and render thread do around it, in the order that
 //! [`crate::shared`] asks for, and in wrong orders, which must be found out. Run by
 //! `RUSTFLAGS="--cfg loom" cargo test --release -p esker-stream --lib handover`.
@@ -76,8 +76,18 @@ impl World {
     }
 }
 
+/// All interleavings in which threads are interrupted at most so often, which finds nearly all faults;
+/// without a bound there are too many.
+const INTERRUPTIONS_MAX: usize = 3;
+
+fn model(run: impl Fn() + Sync + Send + 'static) {
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = Some(INTERRUPTIONS_MAX);
+    builder.check(run);
+}
+
 fn explore(order: Order) {
-    loom::model(move || {
+    model(move || {
         let world = Arc::new(World {
             order,
             front: AtomicUsize::new(OLD),
@@ -118,7 +128,7 @@ fn giving_a_slot_away_before_publishing_is_found_out() {
 
 #[test]
 fn a_batch_is_taken_or_taken_back_once() {
-    loom::model(|| {
+    model(|| {
         let queue = Arc::new(Queue::new());
         let loaders = [(); 2].map(|()| {
             let queue = Arc::clone(&queue);
