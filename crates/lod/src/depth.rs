@@ -11,6 +11,7 @@ use crate::closed::closed_parts;
 use crate::grid::{DepthGrid, SIDE};
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
+use crate::prefix::spacing;
 use crate::project::{Polygon, Projection};
 use crate::raster::Rows;
 use crate::select::Drawn;
@@ -50,8 +51,11 @@ impl SoftwareDepth {
                 let contour = OrientedBox::of_contour(node, lattice);
                 let [nearest, farthest] = projection.depths(&contour);
                 let is_dense = f64::from(d.effective_spacing) < spacing_max * nearest;
-                let closed =
-                    if is_dense && nearest > view.near { closed_parts(node, d) } else { 0 };
+                if !(is_dense && nearest > view.near) {
+                    return None;
+                }
+                let above = table.nodes.get(node.parent as usize);
+                let closed = closed_parts(node, d, above.map_or(f64::INFINITY, spacing));
                 (closed != 0).then_some(Slab { contour, farthest, closed })
             })
             .collect();
@@ -78,6 +82,12 @@ impl SoftwareDepth {
 
 impl Occlusion for SoftwareDepth {
     fn hides(&self, b: &OrientedBox) -> bool {
+        let [nearest, _] = self.projection.depths(b);
+        if nearest <= self.projection.near()
+            || self.grid.shows_at(self.projection.on_picture(b.centre), nearest)
+        {
+            return false;
+        }
         let Some(silhouette) = self.projection.silhouette(b) else { return false };
         self.grid.hides(silhouette.polygon(), silhouette.nearest)
     }
@@ -142,20 +152,22 @@ impl Canvas {
         }
         let half = normal * b.half.z.copysign(height);
         let (front, back) = (b.centre + half, b.centre - half);
-        let (mut first, mut end) = (usize::MAX, 0);
+        let mut touched = Touched::default();
         for (u, v) in rectangles(slab.closed) {
             for (middle, is_front) in [(front, true), (back, false)] {
                 let outline = self.outline(b, middle, [&u, &v], projection);
                 self.rows.cover(outline.corners());
                 let samples = if is_front { &mut self.front } else { &mut self.back };
                 for (row, run) in self.rows.covered() {
-                    set(&mut samples[row], run);
-                    (first, end) = (first.min(row), end.max(row + 1));
+                    if !run.is_empty() {
+                        set(&mut samples[row], &run);
+                        touched.add(row, &run);
+                    }
                 }
             }
         }
         let depth = Plane::through(back, normal, projection, slab.farthest, self);
-        self.gather(first.min(end)..end, &depth)
+        self.gather(&touched, &depth)
     }
 
     /// Parts `u` and `v` of the slab's side about `middle` on the grid of samples.
@@ -172,37 +184,55 @@ impl Canvas {
             let offset = b.axes.x_axis * (b.half.x * at(u)) + b.axes.y_axis * (b.half.y * at(v));
             projection.on_picture(middle + offset)
         });
-        let scale = self.samples_per_px;
-        Polygon::hull_of(corners).clipped(DVec2::ZERO, self.size_px).map(|c| c * scale)
+        let mut outline = Polygon::hull_of(corners).clipped(DVec2::ZERO, self.size_px);
+        outline.scale(self.samples_per_px);
+        outline
     }
 
     /// Adds the samples that front and back both cover to the tiles, and clears them.
-    fn gather(&mut self, rows: Range<usize>, depth: &Plane) -> bool {
+    fn gather(&mut self, touched: &Touched, depth: &Plane) -> bool {
         let mut any = false;
-        for y in rows.start / SAMPLES..rows.end.div_ceil(SAMPLES) {
-            let mut lines = [[0u64; WORDS]; SAMPLES];
-            let (mut left, mut right) = (WORDS, 0);
-            for (line, row) in lines.iter_mut().zip(y * SAMPLES..) {
-                let front = std::mem::take(&mut self.front[row]);
-                let back = std::mem::take(&mut self.back[row]);
-                for (w, (word, (f, b))) in line.iter_mut().zip(front.iter().zip(back)).enumerate() {
-                    *word = f & b;
-                    if *word != 0 {
-                        (left, right) = (left.min(w), right.max(w + 1));
-                    }
+        for y in touched.rows.start / SAMPLES..touched.rows.end.div_ceil(SAMPLES) {
+            for w in touched.words.clone() {
+                let mut lines = [0u64; SAMPLES];
+                for (line, row) in lines.iter_mut().zip(y * SAMPLES..) {
+                    *line = self.front[row][w] & self.back[row][w];
+                    (self.front[row][w], self.back[row][w]) = (0, 0);
                 }
-            }
-            for x in left * 64 / SAMPLES..right * 64 / SAMPLES {
-                let (word, shift) = (x * SAMPLES / 64, x * SAMPLES % 64);
-                let bytes = lines.map(|line| (line[word] >> shift) as u8);
-                let covered = u64::from_le_bytes(bytes);
-                if covered != 0 {
-                    any = true;
-                    self.tiles[y * SIDE + x].add(covered, || depth.farthest_in(x, y));
+                if lines.iter().fold(0, |any, line| any | line) == 0 {
+                    continue;
+                }
+                for i in 0..64 / SAMPLES {
+                    let bytes = lines.map(|line| (line >> (i * SAMPLES)) as u8);
+                    let covered = u64::from_le_bytes(bytes);
+                    if covered != 0 {
+                        any = true;
+                        let x = w * (64 / SAMPLES) + i;
+                        self.tiles[y * SIDE + x].add(covered, || depth.farthest_in(x, y));
+                    }
                 }
             }
         }
         any
+    }
+}
+
+/// The rows and words of samples that an occluder has set.
+#[derive(Default)]
+struct Touched {
+    rows: Range<usize>,
+    words: Range<usize>,
+}
+
+impl Touched {
+    fn add(&mut self, row: usize, run: &Range<usize>) {
+        let words = run.start / 64..(run.end - 1) / 64 + 1;
+        if self.rows.is_empty() {
+            (self.rows, self.words) = (row..row + 1, words);
+        } else {
+            self.rows = self.rows.start.min(row)..self.rows.end.max(row + 1);
+            self.words = self.words.start.min(words.start)..self.words.end.max(words.end);
+        }
     }
 }
 
@@ -273,11 +303,8 @@ fn rectangles(mut mask: u64) -> impl Iterator<Item = (Range<u32>, Range<u32>)> {
     })
 }
 
-/// Sets a run of bits.
-fn set(row: &mut [u64; WORDS], run: Range<usize>) {
-    if run.is_empty() {
-        return;
-    }
+/// Sets a run of bits, which has at least one.
+fn set(row: &mut [u64; WORDS], run: &Range<usize>) {
     let (first, last) = (run.start / 64, (run.end - 1) / 64);
     for (w, word) in row.iter_mut().enumerate().take(last + 1).skip(first) {
         let from = if w == first { u64::MAX << (run.start % 64) } else { u64::MAX };

@@ -21,6 +21,11 @@ const ROUNDING_PX: f64 = 1e-3;
 /// they hide nothing together.
 const GAP_MAX_PX: f64 = 1.0;
 
+/// The last tile, for clamping.
+const LAST: DVec2 = DVec2::splat(SIDE as f64 - 1.0);
+/// Tiles on a side of a rectangle that are looked at one by one.
+const LOOKED_AT: u32 = 8;
+
 /// Eye depths of a tile of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthTile {
@@ -60,7 +65,8 @@ pub struct DepthFeedback {
     /// The view of that frame.
     old: Projection,
     grid: Arc<DepthGrid>,
-    nearest: Arc<[f32]>,
+    /// Nearest and farthest depths of the tiles, and of ever coarser ones.
+    ranges: Arc<Vec<Vec<[f32; 2]>>>,
     /// The view that is asked for.
     new: Projection,
     /// Most pixels that anything at depth 1 moves on the old picture between the two.
@@ -77,8 +83,8 @@ impl DepthFeedback {
         let depths = tiles.iter().map(|t| t.farthest);
         grid.farthest_mut().iter_mut().zip(depths).for_each(|(to, depth)| *to = depth);
         let old = Projection::of(view);
-        let nearest = tiles.iter().map(|t| t.nearest).collect();
-        Some(Self { old, grid: Arc::new(grid), nearest, new: old, parallax: 0.0 })
+        let ranges = Arc::new(ranges_of(tiles));
+        Some(Self { old, grid: Arc::new(grid), ranges, new: old, parallax: 0.0 })
     }
 
     /// What it hides of a new view.
@@ -118,6 +124,16 @@ impl DepthFeedback {
         (!behind).then_some((outline, nearest))
     }
 
+    /// Whether the middle of a box is on the new picture and, on the old one, not behind its tile.
+    fn shows_centre(&self, b: &OrientedBox, nearest: f64) -> bool {
+        let size = self.new.size_px();
+        let on = self.new.on_picture(b.centre);
+        let is_asked = self.new.depth(b.centre) > self.new.near()
+            && on.cmpge(DVec2::ZERO).all()
+            && on.cmple(size).all();
+        is_asked && self.grid.shows_at(self.old.on_picture(b.centre), nearest)
+    }
+
     /// Whether the tiles about an outline hide what is behind `nearest` after the eye has moved.
     fn hides_beside(&self, [low, high]: [DVec2; 2], nearest: f64) -> bool {
         let size = self.grid.size_px();
@@ -144,23 +160,54 @@ impl DepthFeedback {
         false
     }
 
-    /// Nearest and farthest depth of the tiles that a rectangle of the old picture touches.
+    /// Nearest and farthest depth of the tiles that a rectangle of the old picture touches, or of some
+    /// more: of large rectangles, by coarser tiles.
     fn range_within(&self, low: DVec2, high: DVec2) -> [f64; 2] {
-        let tile = |at: DVec2, axis: usize| {
-            ((at * self.grid.tiles_per_px())[axis].max(0.0) as usize).min(SIDE - 1)
-        };
-        let (mut front, mut back) = (f32::INFINITY, 0.0f32);
-        for y in tile(low, 1)..=tile(high, 1) {
-            let row = y * SIDE + tile(low, 0)..=y * SIDE + tile(high, 0);
-            front = self.nearest[row.clone()].iter().fold(front, |a, &b| a.min(b));
-            back = self.grid.farthest()[row].iter().fold(back, |a, &b| a.max(b));
+        let tile = |at: DVec2| (at * self.grid.tiles_per_px()).clamp(DVec2::ZERO, LAST).as_uvec2();
+        let (low, high) = (tile(low), tile(high));
+        let extent = (high - low).max_element();
+        let level = (u32::BITS - (extent / LOOKED_AT).leading_zeros()) as usize;
+        let level = level.min(self.ranges.len() - 1);
+        let side = SIDE >> level;
+        let mut range = [f32::INFINITY, 0.0];
+        for y in low.y as usize >> level..=high.y as usize >> level {
+            for x in low.x as usize >> level..=high.x as usize >> level {
+                range = join(range, self.ranges[level][y * side + x]);
+            }
         }
-        [f64::from(front), f64::from(back)]
+        range.map(f64::from)
     }
+}
+
+/// The range of depths that has both.
+fn join(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// Depth ranges of the tiles, then of 2 x 2 of them, and so on to one for all.
+fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<[f32; 2]>> {
+    let mut levels = vec![tiles.iter().map(|t| [t.nearest, t.farthest]).collect::<Vec<_>>()];
+    let mut side = SIDE;
+    while side > 1 {
+        let finer = &levels[levels.len() - 1];
+        let coarser = (0..side * side / 4).map(|i| {
+            let at = i / (side / 2) * 2 * side + i % (side / 2) * 2;
+            let [a, b, c, d] = [at, at + 1, at + side, at + side + 1].map(|i| finer[i]);
+            join(join(a, b), join(c, d))
+        });
+        let coarser = coarser.collect();
+        levels.push(coarser);
+        side /= 2;
+    }
+    levels
 }
 
 impl Occlusion for DepthFeedback {
     fn hides(&self, b: &OrientedBox) -> bool {
+        let [nearest, _] = self.old.depths(b);
+        if nearest <= self.old.near() || self.shows_centre(b, nearest) {
+            return false;
+        }
         let Some((outline, nearest)) = self.in_old_picture(b) else { return false };
         let Some(bounds) = outline.bounds() else { return false };
         let size = self.grid.size_px() + ROUNDING_PX;

@@ -52,19 +52,29 @@ impl DepthGrid {
         &mut self.farthest
     }
 
+    /// Whether the tile at a place of the picture (pixels) is infinite or no nearer than `nearest`; false
+    /// outside of the picture. Answers for most boxes in sight, of which one place is enough.
+    pub(crate) fn shows_at(&self, px: DVec2, nearest: f64) -> bool {
+        let tile = px * self.tiles_per_px;
+        let is_on_picture =
+            tile.cmpge(DVec2::ZERO).all() && tile.cmplt(DVec2::splat(SIDE as f64)).all();
+        is_on_picture
+            && f64::from(self.farthest[tile.y as usize * SIDE + tile.x as usize]) >= nearest
+    }
+
     /// Whether what has this outline (pixels) and is no nearer than `nearest` lies behind all tiles that
     /// it touches. False for an outline that touches none.
     pub(crate) fn hides(&self, outline: &Polygon, nearest: f64) -> bool {
-        let clipped = outline.clipped(DVec2::ZERO, self.size_px).map(|c| c * self.tiles_per_px);
+        let mut tiles = outline.clipped(DVec2::ZERO, self.size_px);
+        tiles.scale(self.tiles_per_px);
         let nearest = (nearest * (1.0 - ROUNDING)) as f32;
         let mut rows = Rows::<SIDE>::new();
-        rows.touch(clipped.corners());
+        rows.touch(tiles.corners());
         let mut any = false;
         for (row, tiles) in rows.touched() {
             any |= !tiles.is_empty();
-            let farthest = &self.farthest[row * SIDE..][tiles];
             // Also where one of them is not a number.
-            if !farthest.iter().all(|&f| f < nearest) {
+            if !self.farthest[row * SIDE..][tiles].iter().all(|&f| f < nearest) {
                 return false;
             }
         }

@@ -189,16 +189,22 @@ impl Polygon {
         Some([low, high])
     }
 
-    /// Each corner moved.
-    pub(crate) fn map(mut self, f: impl Fn(DVec2) -> DVec2) -> Self {
-        self.corners[..self.len].iter_mut().for_each(|c| *c = f(*c));
-        self
+    /// Stretches it about the origin.
+    pub(crate) fn scale(&mut self, by: DVec2) {
+        self.corners[..self.len].iter_mut().for_each(|c| *c *= by);
     }
 
     /// The part of it within a rectangle, by cutting it at each side.
     pub(crate) fn clipped(&self, low: DVec2, high: DVec2) -> Self {
-        let sides = [(0, 1.0, low.x), (0, -1.0, high.x), (1, 1.0, low.y), (1, -1.0, high.y)];
-        sides.iter().fold(*self, |p, &(axis, sign, at)| p.cut(axis, sign, at))
+        let Some([least, most]) = self.bounds() else { return *self };
+        let sides = [
+            (least.x < low.x, 0, 1.0, low.x),
+            (most.x > high.x, 0, -1.0, high.x),
+            (least.y < low.y, 1, 1.0, low.y),
+            (most.y > high.y, 1, -1.0, high.y),
+        ];
+        let needed = sides.iter().filter(|side| side.0);
+        needed.fold(*self, |p, &(_, axis, sign, at)| p.cut(axis, sign, at))
     }
 
     fn push(&mut self, p: DVec2) {

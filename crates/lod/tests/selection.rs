@@ -3,7 +3,8 @@
 mod tree;
 
 use esker_lod::{
-    AllResident, CompactOctree, Drawn, Options, OrientedBox, Residency, Selection, View, select,
+    AllResident, CompactOctree, Drawn, Occlusion, Options, OrientedBox, Residency, Selection, View,
+    select,
 };
 use esker_points::strata::prefix_at_least;
 use glam::DVec3;
@@ -54,6 +55,24 @@ impl Residency for Cache {
     }
 }
 
+/// Hides what is farther from the eye than this.
+struct Fog {
+    eye: DVec3,
+    distance: f64,
+}
+
+impl Fog {
+    fn shows(&self, p: DVec3) -> bool {
+        p.distance(self.eye) < self.distance
+    }
+}
+
+impl Occlusion for Fog {
+    fn hides(&self, b: &OrientedBox) -> bool {
+        b.distance(self.eye) > self.distance
+    }
+}
+
 /// The same sizes, with all nodes there.
 struct Loaded(Cache);
 
@@ -66,10 +85,13 @@ impl Residency for Loaded {
     }
 }
 
+const NO_FOG: Fog = Fog { eye: DVec3::ZERO, distance: f64::INFINITY };
+
 /// What must hold of any cut.
 fn assert_is_a_cut(
     tree: &Tree,
     view: &View,
+    fog: &Fog,
     options: &Options,
     residency: &impl Residency,
     s: &Selection,
@@ -106,7 +128,12 @@ fn assert_is_a_cut(
                     assert!(d.effective_spacing <= spacing);
                     break;
                 }
-                None => assert!(!has_seen_point(tree, view, above), "the parent is in view"),
+                None => {
+                    let seen = tree.points[above as usize]
+                        .iter()
+                        .any(|&p| is_seen(tree, view, p) && fog.shows(tree.world(p)));
+                    assert!(!seen, "the parent is in view");
+                }
             }
             above = parent.parent;
         }
@@ -146,7 +173,7 @@ proptest! {
         let tree = grow(&recipe);
         let (view, options) = (view(&tree, seed), options(budget, target));
         let s = select(&tree.table, &tree.lattice, &view, &options, &AllResident, None);
-        assert_is_a_cut(&tree, &view, &options, &AllResident, &s);
+        assert_is_a_cut(&tree, &view, &NO_FOG, &options, &AllResident, &s);
         prop_assert_eq!(s.counters.missing, 0);
         prop_assert!(s.missing.is_empty());
         let again = select(&tree.table, &tree.lattice, &view, &options, &AllResident, None);
@@ -163,13 +190,41 @@ proptest! {
         let options = Options { bytes_budget: bytes, ..options(points, 0.5) };
         let cache = Cache { seed: cache };
         let s = select(&tree.table, &tree.lattice, &view, &options, &cache, None);
-        assert_is_a_cut(&tree, &view, &options, &cache, &s);
+        assert_is_a_cut(&tree, &view, &NO_FOG, &options, &cache, &s);
         prop_assert_eq!(s.wanted.first().copied(), (bytes > 0).then_some(0), "the root is first");
         let full = select(&tree.table, &tree.lattice, &view, &options, &Loaded(cache), None);
-        assert_is_a_cut(&tree, &view, &options, &Loaded(cache), &full);
+        assert_is_a_cut(&tree, &view, &NO_FOG, &options, &Loaded(cache), &full);
         prop_assert_eq!(&s.wanted, &full.wanted);
         prop_assert!(s.drawn.iter().all(|d| full.drawn.contains(d)));
         prop_assert_eq!(s.counters.points_wanted, full.counters.points);
+    }
+
+    #[test]
+    fn what_is_hidden_is_left_out_and_nothing_else(recipe in recipes(true), seed: u64, share in 0.0f64..1.0) {
+        let tree = grow(&recipe);
+        let view = view(&tree, seed);
+        let (min, max) = tree.bounds();
+        let distance = view.eye.distance(min.midpoint(max)) + (share - 0.5) * (max - min).length();
+        let fog = Fog { eye: view.eye, distance };
+        let (cache, options) = (Cache { seed }, options(u64::MAX, 0.0));
+        for resident in [true, false] {
+            let s = if resident {
+                select(&tree.table, &tree.lattice, &view, &options, &AllResident, Some(&fog))
+            } else {
+                select(&tree.table, &tree.lattice, &view, &options, &cache, Some(&fog))
+            };
+            if resident {
+                assert_is_a_cut(&tree, &view, &fog, &options, &AllResident, &s);
+            } else {
+                assert_is_a_cut(&tree, &view, &fog, &options, &cache, &s);
+            }
+            for (node, points) in tree.points.iter().enumerate() {
+                let is_wanted = s.wanted.contains(&(node as u32));
+                for &p in points {
+                    prop_assert!(is_wanted || !(is_seen(&tree, &view, p) && fog.shows(tree.world(p))));
+                }
+            }
+        }
     }
 
     #[test]
