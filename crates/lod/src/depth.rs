@@ -156,7 +156,7 @@ impl Canvas {
         for (u, v) in rectangles(slab.closed) {
             for (middle, is_front) in [(front, true), (back, false)] {
                 let outline = self.outline(b, middle, [&u, &v], projection);
-                self.rows.cover(outline.corners());
+                self.rows.cover(outline.corners(), self.samples_per_px);
                 let samples = if is_front { &mut self.front } else { &mut self.back };
                 for (row, run) in self.rows.covered() {
                     if !run.is_empty() {
@@ -170,7 +170,7 @@ impl Canvas {
         self.gather(&touched, &depth)
     }
 
-    /// Parts `u` and `v` of the slab's side about `middle` on the grid of samples.
+    /// The outline of parts `u` and `v` of the slab's side about `middle`.
     fn outline(
         &self,
         b: &OrientedBox,
@@ -184,9 +184,8 @@ impl Canvas {
             let offset = b.axes.x_axis * (b.half.x * at(u)) + b.axes.y_axis * (b.half.y * at(v));
             projection.on_picture(middle + offset)
         });
-        let mut outline = Polygon::hull_of(corners).clipped(DVec2::ZERO, self.size_px);
-        outline.scale(self.samples_per_px);
-        outline
+        let outline = Polygon::hull_of(corners);
+        outline.clipped(DVec2::ZERO, self.size_px).unwrap_or(outline)
     }
 
     /// Adds the samples that front and back both cover to the tiles, and clears them.

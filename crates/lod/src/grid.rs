@@ -65,11 +65,11 @@ impl DepthGrid {
     /// Whether what has this outline (pixels) and is no nearer than `nearest` lies behind all tiles that
     /// it touches. False for an outline that touches none.
     pub(crate) fn hides(&self, outline: &Polygon, nearest: f64) -> bool {
-        let mut tiles = outline.clipped(DVec2::ZERO, self.size_px);
-        tiles.scale(self.tiles_per_px);
+        let clipped = outline.clipped(DVec2::ZERO, self.size_px);
+        let outline = clipped.as_ref().unwrap_or(outline);
         let nearest = (nearest * (1.0 - ROUNDING)) as f32;
         let mut rows = Rows::<SIDE>::new();
-        rows.touch(tiles.corners());
+        rows.touch(outline.corners(), self.tiles_per_px);
         let mut any = false;
         for (row, tiles) in rows.touched() {
             any |= !tiles.is_empty();

@@ -8,8 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// Most corners of a silhouette: a plane leaves at most 7 corners of a box and cuts at most 6 edges; the
 /// picture's four sides each add at most one.
-/// The hull of an outline seen at two depths has at most twice as many.
-const CORNERS_MAX: usize = 2 * (7 + 6 + 4);
+const CORNERS_MAX: usize = 7 + 6 + 4;
 
 /// A view's projection, made once and used for many boxes.
 #[derive(Clone, Copy, Debug)]
@@ -152,7 +151,7 @@ impl Silhouette {
 
     /// The part of it within a rectangle.
     pub fn clipped(&self, low: DVec2, high: DVec2) -> Self {
-        let polygon = self.polygon.clipped(low, high);
+        let polygon = self.polygon.clipped(low, high).unwrap_or(self.polygon);
         Self { polygon, ..*self }
     }
 }
@@ -171,11 +170,28 @@ impl Default for Polygon {
 }
 
 impl Polygon {
-    /// The convex hull of a few points; what is more than its room is left out.
+    /// The convex hull of points, of at most as many corners as a box's; else of their bounds.
     pub(crate) fn hull_of(points: impl IntoIterator<Item = DVec2>) -> Self {
         let mut polygon = Self::default();
-        points.into_iter().for_each(|p| polygon.push(p));
+        for p in points {
+            if polygon.len == CORNERS_MAX {
+                polygon = polygon.convex_hull();
+            }
+            if polygon.len == CORNERS_MAX {
+                polygon = polygon.rectangle();
+            }
+            polygon.push(p);
+        }
         polygon.convex_hull()
+    }
+
+    /// The rectangle around it.
+    fn rectangle(&self) -> Self {
+        let Some([low, high]) = self.bounds() else { return *self };
+        let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let mut rectangle = Self::default();
+        corners.into_iter().for_each(|c| rectangle.push(c));
+        rectangle
     }
 
     pub(crate) fn corners(&self) -> &[DVec2] {
@@ -189,22 +205,19 @@ impl Polygon {
         Some([low, high])
     }
 
-    /// Stretches it about the origin.
-    pub(crate) fn scale(&mut self, by: DVec2) {
-        self.corners[..self.len].iter_mut().for_each(|c| *c *= by);
-    }
-
-    /// The part of it within a rectangle, by cutting it at each side.
-    pub(crate) fn clipped(&self, low: DVec2, high: DVec2) -> Self {
-        let Some([least, most]) = self.bounds() else { return *self };
+    /// The part of it within a rectangle, by cutting it at each side; `None` where that is all of it.
+    pub(crate) fn clipped(&self, low: DVec2, high: DVec2) -> Option<Self> {
+        let [least, most] = self.bounds()?;
         let sides = [
             (least.x < low.x, 0, 1.0, low.x),
             (most.x > high.x, 0, -1.0, high.x),
             (least.y < low.y, 1, 1.0, low.y),
             (most.y > high.y, 1, -1.0, high.y),
         ];
-        let needed = sides.iter().filter(|side| side.0);
-        needed.fold(*self, |p, &(_, axis, sign, at)| p.cut(axis, sign, at))
+        let mut needed = sides.iter().filter(|side| side.0);
+        let &(_, axis, sign, at) = needed.next()?;
+        let first = self.cut(axis, sign, at);
+        Some(needed.fold(first, |p, &(_, axis, sign, at)| p.cut(axis, sign, at)))
     }
 
     fn push(&mut self, p: DVec2) {
@@ -215,7 +228,7 @@ impl Polygon {
     }
 
     /// The convex hull of its corners (Andrew's monotone chain).
-    fn convex_hull(mut self) -> Self {
+    fn convex_hull(&mut self) -> Self {
         let points = &mut self.corners[..self.len];
         // Few and nearly sorted: by insertion.
         for i in 1..points.len() {

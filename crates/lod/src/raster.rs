@@ -31,25 +31,25 @@ impl<const SIDE: usize> Rows<SIDE> {
     }
 
     /// The squares that a polygon touches (its border included; some more at sharp corners).
-    /// The corners go around it counterclockwise, in squares.
-    pub fn touch(&mut self, corners: &[DVec2]) {
-        let Some((low, high)) = bounds(corners) else { return self.clear() };
+    /// The corners go around it counterclockwise; times `scale` they are in squares.
+    pub fn touch(&mut self, corners: &[DVec2], scale: DVec2) {
+        let Some((low, high)) = bounds(corners, scale) else { return self.clear() };
         let rounding = DVec2::splat(f64::from(ROUNDING));
         let (low, high) = (low - rounding, high + rounding);
         self.start(low.y.floor(), high.y.floor() + 1.0, [low.x, high.x]);
         let (top, bottom) = (low.y as f32, high.y as f32);
-        self.cut(corners, |row, from_y, slope| {
+        self.cut(corners, scale, |row, from_y, slope| {
             // The part of the row where the polygon is.
             let [y, below] = [row.max(top), (row + 1.0).min(bottom)].map(|y| (y - from_y) * slope);
             [y.min(below) - ROUNDING, y.max(below) + ROUNDING]
         });
     }
 
-    /// The squares whose centres a polygon covers.
-    pub fn cover(&mut self, corners: &[DVec2]) {
-        let Some((low, high)) = bounds(corners) else { return self.clear() };
+    /// The squares whose centres a polygon covers; corners and scale as for [`Rows::touch`].
+    pub fn cover(&mut self, corners: &[DVec2], scale: DVec2) {
+        let Some((low, high)) = bounds(corners, scale) else { return self.clear() };
         self.start((low.y - 0.5).ceil(), (high.y - 0.5).floor() + 1.0, [low.x, high.x]);
-        self.cut(corners, |row, from_y, slope| {
+        self.cut(corners, scale, |row, from_y, slope| {
             let x = (row + 0.5 - from_y) * slope;
             [x, x]
         });
@@ -70,11 +70,12 @@ impl<const SIDE: usize> Rows<SIDE> {
     /// Cuts the intervals at each edge. `reach` gives, for a row and a line through x = 0 at `from_y`,
     /// the least and the greatest x that count.
     #[inline(always)]
-    fn cut(&mut self, corners: &[DVec2], reach: impl Fn(f32, f32, f32) -> [f32; 2]) {
+    fn cut(&mut self, corners: &[DVec2], scale: DVec2, reach: impl Fn(f32, f32, f32) -> [f32; 2]) {
         let (low, high) = (&mut self.low[..self.len], &mut self.high[..self.len]);
         let first = self.first as f32;
         for (i, &to) in corners.iter().enumerate() {
             let from = corners[if i == 0 { corners.len() - 1 } else { i - 1 }];
+            let [from, to] = [from * scale, to * scale];
             let rise = (to.y - from.y) as f32;
             let (x, y, slope) = (from.x as f32, from.y as f32, (to.x - from.x) as f32 / rise);
             if rise > FLAT {
@@ -113,9 +114,9 @@ impl<const SIDE: usize> Rows<SIDE> {
     }
 }
 
-fn bounds(corners: &[DVec2]) -> Option<(DVec2, DVec2)> {
-    let low = corners.iter().copied().reduce(DVec2::min)?;
-    let high = corners.iter().copied().reduce(DVec2::max)?;
+fn bounds(corners: &[DVec2], scale: DVec2) -> Option<(DVec2, DVec2)> {
+    let low = corners.iter().copied().reduce(DVec2::min)? * scale;
+    let high = corners.iter().copied().reduce(DVec2::max)? * scale;
     (low.is_finite() && high.is_finite()).then_some((low, high))
 }
 
@@ -157,7 +158,7 @@ mod tests {
             let corners = polygon.corners();
             prop_assume!(corners.len() > 2);
             let mut rows = Rows::<SIDE>::new();
-            rows.cover(corners);
+            rows.cover(corners, DVec2::ONE);
             let mut covered = [[false; SIDE]; SIDE];
             rows.covered().for_each(|(y, xs)| covered[y][xs].fill(true));
             for (y, row) in covered.iter().enumerate() {
@@ -174,7 +175,7 @@ mod tests {
         ) {
             let corners = polygon.corners();
             let mut rows = Rows::<SIDE>::new();
-            rows.touch(corners);
+            rows.touch(corners, DVec2::ONE);
             let mut touched = [[false; SIDE]; SIDE];
             rows.touched().for_each(|(y, xs)| touched[y][xs].fill(true));
             for (i, w) in weights.iter().enumerate() {

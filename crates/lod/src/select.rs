@@ -152,6 +152,7 @@ pub fn select(
         residency,
         occlusion,
         frustum: Frustum::of(view),
+        focal_px: view.focal_px(),
         open: BinaryHeap::new(),
         places: Vec::new(),
         selection: Selection::default(),
@@ -225,6 +226,7 @@ struct Walk<'a, R> {
     residency: &'a R,
     occlusion: Option<&'a dyn Occlusion>,
     frustum: Frustum,
+    focal_px: f64,
     open: BinaryHeap<Candidate>,
     places: Vec<Place>,
     selection: Selection,
@@ -448,6 +450,6 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     fn spacing_px(&self, spacing: f64, distance: f64) -> f64 {
-        self.view.focal_px() * spacing / distance
+        self.focal_px * spacing / distance
     }
 }
