@@ -9,7 +9,7 @@
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_format::{EskerFile, PlaneKind};
 use esker_lod::View;
-use esker_stream::{Landing, Needs, Options, Run, Streamer, Transfer};
+use esker_stream::{Landing, Needs, Options, PassTimes, Run, Streamer, Transfer};
 use glam::DVec3;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -57,6 +57,8 @@ struct Loaded {
     read_bytes: u64,
     reads: u64,
     ranges: Vec<Range<u64>>,
+    nodes: usize,
+    lod_ms: PassTimes,
 }
 
 fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
@@ -94,8 +96,15 @@ fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
     places.sort_unstable();
     places.dedup();
     let ranges = places.iter().map(|&(node, kind)| range(file, node, kind)).collect();
-    let status = (status.useful_bytes, status.read_bytes, status.reads);
-    Loaded { seconds, useful_bytes: status.0, read_bytes: status.1, reads: status.2, ranges }
+    Loaded {
+        seconds,
+        useful_bytes: status.useful_bytes,
+        read_bytes: status.read_bytes,
+        reads: status.reads,
+        ranges,
+        nodes: streamer.cut().nodes.len(),
+        lod_ms: status.lod_ms,
+    }
 }
 
 fn range(file: &EskerFile, node: u32, kind: PlaneKind) -> Range<u64> {
@@ -200,5 +209,11 @@ fn main() {
         mib(streamed),
         mib(plain),
         median(ratios)
+    );
+    let [half, most] = [0.5, 0.99].map(|share| last.lod_ms.quantile_ms(share));
+    println!(
+        "{} nodes in the cut; passes of the LOD thread, without occlusion: {half:.2} ms p50, \
+         {most:.2} p99, {:.2} the last",
+        last.nodes, last.lod_ms.last_ms
     );
 }

@@ -79,6 +79,7 @@ impl Chooser {
         self.cache.begin_pass();
         self.show_needs();
         let Some(view) = self.view else {
+            self.show_root();
             self.ask_for_root();
             return false;
         };
@@ -277,6 +278,23 @@ impl Chooser {
         }
         self.send(requests);
         misfits == 0
+    }
+
+    /// Without a view all there is to draw is the root, once it is there: so the first frame has it.
+    fn show_root(&mut self) {
+        let base = self.planes.base(&self.shown);
+        if self.drawn.is_empty() && self.cache.is_resident(0, &base) {
+            let root = self.planes.node(0);
+            let (prefix, effective_spacing) = (root.points(), root.spacing);
+            let empty = Cut::empty(self.shown.clone());
+            let selection = Selection {
+                drawn: vec![Drawn { node: 0, prefix, effective_spacing }],
+                ..Default::default()
+            };
+            let cut = self.cut(&empty.view, &base, &selection, Instant::now());
+            self.shared.front.store(Arc::new(Cut { complete: false, ..cut }));
+            self.drawn = selection.drawn;
+        }
     }
 
     fn ask_for_root(&mut self) {

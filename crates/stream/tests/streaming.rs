@@ -70,6 +70,15 @@ fn occlusion_leaves_out_what_is_hidden_and_settles() {
 }
 
 #[test]
+fn the_root_is_drawn_before_there_is_a_view() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    rig.until("draws", |cut, _| !cut.nodes.is_empty());
+    let cut = rig.streamer.cut();
+    assert_eq!(drawn(&cut), [(0, rig.file.table().nodes[0].points())]);
+    assert!(!cut.complete && !cut.settled);
+}
+
+#[test]
 fn nothing_happens_once_a_view_has_settled() {
     let mut rig = Rig::new(Habits::default(), roomy(), needs());
     let view = rig.view(0.5, -0.5, 0.8);
