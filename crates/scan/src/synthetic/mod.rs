@@ -6,10 +6,13 @@
 //! | scene | what it is |
 //! |---|---|
 //! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
+//! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 
+mod airborne;
 mod draw;
 mod floor_plan;
 mod furniture;
+mod landscape;
 mod office;
 mod point;
 mod ray;
@@ -42,7 +45,10 @@ pub struct SceneKind {
 }
 
 /// All scenes.
-pub static SCENES: &[SceneKind] = &[SceneKind { name: "office", make: office::make }];
+pub static SCENES: &[SceneKind] = &[
+    SceneKind { name: "office", make: office::make },
+    SceneKind { name: "terrain", make: airborne::make },
+];
 
 /// A world and how it is scanned.
 trait Scene: Send + Sync {

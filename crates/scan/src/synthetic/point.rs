@@ -5,7 +5,7 @@ use super::ray::{Hit, Vec3};
 use crate::error::ScanError;
 use esker_points::attribute::names;
 use esker_points::lattice::Placement;
-use esker_points::{AttrType, Attribute, Batch, Grid, Schema};
+use esker_points::{AttrType, Attribute, Batch, Column, Grid, Schema};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -61,19 +61,20 @@ impl Point {
         place.map(|c| floor(c * a_metre + 0.5).clamp(i32::MIN.into(), i32::MAX.into()) as i32)
     }
 
-    /// Colour of 0 to 1, with the noise of a camera.
-    pub fn set_colour(&mut self, colour: [f64; 3], draw: &mut Draw) {
-        let grain = 2.0 * draw.bell();
-        self.rgb = colour.map(|c| ((c * 255.0 + grain).clamp(0.0, 255.0) as u16) << 8);
+    /// Colour of 0 to 1, with the noise of a camera, of 0 to 255.
+    pub fn set_colour(&mut self, colour: [f64; 3], noise: f64, draw: &mut Draw) {
+        let grain = draw.triple();
+        let value = |i: usize| (colour[i] * 255.0 + noise * grain[i]).clamp(0.0, 255.0);
+        self.rgb = [0, 1, 2].map(|i| (value(i) as u16) << 8);
     }
 
-    /// What comes back from `hit`: weaker with distance and at grazing angles.
-    pub fn set_intensity(&mut self, hit: &Hit, draw: &mut Draw) {
+    /// What comes back from `hit`: weaker with distance and at grazing angles; `noise` is the share of it
+    /// that is left to chance.
+    pub fn set_intensity(&mut self, hit: &Hit, noise: f64, draw: &mut Draw) {
         let far = 1.0 / (1.0 + hit.t * hit.t * (1.0 / 1600.0));
         let share = hit.material.reflectance * (0.3 + 0.7 * hit.incidence) * far;
-        let value = share * (52_000.0 + 2_500.0 * draw.bell());
-        // 12 bits of measurement.
-        self.intensity = (value.clamp(0.0, 65_535.0) as u16) & 0xfff0;
+        let value = share * 52_000.0 * (1.0 + noise * draw.bell());
+        self.intensity = value.clamp(0.0, 65_535.0) as u16;
     }
 }
 
@@ -103,28 +104,29 @@ pub fn run(
             .map_err(|off| ScanError::OffLattice { path: path.to_owned(), world: off.world })?;
         batch.positions.push(placed);
     }
-    let columns = schema.attributes.iter().zip(&mut batch.columns);
-    for (attribute, column) in columns {
-        macro_rules! fill {
-            ($of:expr) => {
-                points.iter().for_each(|p: &Point| column.extend_from_slice(&$of(p).to_le_bytes()))
-            };
-        }
+    for (attribute, column) in schema.attributes.iter().zip(&mut batch.columns) {
         match attribute.name.as_str() {
-            names::INTENSITY => fill!(|p: &Point| p.intensity),
-            names::RETURNS => fill!(|p: &Point| p.returns),
-            names::FLAGS => fill!(|p: &Point| p.flags),
-            names::CLASSIFICATION => fill!(|p: &Point| p.classification),
-            names::USER_DATA => fill!(|p: &Point| p.user_data),
-            names::SCAN_ANGLE => fill!(|p: &Point| p.scan_angle),
-            names::POINT_SOURCE_ID => fill!(|p: &Point| p.point_source_id),
-            names::GPS_TIME => fill!(|p: &Point| p.gps_time),
-            names::RED => fill!(|p: &Point| p.rgb[0]),
-            names::GREEN => fill!(|p: &Point| p.rgb[1]),
-            names::BLUE => fill!(|p: &Point| p.rgb[2]),
+            names::INTENSITY => fill(column, points, |p| p.intensity.to_le_bytes()),
+            names::RETURNS => fill(column, points, |p| [p.returns]),
+            names::FLAGS => fill(column, points, |p| [p.flags]),
+            names::CLASSIFICATION => fill(column, points, |p| [p.classification]),
+            names::USER_DATA => fill(column, points, |p| [p.user_data]),
+            names::SCAN_ANGLE => fill(column, points, |p| p.scan_angle.to_le_bytes()),
+            names::POINT_SOURCE_ID => fill(column, points, |p| p.point_source_id.to_le_bytes()),
+            names::GPS_TIME => fill(column, points, |p| p.gps_time.to_le_bytes()),
+            names::RED => fill(column, points, |p| p.rgb[0].to_le_bytes()),
+            names::GREEN => fill(column, points, |p| p.rgb[1].to_le_bytes()),
+            names::BLUE => fill(column, points, |p| p.rgb[2].to_le_bytes()),
             other => unreachable!("the schema above has no {other}"),
         }
     }
     let colour_max = points.iter().flat_map(|p| p.rgb).max().unwrap_or(0);
     Ok(Run { batch, colour_max, rounding_error_max })
+}
+
+fn fill<const N: usize>(column: &mut Column, points: &[Point], of: impl Fn(&Point) -> [u8; N]) {
+    column.resize(points.len() * N, 0);
+    for (value, point) in column.as_chunks_mut().0.iter_mut().zip(points) {
+        *value = of(point);
+    }
 }

@@ -20,6 +20,10 @@ const SCALE: f64 = 0.001;
 const RANGE_NOISE_M: f64 = 0.001;
 /// Of both angles, in steps: scan lines are not ruled with a ruler.
 const ANGLE_NOISE_STEPS: f64 = 0.15;
+/// Of colours of 0 to 255.
+const COLOUR_NOISE: f64 = 2.0;
+/// Share of the intensity.
+const INTENSITY_NOISE: f64 = 0.05;
 /// Seconds from one station's beginning to the next one's, and of one turn.
 const STATION_S: f64 = 600.0;
 const TURN_S: f64 = 240.0;
@@ -102,9 +106,9 @@ impl<W: World> Terrestrial<W> {
             let place = ray.at(hit.t);
             point.position = Point::steps(ray.at(hit.t + noise), SCALE);
             point.classification = hit.material.class;
-            point.set_intensity(&hit, &mut draw);
+            point.set_intensity(&hit, INTENSITY_NOISE, &mut draw);
             let colour = hit.material.colour_at(self.seed, place).map(|c| c * hit.light);
-            point.set_colour(colour, &mut draw);
+            point.set_colour(colour, COLOUR_NOISE, &mut draw);
         }
         point
     }
