@@ -13,12 +13,14 @@ pub mod memory;
 mod ntree;
 mod order;
 mod partition;
+mod rest;
 mod row;
 mod sample;
 mod scratch;
 mod shape;
 mod thin;
 mod tree;
+mod turn;
 
 pub use against::{Against, against, against_sources};
 pub use build::{Options, Report, Shares, build, build_shared, build_sources};

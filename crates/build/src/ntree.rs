@@ -4,6 +4,7 @@
 
 use crate::row::Rows;
 use crate::shape::Shape;
+use crate::turn::LAST_TURN;
 use esker_points::{Cell, morton};
 
 /// One point in the n-tree.
@@ -18,9 +19,6 @@ pub struct Entry {
     /// When its turn comes in thinning: see [`crate::sample`].
     pub turn: u16,
 }
-
-/// Turn of points that no sample below has placed.
-pub const LAST_TURN: u16 = u16::MAX;
 
 /// Points sorted along the n-tree's order.
 pub struct NTree {
@@ -198,15 +196,10 @@ impl NTree {
         }
     }
 
-    /// Length of so many quantised steps, in the file's unit.
-    pub fn length(&self, steps: f64) -> f64 {
-        steps / f64::from(1u32 << self.bits) * self.edge
-    }
-
     /// Quantised steps of a length in the file's unit.
-    pub fn steps(&self, length: f64) -> u64 {
+    pub fn quantised(&self, length: f64) -> f64 {
         let steps = length / self.edge * f64::from(1u32 << self.bits);
-        if steps.is_finite() { steps as u64 } else { 0 }
+        if steps.is_finite() { steps } else { 0.0 }
     }
 
     /// Typical distance of points, in the file's unit, where this many of the tree's points stand evenly

@@ -1,9 +1,10 @@
 //! The order of a node's points: level by level, within a level in strata, within a stratum along the
-//! Morton curve; and the covering radius of each. A level is what thinning picks while its radius halves, so
-//! a prefix is an even sample; points of the cell that ancestors have taken count as there before.
+//! Morton curve; and the covering radius of each. A level is what thinning picks in an octave of turns, while its
+//! radius halves, so a prefix is an even sample; points of the cell that ancestors have taken count as there before.
 
 use crate::ntree::NTree;
-use crate::thin::Thinning;
+use crate::thin::{Part, Step, Thinning};
+use crate::turn::{TURNS_PER_OCTAVE, turn_at};
 use esker_points::node::LEVELS_MAX;
 use esker_points::strata::{STRATA, residue, stratum_len};
 use std::ops::Range;
@@ -14,12 +15,9 @@ const FIRST_LEVEL_POINTS: usize = 32;
 const LOCAL_POINTS: usize = 8;
 
 /// How far from the points that ancestors took thinning begins, in units of their spacing: beyond the
-/// greatest gap of an even sample.
+/// greatest gap of an even sample, also where what covers the rim of the cell lies beyond it.
 const TAKEN_REACH: f64 = 1.5;
 
-/// Steps in which the radius halves: a gap within a step is at most a 24th wider than at its end. What a step
-/// costs is a look at each point left.
-const STEPS_PER_LEVEL: u32 = 16;
 /// Few points with less than this share of the cell above are strays (a bird over a field): the density
 /// around them is not theirs.
 const STRAY_SHARE: usize = 16;
@@ -34,41 +32,44 @@ pub struct Order {
 
 /// Orders all entries of `tree` but those `taken` by ancestors, whose sample has the spacing `above`.
 pub fn order(tree: &NTree, taken: &[bool], above: Option<f64>) -> Order {
-    let start = match above {
-        Some(spacing) if taken.contains(&true) => tree.steps(spacing * TAKEN_REACH) as f64,
-        _ => tree.steps(tree.cell_edge(0)) as f64,
-    };
-    let mut thinning = Thinning::new(tree, |i| taken[i], start, STEPS_PER_LEVEL);
-    let mut levels: Vec<Vec<u32>> = Vec::new();
-    while levels.len() < LEVELS_MAX && !thinning.is_exhausted() {
-        let mut level = Vec::new();
-        let mut indistinct = false;
-        for _ in 0..STEPS_PER_LEVEL {
-            indistinct = thinning.radius() <= 1.0;
-            level.extend(strided(thinning.step()));
-        }
-        append_level(&mut levels, level);
-        if indistinct {
-            break;
-        }
-    }
-    let rest = strided(thinning.left());
-    if !rest.is_empty() {
-        let room = levels.len() < LEVELS_MAX && rest.len() >= FIRST_LEVEL_POINTS;
-        match levels.last_mut() {
-            Some(last) if !room => last.extend(rest),
-            _ => levels.push(rest),
-        }
-    }
-    arrange(tree, levels)
+    let part = |i: usize| if taken[i] { Part::Picked } else { Part::Candidate };
+    let mut thinning = Thinning::new(tree, part, first_turn(tree, taken, above));
+    let mut steps: Vec<Step> = thinning.by_ref().collect();
+    // What the n-tree cannot tell apart from what is picked.
+    steps.push(Step { turn: thinning.turn(), entries: thinning.left() });
+    arrange(tree, levels(steps))
 }
 
-fn append_level(levels: &mut Vec<Vec<u32>>, new: Vec<u32>) {
-    match levels.as_mut_slice() {
-        _ if new.is_empty() => {}
-        [first] if first.len() < FIRST_LEVEL_POINTS => first.extend(new),
-        _ => levels.push(new),
+/// The turn at which to begin: the points of the whole cell, or the gaps that the taken ones leave, are at most so
+/// far apart.
+fn first_turn(tree: &NTree, taken: &[bool], above: Option<f64>) -> u16 {
+    let there = taken.iter().filter(|t| **t).count();
+    if there == 0 {
+        return turn_at(tree.cell_edge(0));
     }
+    let share = taken.len() as f64 / there as f64;
+    let own = tree.spacing(&tree.occupied(), taken.len());
+    let spacing = own * share.powf(1.0 / f64::from(tree.dimension.max(1)));
+    let reach = above.unwrap_or(0.0).max(spacing) * TAKEN_REACH;
+    turn_at(reach.min(tree.cell_edge(0)))
+}
+
+/// Cuts steps into levels, one an octave; the first ones, and those beyond the last, are one.
+fn levels(steps: Vec<Step>) -> Vec<Vec<u32>> {
+    let mut levels: Vec<Vec<u32>> = Vec::new();
+    let mut octave = None;
+    for step in steps.into_iter().filter(|s| !s.entries.is_empty()) {
+        let new = step.turn / TURNS_PER_OCTAVE;
+        let same = octave == Some(new);
+        octave = Some(new);
+        let full = levels.len() == LEVELS_MAX;
+        let small = levels.len() == 1 && levels[0].len() < FIRST_LEVEL_POINTS;
+        match levels.last_mut() {
+            Some(last) if same || full || small => last.extend(strided(step.entries)),
+            _ => levels.push(strided(step.entries)),
+        }
+    }
+    levels
 }
 
 /// Every 16th along the curve first, so that a part of a step is spread over all of it.

@@ -3,18 +3,22 @@
 //! node is full.
 //!
 //! When a point was picked is its *turn*, and stays with it: the cell above looks at points in the order of
-//! their turns, and so does the node when its own points are ordered. So the samples of all levels, and the
-//! prefixes of each node, are beginnings of nearly one sequence, and the gaps of a prefix are those that it
-//! leaves among all points of the cell, not those in the sample on top of the sample's own.
+//! their turns, and so does the node when its own points are ordered, and both rather pick a point in its turn than
+//! keep the whole radius. So the samples of all levels, and the prefixes of each node, are beginnings of nearly one
+//! sequence, and the gaps of a prefix are those that it leaves among all points of the cell, not those in the
+//! sample on top of the sample's own.
 
 use crate::ntree::NTree;
-use crate::thin::Thinning;
+use crate::thin::{Part, Step, Thinning};
+use crate::turn::{LAST_TURN, turn_at};
 
-/// Radius of a first step, in units of the spacing that the node's points would have on a grid: a sample so
-/// thinned has one point in twelve, and what is coarser hardly shows the difference.
-const FIRST_RADIUS: f64 = 4.0;
-/// Steps in which the radius halves.
-const STEPS_PER_LEVEL: u32 = 16;
+/// Down to this radius, in units of the spacing that the node's points would have on a grid, a part of the points
+/// is enough to thin among, which saves time: a sample so thinned has one point in twelve.
+const COARSE_RADIUS: f64 = 4.0;
+/// And no longer than until this part of the room is taken, as it can be earlier where densities differ.
+const COARSE_SHARE: usize = 8;
+/// One in so many of the points that no sample has placed, beside those placed at the spacing or above it.
+const COARSE_EVERY: usize = 4;
 
 /// The chosen points of a node.
 pub struct Sample {
@@ -31,48 +35,46 @@ pub fn choose(tree: &NTree, capacity: usize) -> Sample {
     if n <= capacity {
         return Sample { chosen: tree.entries.iter().map(|e| Some(e.turn)).collect(), spacing };
     }
-    let mut radius = tree.steps(spacing * FIRST_RADIUS) as f64;
-    loop {
-        if let Some(chosen) = fill(tree, capacity, radius) {
-            return Sample { chosen, spacing };
-        }
-        // The estimate was off, as it can be where densities differ: fewer, then.
-        radius *= 1.5;
-    }
+    Sample { chosen: fill(tree, capacity, spacing), spacing }
 }
 
-/// The turn of points picked at a radius in the file's unit: the larger the radius, the earlier, the same for
-/// all cells of a file; sixteen to an octave.
-fn turn_at(radius: f64) -> u16 {
-    let octaves = 2000.0 - radius.max(f64::MIN_POSITIVE).log2();
-    (octaves * 16.0).clamp(0.0, f64::from(crate::ntree::LAST_TURN - 1)) as u16
-}
-
-/// Thins from a radius down until `capacity` are chosen; `None` where the first step gives more.
-fn fill(tree: &NTree, capacity: usize, radius: f64) -> Option<Vec<Option<u16>>> {
+/// Thins until `capacity` are chosen: from the whole cell's radius down among a part of the points, then among all.
+fn fill(tree: &NTree, capacity: usize, spacing: f64) -> Vec<Option<u16>> {
     let mut chosen = vec![None; tree.entries.len()];
     let mut room = capacity;
-    let mut thinning = Thinning::new(tree, |_| false, radius, STEPS_PER_LEVEL);
-    let mut first = true;
-    while room > 0 {
-        let indistinct = thinning.radius() <= 1.0;
-        let turn = turn_at(tree.length(thinning.radius()));
-        let mut new = thinning.step();
-        if first && new.len() > capacity && !indistinct {
-            return None;
+    let placed = turn_at(spacing);
+    let is_coarse = |i: usize| match tree.entries[i].turn {
+        LAST_TURN => i.is_multiple_of(COARSE_EVERY),
+        turn => turn <= placed,
+    };
+    let part = |i| if is_coarse(i) { Part::Candidate } else { Part::Absent };
+    let mut turn = turn_at(tree.cell_edge(0));
+    let coarse_turns = turn_at(spacing * COARSE_RADIUS);
+    for step in Thinning::new(tree, part, turn).take_while(|s| s.turn < coarse_turns) {
+        take(&step, &mut chosen, &mut room);
+        turn = step.turn + 1;
+        if (capacity - room) * COARSE_SHARE >= capacity {
+            break;
         }
-        first = false;
-        if new.is_empty() && indistinct {
-            // Positions that the n-tree cannot tell apart: any of them is as good.
-            new = thinning.left();
-        }
-        let take = room.min(new.len());
-        for j in 0..take {
-            chosen[new[(2 * j + 1) * new.len() / (2 * take)] as usize] = Some(turn);
-        }
-        room -= take;
     }
-    Some(chosen)
+    let part = |i: usize| if chosen[i].is_some() { Part::Picked } else { Part::Candidate };
+    let mut thinning = Thinning::new(tree, part, turn);
+    while room > 0 {
+        // At the end are positions that the n-tree cannot tell apart: any of them is as good.
+        let left = |t: &Thinning<'_>| Step { turn: t.turn(), entries: t.left() };
+        let step = thinning.next().unwrap_or_else(|| left(&thinning));
+        take(&step, &mut chosen, &mut room);
+    }
+    chosen
+}
+
+/// Takes what is picked at a turn, or as much of it as there is room for.
+fn take(step: &Step, chosen: &mut [Option<u16>], room: &mut usize) {
+    let (new, take) = (&step.entries, step.entries.len().min(*room));
+    for j in 0..take {
+        chosen[new[(2 * j + 1) * new.len() / (2 * take)] as usize] = Some(step.turn);
+    }
+    *room -= take;
 }
 
 #[cfg(test)]

@@ -3,11 +3,12 @@
 //! page made, when the cell above has taken its share.
 
 use crate::contour;
-use crate::ntree::{LAST_TURN, NTree};
+use crate::ntree::NTree;
 use crate::order::{order, radii};
 use crate::row::{RowLayout, Rows};
 use crate::sample::choose;
 use crate::shape::{Moments, Shape};
+use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
 use esker_format::{Histograms, NodeStatistics, PageLayout, PagePoints, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
