@@ -115,7 +115,9 @@ impl<L: Landing> Reading<'_, L> {
         let done = match filling.run.bytes().get_mut(at..at + bytes) {
             Some(buffer) => {
                 let done = self.planes.file.read_exact_at(buffer, read.place.start);
-                done.map_err(|e| e.to_string())
+                done.map_err(|e| {
+                    format!("{e}; it is tried again, check the disk or the connection")
+                })
             }
             None => Err("the landing lent a shorter run than it says".into()),
         };

@@ -1,4 +1,4 @@
-//! Nodes that could not be read: when they are tried again, and when no more.
+//! Nodes that could not be read: when they are tried again, and for which nobody waits any more.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 /// The pause after the first failure; each further one doubles it.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Failures after which a node is given up: by then a disk has had six seconds to come back.
+/// Failures after which nobody waits for a node any more: by then a disk has had twelve seconds to come
+/// back. It is still tried after the longest pause, since it may come back later.
 const FAILURES_MAX: u32 = 7;
 
 /// A node's failures.
@@ -21,7 +22,6 @@ struct Failures {
 #[derive(Debug, Default)]
 pub(crate) struct Retries {
     nodes: HashMap<u32, Failures>,
-    given_up: u64,
 }
 
 impl Retries {
@@ -30,7 +30,6 @@ impl Retries {
         let failures = self.nodes.entry(node).or_insert(Failures { count: 0, due: now });
         failures.due = now + PAUSE * (1 << failures.count.min(FAILURES_MAX));
         failures.count += 1;
-        self.given_up += u64::from(failures.count == FAILURES_MAX);
     }
 
     /// Notes that a node was read.
@@ -45,18 +44,22 @@ impl Retries {
 
     /// Whether a node may be asked for.
     pub(crate) fn may_ask(&self, node: u32, now: Instant) -> bool {
-        self.nodes.get(&node).is_none_or(|f| f.count < FAILURES_MAX && f.due <= now)
+        self.nodes.get(&node).is_none_or(|f| f.due <= now)
     }
 
-    /// When the next of the nodes that wait is tried again; `None` where none waits.
+    /// When the next node is tried again; `None` where none failed.
     pub(crate) fn next_due(&self, now: Instant) -> Option<Instant> {
-        let waiting = self.nodes.values().filter(|f| f.count < FAILURES_MAX && f.due > now);
-        waiting.map(|f| f.due).min()
+        self.nodes.values().map(|f| f.due).filter(|&due| due > now).min()
     }
 
-    /// Nodes that are not tried again.
+    /// Whether some node that may soon be read waits.
+    pub(crate) fn is_waiting(&self, now: Instant) -> bool {
+        self.nodes.values().any(|f| f.count < FAILURES_MAX && f.due > now)
+    }
+
+    /// Nodes that nobody waits for any more.
     pub(crate) fn given_up(&self) -> u64 {
-        self.given_up
+        self.nodes.values().filter(|f| f.count >= FAILURES_MAX).count() as u64
     }
 }
 
@@ -65,19 +68,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_until_a_node_is_given_up() {
-        let (mut retries, start) = (Retries::default(), Instant::now());
-        let mut now = start;
-        for failure in 0..FAILURES_MAX {
+    fn pauses_double_until_nobody_waits() {
+        let (mut retries, mut now) = (Retries::default(), Instant::now());
+        let mut pause = PAUSE;
+        for failure in 1..=FAILURES_MAX + 3 {
             assert!(retries.may_ask(5, now));
             retries.fail(5, now);
-            assert!(!retries.may_ask(5, now));
-            let due = retries.next_due(now);
-            assert_eq!(due.is_none(), failure + 1 == FAILURES_MAX);
-            now = due.unwrap_or(now + Duration::from_secs(3600));
+            assert!(!retries.may_ask(5, now) && retries.may_ask(6, now));
+            assert_eq!(retries.is_waiting(now), failure < FAILURES_MAX);
+            assert_eq!(retries.given_up(), u64::from(failure >= FAILURES_MAX));
+            assert_eq!(retries.next_due(now), Some(now + pause));
+            now += pause;
+            pause = (pause * 2).min(PAUSE * (1 << FAILURES_MAX));
         }
-        assert!(!retries.may_ask(5, now) && retries.may_ask(6, now));
-        assert_eq!(retries.given_up(), 1);
     }
 
     #[test]

@@ -30,9 +30,9 @@ pub struct Status {
     pub passes: u64,
     /// Milliseconds that choices took.
     pub lod_ms: PassTimes,
-    /// Reads that failed; their nodes are tried again, a few times.
+    /// Requests that could not be read; they are made again, after pauses that double.
     pub reads_failed: u64,
-    /// Nodes that could not be read and are not tried again.
+    /// Nodes that could not be read so often that nobody waits for them.
     pub nodes_failed: u64,
     /// The last fault: file, what is wrong, what to do.
     pub fault: Option<String>,
