@@ -52,8 +52,9 @@ impl OrientedBox {
 
     /// An upper bound of its silhouette's area seen from `eye`, over the area of its greatest face,
     /// in 0 to 1: 1 for whatever is as thick as wide, small for a flat box seen edge-on. Each face
-    /// counts by the greatest cosine that any direction from the eye to the box can have, so that no
-    /// part of a near, large box is taken for edge-on because its centre is. 1 where the box has no
+    /// counts by the greatest cosine that any line from the eye to a point of the box can have with its
+    /// normal: the eye's distance to the farther of the two planes, over that to the nearest point; so
+    /// no part of a near, large box is taken for edge-on because its centre is. 1 where the box has no
     /// area.
     pub fn facing(&self, eye: DVec3) -> f64 {
         let faces = DVec3::new(
@@ -62,14 +63,13 @@ impl OrientedBox {
             self.half.x * self.half.y,
         );
         let greatest = faces.max_element();
-        let towards = self.centre - eye;
-        let distance = towards.length();
-        if !(greatest > 0.0 && distance > self.radius()) {
+        let distance = self.distance(eye);
+        if !(greatest > 0.0 && distance > 0.0) {
             return 1.0;
         }
-        let spread = self.radius() / distance;
-        let cosines = (self.axes.transpose() * (towards / distance)).abs() + DVec3::splat(spread);
-        (faces.dot(cosines.min(DVec3::ONE)) / greatest).min(1.0)
+        let heights = (self.axes.transpose() * (self.centre - eye)).abs() + self.half;
+        let cosines = (heights / distance).min(DVec3::ONE);
+        (faces.dot(cosines) / greatest).min(1.0)
     }
 }
 
@@ -92,8 +92,10 @@ mod tests {
         assert!(plate(0.0).facing(eye) == 1.0);
         assert!((plate(1.0).facing(eye) - 1f64.cos()).abs() < 0.02);
         assert!(plate(std::f64::consts::FRAC_PI_2).facing(eye) < 0.02);
+        // However near: the eye is in its plane.
         let near = DVec3::new(0.0, 0.0, 1.2);
-        assert_eq!(plate(std::f64::consts::FRAC_PI_2).facing(near), 1.0);
+        assert!(plate(std::f64::consts::FRAC_PI_2).facing(near) < 0.1);
+        assert!(plate(1.5).facing(near) > 0.4);
         let cube = OrientedBox { half: DVec3::ONE, ..plate(0.3) };
         assert_eq!(cube.facing(eye), 1.0);
         let point = OrientedBox { half: DVec3::ZERO, ..plate(0.3) };

@@ -5,10 +5,8 @@
 use esker_points::Node;
 use esker_points::strata::{STRATA, prefix_at_least, stratum_len};
 
-/// Least share of the points that the spacing asks for which a node seen edge-on still gets. Where no
-/// normals are known splats face the viewer: a quarter of the points makes them twice as wide, and no
-/// wider than that may a wall's edge become.
-const FACING_LEAST: f64 = 0.25;
+/// Least share of the points that the spacing asks for which a node seen edge-on still gets.
+pub const FACING_LEAST: f64 = 1.0 / 16.0;
 
 /// A node's spacing, the file's unit; 0 for what is no length.
 pub fn spacing(node: &Node) -> f64 {
@@ -17,29 +15,40 @@ pub fn spacing(node: &Node) -> f64 {
 }
 
 /// Typical distance of points, the file's unit, when the first `prefix` (at least 1) of the node's
-/// `count` points and all of its ancestors' are drawn.
-pub fn effective_spacing(node: &Node, count: usize, prefix: usize) -> f64 {
+/// `count` points and all of its ancestors' are drawn. Where the node shows only a share of its greatest
+/// face (`facing`, 0 to 1), it is the distance that fills the picture as well face-on: foreshortening
+/// brings points together, so that splats need not grow by what it lets be left out. Never less than the
+/// node's spacing.
+pub fn effective_spacing(node: &Node, count: usize, prefix: usize, facing: f64) -> f64 {
     let left = count as f64 / prefix.max(1) as f64;
-    spacing(node) * left.powf(1.0 / f64::from(dimension(node)))
+    let apart = left.powf(1.0 / f64::from(dimension(node)));
+    spacing(node) * (apart * facing.sqrt()).max(1.0)
 }
 
-/// The smallest prefix of whole strata, at least one point, whose points are at most
-/// `target_spacing_px` apart, where all `count` points are `spacing_px` apart; all points where none
-/// is or the target is 0. `facing` is the share (0 to 1) of the node's greatest face that its silhouette has: fewer points
-/// fill that.
-pub fn wanted(
-    node: &Node,
-    count: usize,
-    spacing_px: f64,
-    target_spacing_px: f64,
-    facing: f64,
-) -> usize {
+/// What the picture shows of a node.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown {
+    /// Distance in pixels at which all of its points are, seen face-on from the nearest place.
+    pub spacing_px: f64,
+    /// The share (0 to 1) of its greatest face that its silhouette has: fewer points fill that.
+    pub facing: f64,
+    /// Area of its silhouette, pixels; infinite where that is not known.
+    pub area_px: f64,
+}
+
+/// The smallest prefix of whole strata, at least one point, that is dense enough: its points are at most
+/// `target_spacing_px` apart where all `count` points are `shown.spacing_px` apart, or as many as the
+/// silhouette has squares of that side: of surfaces one behind the other only one is seen. All points
+/// where none of that is or the target is 0.
+pub fn wanted(node: &Node, count: usize, shown: &Shown, target_spacing_px: f64) -> usize {
     if target_spacing_px <= 0.0 {
         return count;
     }
-    let share = (spacing_px / target_spacing_px).powi(dimension(node) as i32);
+    let share = (shown.spacing_px / target_spacing_px).powi(dimension(node) as i32);
+    let by_spacing = count as f64 * share * shown.facing.clamp(0.0, 1.0);
+    let by_area = shown.area_px / target_spacing_px.powi(2);
     // A rounding error above a whole number must not cost a stratum.
-    let points = count as f64 * share * facing.clamp(FACING_LEAST, 1.0) - 1e-6;
+    let points = by_spacing.min(by_area) - 1e-6;
     prefix_at_least(node.levels(), (points.ceil() as usize).clamp(1, count.max(1)))
 }
 
@@ -97,8 +106,8 @@ mod tests {
     fn spacing_grows_with_the_root_of_what_is_left_out() {
         for (dimension, factor) in [(0, 16.0), (1, 16.0), (2, 4.0), (3, 4.0)] {
             let node = node(&[16, 240], dimension, 0.5);
-            assert!((effective_spacing(&node, 256, 16) - 0.5 * factor).abs() < 1e-9);
-            assert_eq!(effective_spacing(&node, 256, 256), 0.5);
+            assert!((effective_spacing(&node, 256, 16, 1.0) - 0.5 * factor).abs() < 1e-9);
+            assert_eq!(effective_spacing(&node, 256, 256, 1.0), 0.5);
         }
     }
 
@@ -118,15 +127,21 @@ mod tests {
             let count = levels.iter().sum::<usize>();
             prop_assume!(count > 0);
             let node = node(&levels, dimension, 1.0);
-            let prefix = wanted(&node, count, spacing_px, target, 1.0);
-            let distance_px = |prefix| spacing_px * effective_spacing(&node, count, prefix);
+            let face_on = Shown { spacing_px, facing: 1.0, area_px: f64::INFINITY };
+            let prefix = wanted(&node, count, &face_on, target);
+            let distance_px = |prefix| spacing_px * effective_spacing(&node, count, prefix, 1.0);
             let at = boundaries(&levels);
             prop_assert!(at.contains(&prefix) && prefix > 0);
             prop_assert!(prefix == count || distance_px(prefix) <= target * (1.0 + 1e-5));
             let smaller = at.iter().copied().rfind(|&b| b < prefix).unwrap_or(0);
             prop_assert!(smaller == 0 || distance_px(smaller) > target);
-            let edge_on = wanted(&node, count, spacing_px, target, 0.0);
+            let edge_on = wanted(&node, count, &Shown { facing: 0.0, ..face_on }, target);
             prop_assert!(edge_on <= prefix && at.contains(&edge_on) && edge_on > 0);
+            // A silhouette of half as many squares as points are wanted.
+            let squares = prefix as f64 * 0.5;
+            let small = Shown { area_px: squares * target * target, ..face_on };
+            let few = wanted(&node, count, &small, target);
+            prop_assert!(at.contains(&few) && few as f64 >= squares - 1e-3 && few <= prefix);
         }
 
         #[test]

@@ -8,7 +8,8 @@ use crate::frustum::Frustum;
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
 use crate::parts::any_part;
-use crate::prefix::{effective_spacing, prefix_at_most, spacing, wanted};
+use crate::prefix::{FACING_LEAST, Shown, effective_spacing, prefix_at_most, spacing, wanted};
+use crate::project::Projection;
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
 use std::cmp::Reverse;
@@ -152,15 +153,18 @@ pub fn select(
         residency,
         occlusion,
         frustum: Frustum::of(view),
-        focal_px: view.focal_px(),
+        projection: Projection::of(view),
         open: BinaryHeap::new(),
         places: Vec::new(),
         selection: Selection::default(),
     };
-    walk.start();
+    if table.root().is_some() {
+        walk.open(0, f64::INFINITY, NOWHERE);
+    }
     while let Some(candidate) = walk.open.pop() {
         walk.visit(&candidate);
     }
+    walk.want_root();
     walk.selection
 }
 
@@ -226,30 +230,24 @@ struct Walk<'a, R> {
     residency: &'a R,
     occlusion: Option<&'a dyn Occlusion>,
     frustum: Frustum,
-    focal_px: f64,
+    projection: Projection,
     open: BinaryHeap<Candidate>,
     places: Vec<Place>,
     selection: Selection,
 }
 
 impl<R: Residency> Walk<'_, R> {
-    /// Takes up the root, which is wanted whether or not it is in view.
-    fn start(&mut self) {
-        if self.table.root().is_none() {
+    /// Wants the root where nothing of the walk did: it serves whatever comes into view next.
+    fn want_root(&mut self) {
+        if !self.selection.wanted.is_empty() || self.table.root().is_none() {
             return;
         }
-        self.open(0, f64::INFINITY, NOWHERE);
-        let bytes = self.residency.slot_bytes(0);
-        if self.open.is_empty() && bytes <= self.options.bytes_budget {
-            let cell = OrientedBox::of_cell(&self.table.nodes[0].cell(), self.lattice);
-            let distance = cell.distance(self.view.eye).max(self.view.near);
-            let place = self.pass(&Candidate {
-                spacing_px: 0.0,
-                node: 0,
-                distance,
-                spacing: f64::INFINITY,
-                above: NOWHERE,
-            });
+        let cell = OrientedBox::of_cell(&self.table.nodes[0].cell(), self.lattice);
+        let distance = cell.distance(self.view.eye).max(self.view.near);
+        let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
+        let root = Candidate { spacing_px, node: 0, distance, spacing, above: NOWHERE };
+        let place = self.pass(&root);
+        if self.fits(place) {
             self.want(place, 0);
         }
     }
@@ -302,9 +300,6 @@ impl<R: Residency> Walk<'_, R> {
             counters.contour_culled += u64::from(is_culled);
             counters.contour_occluded += u64::from(!is_culled);
             let place = self.pass(candidate);
-            if candidate.node == 0 && self.fits(place) {
-                self.want(place, 0);
-            }
             self.open_children(candidate, spacing(node).min(candidate.spacing), place);
             return;
         }
@@ -327,7 +322,7 @@ impl<R: Residency> Walk<'_, R> {
             self.selection.counters.withheld += 1;
             return None;
         }
-        let need = self.need(candidate, node, count, contour);
+        let (need, facing) = self.need(candidate, node, count, contour);
         let left = self.options.points_budget.saturating_sub(self.selection.counters.points_wanted);
         let prefix = if need as u64 <= left { need } else { prefix_at_most(node.levels(), left) };
         if prefix == 0 {
@@ -335,7 +330,7 @@ impl<R: Residency> Walk<'_, R> {
             return None;
         }
         self.want(place, prefix);
-        let effective = effective_spacing(node, count, prefix).min(candidate.spacing);
+        let effective = effective_spacing(node, count, prefix, facing).min(candidate.spacing);
         let counters = &mut self.selection.counters;
         counters.shortened += u64::from(prefix < need);
         counters.points_wanted += prefix as u64;
@@ -354,25 +349,31 @@ impl<R: Residency> Walk<'_, R> {
         (prefix == count).then_some((effective, place))
     }
 
-    /// Points that the view needs of a node of `count` points, budgets aside.
+    /// Points that the view needs of a node of `count` points, budgets aside, and how much of it faces the
+    /// eye, where that made them fewer.
     fn need(
         &self,
         candidate: &Candidate,
         node: &Node,
         count: usize,
         contour: &OrientedBox,
-    ) -> usize {
+    ) -> (usize, f64) {
         let eye = self.view.eye;
         let target_px = self.options.target_spacing_px;
         // Where its children are wanted all of it is: what stands on a wall seen edge-on may face us.
         let own_spacing = spacing(node).min(candidate.spacing);
         if node.child_count > 0 && self.spacing_px(own_spacing, candidate.distance) > target_px {
-            return count;
+            return (count, 1.0);
         }
-        // Both boxes hold all of its points, so the farther of the two distances bounds theirs.
+        // Both boxes hold all of its points, so the farther of the two distances bounds theirs. The
+        // silhouette is not cut at the picture's border: the points are everywhere in the box.
         let distance = candidate.distance.max(contour.distance(eye));
-        let spacing_px = self.spacing_px(spacing(node), distance);
-        wanted(node, count, spacing_px, target_px, contour.facing(eye))
+        let shown = Shown {
+            spacing_px: self.spacing_px(spacing(node), distance),
+            facing: contour.facing(eye).max(FACING_LEAST),
+            area_px: self.projection.silhouette(contour).map_or(f64::INFINITY, |s| s.area_px()),
+        };
+        (wanted(node, count, &shown, target_px), shown.facing)
     }
 
     /// Notes that the walk goes through a node.
@@ -450,6 +451,6 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     fn spacing_px(&self, spacing: f64, distance: f64) -> f64 {
-        self.focal_px * spacing / distance
+        self.projection.focal_px() * spacing / distance
     }
 }
