@@ -2,12 +2,11 @@
 //! replace those that no loader has taken; and what becomes of requests.
 
 use crate::batch::{REQUESTS_MAX, batches, queue_bytes_max};
-use crate::choose::Chooser;
+use crate::choose::{Choice, Chooser};
 use crate::landing::Slot;
 use crate::planes::{Request, Sight};
 use crate::priority::{Worth, wishes};
 use esker_format::PlaneKind;
-use esker_lod::{Selection, View};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
@@ -16,7 +15,7 @@ const MISFITS_MAX: usize = 16;
 
 impl Chooser {
     /// Replaces the load queue. False where something found no place.
-    pub(crate) fn ask(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) -> bool {
+    pub(crate) fn ask(&mut self, choice: &Choice) -> bool {
         self.take_back();
         if self.shown != self.needs {
             // With the root's new planes everything else is chosen anew, so they come alone; unless
@@ -27,8 +26,8 @@ impl Chooser {
             }
         }
         let now = Instant::now();
-        let worth = Worth::new(&self.planes, view, self.options.priority);
-        let wishes = wishes(selection, base, &worth, |node, kinds| {
+        let worth = Worth::new(&self.planes, &choice.view, self.options.priority);
+        let wishes = wishes(choice, &worth, |node, kinds| {
             let asks = self.retries.may_ask(node, now);
             kinds.iter().copied().filter(|&k| asks && !self.cache.has(node, k)).collect()
         });
@@ -43,7 +42,7 @@ impl Chooser {
             if wish.node != 0 && !self.cache.has_node(self.planes.node(wish.node).parent) {
                 continue;
             }
-            let Some(slots) = self.cache.reserve(wish.node, &wish.kinds, base) else {
+            let Some(slots) = self.cache.reserve(wish.node, &wish.kinds, &choice.base) else {
                 misfits += 1;
                 continue;
             };

@@ -50,6 +50,16 @@ pub(crate) struct Chooser {
     pub(crate) spare_bytes: u64,
 }
 
+/// What a pass chose.
+pub(crate) struct Choice {
+    pub(crate) view: View,
+    /// The planes without which nothing is drawn.
+    pub(crate) base: Vec<PlaneKind>,
+    pub(crate) selection: Selection,
+    /// Which of the wanted nodes need their residual.
+    pub(crate) residuals: HashSet<u32>,
+}
+
 /// What [`select`] is told of the cache. The root counts nothing: it has its place.
 struct Known<'a> {
     chooser: &'a Chooser,
@@ -79,18 +89,17 @@ impl Chooser {
             return false;
         };
         let began = Instant::now();
-        let base = self.planes.base(&self.shown);
-        let mut selection = self.select(&view, &base);
-        self.keep_to_nodes_max(&mut selection);
-        let cut = self.cut(&view, &base, &selection, began);
+        let choice = self.choose(view);
+        let cut = self.cut(&choice, began);
         let is_complete = cut.complete;
         let front = Arc::new(cut);
         self.shared.front.store(Arc::clone(&front));
-        let same = self.drawn.iter().map(|d| d.node).eq(selection.drawn.iter().map(|d| d.node));
+        self.touch(&choice);
+        let finds_place = self.ask(&choice);
+        let drawn = choice.selection.drawn;
+        let same = self.drawn.iter().map(|d| d.node).eq(drawn.iter().map(|d| d.node));
+        self.drawn = drawn;
         let follows = may_follow && self.options.occlusion && !same;
-        self.touch(&selection, &base, &view);
-        let finds_place = self.ask(&selection, &base, &view);
-        self.drawn = selection.drawn;
         let follows = follows || (!finds_place && self.spare_more());
         let waits = !is_complete && self.retries.is_waiting(began);
         if self.asked.is_empty() && !self.has_more && !waits && !follows {
@@ -155,6 +164,15 @@ impl Chooser {
         bytes.saturating_sub(self.spare_bytes).saturating_sub(root)
     }
 
+    fn choose(&self, view: View) -> Choice {
+        let base = self.planes.base(&self.shown);
+        let mut selection = self.select(&view, &base);
+        self.keep_to_nodes_max(&mut selection);
+        let wanted = selection.wanted.iter().copied();
+        let residuals = wanted.filter(|&node| self.needs_residual(node, &view)).collect();
+        Choice { view, base, selection, residuals }
+    }
+
     fn select(&self, view: &View, base: &[PlaneKind]) -> Selection {
         let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
         let options = esker_lod::Options {
@@ -188,10 +206,11 @@ impl Chooser {
         }
     }
 
-    fn cut(&mut self, view: &View, base: &[PlaneKind], chosen: &Selection, began: Instant) -> Cut {
+    fn cut(&mut self, choice: &Choice, began: Instant) -> Cut {
+        let Choice { base, selection, .. } = choice;
         let mut lacks_residual = false;
-        let nodes = chosen.drawn.iter().map(|d| {
-            let residual = self.needs_residual(d.node, view).then_some(PlaneKind::Residual);
+        let nodes = selection.drawn.iter().map(|d| {
+            let residual = choice.residuals.get(&d.node).map(|_| PlaneKind::Residual);
             let kinds = base.iter().copied().chain(residual);
             let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
             let planes: Vec<_> = planes.collect();
@@ -207,25 +226,23 @@ impl Chooser {
         self.epoch += 1;
         Cut {
             epoch: self.epoch,
-            view: *view,
+            view: choice.view,
             needs: self.shown.clone(),
             nodes,
-            octree: CompactOctree::new(self.planes.file.table(), &chosen.drawn),
-            counters: chosen.counters,
-            complete: chosen.missing.is_empty() && !lacks_residual && self.shown == self.needs,
+            octree: CompactOctree::new(self.planes.file.table(), &selection.drawn),
+            counters: selection.counters,
+            complete: selection.missing.is_empty() && !lacks_residual && self.shown == self.needs,
             settled: false,
             lod_ms: began.elapsed().as_secs_f64() * 1000.0,
         }
     }
 
     /// Keeps what the cut wants; everything else may leave.
-    fn touch(&mut self, selection: &Selection, base: &[PlaneKind], view: &View) {
-        for &node in &selection.wanted {
-            base.iter().for_each(|&kind| self.cache.touch(node, kind));
-            if self.needs_residual(node, view) {
-                self.cache.touch(node, PlaneKind::Residual);
-            }
+    fn touch(&mut self, choice: &Choice) {
+        for &node in &choice.selection.wanted {
+            choice.base.iter().for_each(|&kind| self.cache.touch(node, kind));
         }
+        choice.residuals.iter().for_each(|&node| self.cache.touch(node, PlaneKind::Residual));
         for kind in self.planes.base(&self.needs) {
             self.cache.touch(0, kind);
         }
@@ -237,14 +254,16 @@ impl Chooser {
         if self.drawn.is_empty() && self.cache.is_resident(0, &base) {
             let root = self.planes.node(0);
             let (prefix, effective_spacing) = (root.points(), root.spacing);
-            let empty = Cut::empty(self.shown.clone());
-            let selection = Selection {
-                drawn: vec![Drawn { node: 0, prefix, effective_spacing }],
-                ..Default::default()
+            let drawn = vec![Drawn { node: 0, prefix, effective_spacing }];
+            let choice = Choice {
+                view: Cut::empty(Needs::default()).view,
+                base,
+                selection: Selection { drawn, ..Selection::default() },
+                residuals: HashSet::new(),
             };
-            let cut = self.cut(&empty.view, &base, &selection, Instant::now());
+            let cut = self.cut(&choice, Instant::now());
             self.shared.front.store(Arc::new(Cut { complete: false, ..cut }));
-            self.drawn = selection.drawn;
+            self.drawn = choice.selection.drawn;
         }
     }
 

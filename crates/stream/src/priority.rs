@@ -2,10 +2,11 @@
 //! first whose absence shows most for their bytes. Parents come before their children in either case,
 //! since without them children are not drawn.
 
+use crate::choose::Choice;
 use crate::options::Priority;
 use crate::planes::Planes;
 use esker_format::PlaneKind;
-use esker_lod::{OrientedBox, Projection, Selection, View, needs_residual};
+use esker_lod::{OrientedBox, Projection, View};
 use glam::DVec2;
 
 /// Planes of a node to be asked for.
@@ -63,24 +64,24 @@ impl<'a> Worth<'a> {
 /// What a choice misses, best first: base planes of missing nodes, and residuals where hot positions
 /// are not exact enough. `lacks` tells which of some planes of a node have not been asked for yet.
 pub(crate) fn wishes(
-    selection: &Selection,
-    base: &[PlaneKind],
+    choice: &Choice,
     worth: &Worth<'_>,
     lacks: impl Fn(u32, &[PlaneKind]) -> Vec<PlaneKind>,
 ) -> Vec<Wish> {
     let mut wishes: Vec<Wish> = Vec::new();
+    let selection = &choice.selection;
     let mut missing = selection.missing.iter().peekable();
     for &node in &selection.wanted {
         let miss = missing.next_if(|m| m.node == node);
         let is_seen = miss.is_none_or(|m| m.prefix > 0);
         if let Some(miss) = miss {
-            let kinds = lacks(node, base);
+            let kinds = lacks(node, &choice.base);
             if !kinds.is_empty() {
                 let worth = worth.of(node, &kinds, miss.spacing_px);
                 wishes.push(Wish { node, kinds, is_seen, worth });
             }
         }
-        if is_seen && is_residual_due(node, worth) {
+        if is_seen && choice.residuals.contains(&node) {
             let kinds = lacks(node, &[PlaneKind::Residual]);
             if !kinds.is_empty() {
                 let worth = worth.of(node, &kinds, worth.hot_error_px(node));
@@ -89,11 +90,6 @@ pub(crate) fn wishes(
         }
     }
     in_order(wishes, worth.planes)
-}
-
-fn is_residual_due(node: u32, worth: &Worth<'_>) -> bool {
-    let planes = worth.planes;
-    needs_residual(planes.node(node), &planes.file.metadata().lattice, worth.view)
 }
 
 /// Sorts by worth; what is above a wish in the tree is worth as much as that, and stands before it.
