@@ -58,6 +58,18 @@ fn nonsense() {
         ("render B -o O --camera fovy=180", "175"),
         ("render B -o O --camera up=0,0,0", "no direction"),
         ("render B -o O --camera eye=1,2,3;target=1,2,3", "same point"),
+        ("bench frobnicate", "frobnicate"),
+        ("bench stream", "required"),
+        ("bench stream nothere", "nothere"),
+        ("bench stream F", "folder"),
+        ("bench stream B --path nothere.json", "nothere.json"),
+        ("bench stream B --path B", "camera path"),
+        ("bench stream B --size 0x9", "1 to 16384"),
+        ("bench stream B --budget-gpu much", "much"),
+        ("bench stream B --budget-ram 1KiB", "is the least"),
+        ("bench stream B --backend guess", "guess"),
+        ("bench stream B --capacities 4096", "built already"),
+        ("bench stream B --pictures nothere", "nothere"),
     ] {
         let words = typed.split(' ').map(|word| match word {
             "S" => scan.as_str(),

@@ -17,6 +17,7 @@ mod pictures;
 mod program;
 mod proof;
 mod python;
+mod stream;
 
 use libtest_mimic::{Arguments, Trial};
 
@@ -36,6 +37,7 @@ fn main() {
     pictures::trials(&mut trials);
     interrupt::trials(&mut trials);
     python::trials(&mut trials);
+    stream::trials(&mut trials);
     libtest_mimic::run(&arguments, trials).exit();
 }
 

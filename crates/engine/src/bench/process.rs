@@ -44,13 +44,13 @@ pub fn stream(plan: &Plan, task: &dyn Task) -> Result<Value> {
         ensure!(folder.is_dir(), "{}: no folder for pictures; make it first", folder.display());
     }
     if let ([input], false, []) = (&plan.inputs[..], plan.paper_too, &plan.capacities[..])
-        && !is_scan(input)?
+        && is_esker(input)?
     {
         return pool::run(plan.request.threads, || measure(input, &plan.request, task));
     }
     let mut runs = Vec::new();
     for input in &plan.inputs {
-        if !is_scan(input)? {
+        if is_esker(input)? {
             ensure!(
                 plan.capacities.is_empty(),
                 "{}: is built already; --capacities needs scans",
@@ -76,11 +76,6 @@ pub fn stream(plan: &Plan, task: &dyn Task) -> Result<Value> {
         1 => runs.remove(0),
         _ => json!({ "runs": runs }),
     })
-}
-
-/// Whether an input is a scan, not an `.esker` file.
-fn is_scan(input: &Path) -> Result<bool> {
-    Ok(input.to_str().is_some_and(|name| name.starts_with("synthetic:")) || !is_esker(input)?)
 }
 
 impl Plan {

@@ -1,0 +1,181 @@
+//! No popping (issue of streaming; DESIGN, section 8): on a camera's way, whichever node arrives next never
+//! takes the picture away from the one of full density, in which everything is resident and nothing is
+//! left out; and no part of the picture is empty where that one is not.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use esker_engine::bench::path::Path as Flight;
+use esker_engine::colour::{Colouring, colouring};
+use esker_engine::drawing::{draw_node, frame};
+use esker_engine::info;
+use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_lod::{
+    AllResident, CompactOctree, Missing, Options, OrientedBox, Projection, Residency, Selection,
+    View, select,
+};
+use esker_points::task::Silent;
+use esker_render::{Method, Picture, Renderer};
+use glam::DVec2;
+use std::path::Path;
+
+/// Width and height of the pictures.
+const SIDE: u32 = 192;
+
+/// Which nodes are resident.
+struct Known(Vec<bool>);
+
+impl Residency for Known {
+    fn is_resident(&self, node: u32) -> bool {
+        self.0[node as usize]
+    }
+    fn slot_bytes(&self, _: u32) -> u64 {
+        0
+    }
+}
+
+/// A file with all of its planes at hand.
+struct Whole {
+    file: EskerFile,
+    planes: Vec<Planes>,
+    colouring: Colouring,
+}
+
+impl Whole {
+    fn build(scan: &Path, node_capacity: u32, folder: &Path) -> Self {
+        let out = folder.join("scan.esker");
+        let options = esker_build::Options { node_capacity, ..Default::default() };
+        esker_build::build(&[scan.to_path_buf()], &out, &options, &Silent).unwrap();
+        let file = EskerFile::open(&out).unwrap();
+        let colouring = colouring(&file, None, info::bounds(file.metadata())).unwrap();
+        let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];
+        kinds.extend(colouring.plane.map(|(kind, _)| kind));
+        let nodes = 0..file.table().nodes.len() as u32;
+        let planes = nodes.map(|n| file.read_planes(n, &kinds).unwrap()).collect();
+        Self { file, planes, colouring }
+    }
+
+    fn select(&self, view: &View, residency: &impl Residency, target_spacing_px: f64) -> Selection {
+        let options = Options { points_budget: u64::MAX, target_spacing_px, ..Options::default() };
+        let lattice = &self.file.metadata().lattice;
+        select(self.file.table(), lattice, view, &options, residency, None)
+    }
+
+    fn draw(&self, view: &View, cut: &Selection, renderer: &mut Renderer) -> Picture {
+        let octree = CompactOctree::new(self.file.table(), &cut.drawn);
+        let nodes = &self.file.table().nodes;
+        let draws: Vec<_> = (cut.drawn.iter().enumerate())
+            .map(|(entry, d)| {
+                let planes = &self.planes[d.node as usize];
+                let node = &nodes[d.node as usize];
+                draw_node(node, entry, d.prefix, &self.colouring, |kind| planes.get(kind))
+            })
+            .collect();
+        let frame = frame(&self.file, view, &draws, &octree, &self.colouring, Method::PullPush);
+        renderer.render(&frame).unwrap()
+    }
+}
+
+/// Mean absolute difference of luminance, 0 to 1.
+fn difference(a: &Picture, b: &Picture) -> f64 {
+    let luminance =
+        |p: &[u8]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
+    let sum: f64 = a
+        .rgba
+        .chunks_exact(4)
+        .zip(b.rgba.chunks_exact(4))
+        .map(|(a, b)| (luminance(a) - luminance(b)).abs())
+        .sum();
+    sum / (255.0 * a.depth.len() as f64)
+}
+
+/// Shares of the pixels that one picture covers and the other one does not: of `b` in `a`, of `a` in `b`.
+fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
+    let pixels = a.depth.len() as f64;
+    let pairs = || a.depth.iter().zip(&b.depth).map(|(a, b)| (a.is_finite(), b.is_finite()));
+    [
+        pairs().filter(|&(a, b)| b && !a).count() as f64 / pixels,
+        pairs().filter(|&(a, b)| a && !b).count() as f64 / pixels,
+    ]
+}
+
+/// The worst that happened on a flight.
+#[derive(Debug, Default)]
+struct Worst {
+    /// Rise of the difference through an arrival, a share of the difference before.
+    rise: f64,
+    /// Shares of the picture that were covered at full density alone, and by the cut alone.
+    holes: f64,
+    blobs: f64,
+    arrivals: usize,
+}
+
+/// What a missing node is worth; the greatest arrives first.
+type Order = fn(&Whole, &View, &Missing) -> f64;
+
+/// The streamer's own order: error on the picture a byte.
+fn error_per_byte(whole: &Whole, view: &View, missing: &Missing) -> f64 {
+    let node = &whole.file.table().nodes[missing.node as usize];
+    let contour = OrientedBox::of_contour(node, &whole.file.metadata().lattice);
+    let projection = Projection::of(view);
+    let silhouette = projection.silhouette(&contour);
+    let area_px =
+        silhouette.map_or(0.0, |s| s.clipped(DVec2::ZERO, projection.size_px()).area_px()).max(1.0);
+    missing.spacing_px * area_px / node.points() as f64
+}
+
+/// The paper's order (kanzok2015, section 3.2.2).
+fn nearest(_: &Whole, _: &View, missing: &Missing) -> f64 {
+    -missing.distance
+}
+
+/// Flies along the path in so many steps, with so many arrivals at each, and all that are left at the
+/// last one.
+fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order) -> Worst {
+    let mut renderer = Renderer::default();
+    let nodes = &whole.file.table().nodes;
+    let mut known = Known(vec![false; nodes.len()]);
+    known.0[0] = true;
+    let mut worst = Worst::default();
+    let legs = path.views.len() - 1;
+    for step in 0..=steps {
+        let at = step as f64 / steps as f64 * legs as f64;
+        let leg = (at as usize).min(legs - 1);
+        let view = path.between(leg + 1, at - leg as f64);
+        let full = whole.draw(&view, &whole.select(&view, &AllResident, 0.0), &mut renderer);
+        let mut before = f64::INFINITY;
+        for arrival in 0.. {
+            let cut = whole.select(&view, &known, 1.0);
+            let picture = whole.draw(&view, &cut, &mut renderer);
+            let error = difference(&picture, &full);
+            worst.rise = worst.rise.max(error / before - 1.0);
+            before = error;
+            let [holes, blobs] = uncovered(&picture, &full);
+            (worst.holes, worst.blobs) = (worst.holes.max(holes), worst.blobs.max(blobs));
+            let may_come = |m: &&Missing| known.0[nodes[m.node as usize].parent as usize];
+            let value = |m: &&Missing| order(whole, &view, m);
+            let next =
+                (cut.missing.iter().filter(may_come)).max_by(|a, b| value(a).total_cmp(&value(b)));
+            let Some(next) = next.filter(|_| arrival < arrivals || step == steps) else { break };
+            known.0[next.node as usize] = true;
+            worst.arrivals += 1;
+        }
+    }
+    worst
+}
+
+#[test]
+fn no_arriving_node_takes_the_picture_away_from_full_density() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
+    let whole = Whole::build(&scan, 8192, folder.path());
+    let path = Flight::of(&whole.file, [SIDE; 2]);
+    for (name, order) in
+        [("error per byte", error_per_byte as Order), ("nearest first", nearest as Order)]
+    {
+        let worst = fly(&whole, &path, 3, 20, order);
+        println!("{name}: {worst:?}");
+        assert!(worst.arrivals > 100, "{name}: {worst:?}");
+        assert!(worst.rise <= 0.02, "{name}: a node pops: {worst:?}");
+        assert!(worst.holes <= 0.02, "{name}: holes: {worst:?}");
+        assert!(worst.blobs <= 0.02, "{name}: blobs: {worst:?}");
+    }
+}

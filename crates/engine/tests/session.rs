@@ -1,0 +1,192 @@
+//! Sessions: pictures at once and never empty, budgets kept on a random flight, faults of the file told
+//! while the rest goes on, and an end within a second.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use esker_engine::info;
+use esker_engine::session::{Options, Session};
+use esker_format::EskerFile;
+use esker_lod::View;
+use esker_points::task::Silent;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+const SIZE: [u32; 2] = [160, 120];
+
+/// The project's sample scan in small nodes, so that there are many; built once for all tests.
+fn sample() -> &'static Path {
+    static SAMPLE: OnceLock<PathBuf> = OnceLock::new();
+    SAMPLE.get_or_init(|| {
+        let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("session-sample.esker");
+        let options = esker_build::Options { node_capacity: 2048, ..Default::default() };
+        esker_build::build(&[scan], &out, &options, &Silent).unwrap();
+        out
+    })
+}
+
+fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
+    let file = Arc::new(EskerFile::open(path).unwrap());
+    let options =
+        Options { budget_gpu_bytes, budget_ram_bytes: 64 << 20, size: SIZE, ..Options::default() };
+    Session::open(file, options).unwrap()
+}
+
+/// The whole scan, obliquely.
+fn overview(session: &Session) -> View {
+    let [low, high] = info::bounds(session.file().metadata()).map(DVec3::from_array);
+    View::fit(low, high, DVec3::new(0.6, 0.5, -0.6), 1.0, SIZE[0], SIZE[1])
+}
+
+/// Views of a camera that moves at random, by a generator of the test's own.
+struct Wanderer {
+    state: u64,
+    view: View,
+    target: DVec3,
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Wanderer {
+    fn new(session: &Session, seed: u64) -> Self {
+        let [low, high] = info::bounds(session.file().metadata()).map(DVec3::from_array);
+        Self { state: seed, view: overview(session), target: low.midpoint(high), low, high }
+    }
+
+    fn dice(&mut self) -> f64 {
+        self.state = self
+            .state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.state >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Mostly a little on; now and then somewhere else altogether.
+    fn next(&mut self) -> View {
+        let mut place = [0.0; 6];
+        place.iter_mut().for_each(|p| *p = self.dice());
+        let extent = self.high - self.low;
+        let somewhere = self.low + extent * DVec3::new(place[0], place[1], place[2]);
+        let jump = self.dice() < 0.1;
+        let share = if jump { 1.0 } else { 0.05 };
+        self.target = self.target.lerp(somewhere, share);
+        let height = extent.x * (0.02 + 0.5 * place[3] * place[3]);
+        let aside = DVec3::new(place[4] - 0.5, place[5] - 0.5, 0.7) * height;
+        let eye = self.view.eye.lerp(self.target + aside, share);
+        self.view = View::look_at(eye, self.target, DVec3::Z, 1.0, SIZE[0], SIZE[1]);
+        self.view
+    }
+}
+
+#[test]
+fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
+    let mut session = open(sample(), 64 << 20);
+    let view = overview(&session);
+    // The first frame may come before the first choice for this view; the second one's follows it.
+    session.settle(&view, Duration::ZERO).unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let mut covered = Vec::new();
+    loop {
+        let frame = session.frame(&view).unwrap();
+        let done = frame.cut.settled && frame.cut.view == view;
+        if frame.cut.view == view {
+            assert!(!frame.cut.nodes.is_empty(), "there is always a cut");
+            covered.push(frame.picture.stats.pixels_covered);
+        }
+        if done {
+            assert!(frame.cut.complete, "{:?}", frame.status);
+            break;
+        }
+        assert!(Instant::now() < deadline, "{:?}", frame.status);
+    }
+    assert!(covered.iter().all(|&c| c * 10 >= covered[covered.len() - 1] * 9), "{covered:?}");
+}
+
+#[test]
+fn a_random_flight_stays_within_its_budgets_and_always_has_a_cut() {
+    for (seed, budget) in [(1, 1 << 20), (2, 3 << 20)] {
+        let mut session = open(sample(), budget);
+        let mut wanderer = Wanderer::new(&session, seed);
+        let mut drawn = 0;
+        for i in 0..200 {
+            let view = wanderer.next();
+            let frame = session.frame(&view).unwrap();
+            assert!(frame.cut.epoch > 0 || i < 3, "frame {i} has no cut");
+            // The root is in every view of this flight, or at least something below it.
+            drawn += usize::from(!frame.cut.nodes.is_empty());
+            let status = &frame.status;
+            assert!(status.drawing_bytes_peak <= budget, "frame {i}: {status:?}");
+            assert_eq!(status.fault, None);
+        }
+        assert!(drawn >= 190, "{drawn} of 200 frames had something to draw");
+        let status = session.status();
+        assert!(status.nodes_loaded > 20, "{status:?}");
+        assert!(budget > 1 << 20 || status.nodes_evicted > 0, "the budget is tight: {status:?}");
+        assert_eq!(session.stalls(), 0, "the render thread never waits");
+        let start = Instant::now();
+        drop(session);
+        assert!(start.elapsed() < Duration::from_secs(1), "ended after {:?}", start.elapsed());
+    }
+}
+
+#[test]
+fn a_file_cut_short_in_flight_is_told_and_the_rest_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.esker");
+    std::fs::copy(sample(), &path).unwrap();
+    let mut session = open(&path, 8 << 20);
+    let mut wanderer = Wanderer::new(&session, 7);
+    for _ in 0..5 {
+        let view = wanderer.next();
+        session.frame(&view).unwrap();
+    }
+    let length = std::fs::metadata(&path).unwrap().len();
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(length / 8).unwrap();
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while session.status().fault.is_none() {
+        let view = wanderer.next();
+        let frame = session.frame(&view).unwrap();
+        assert!(frame.cut.epoch > 0);
+        assert!(Instant::now() < deadline, "nothing was told: {:?}", session.status());
+    }
+    let fault = session.status().fault.unwrap();
+    assert!(fault.contains("cut.esker"), "{fault}");
+    for _ in 0..20 {
+        let view = wanderer.next();
+        session.frame(&view).unwrap();
+    }
+    let view = overview(&session);
+    session.settle(&view, Duration::from_secs(1)).unwrap();
+    let frame = session.frame(&view).unwrap();
+    assert!(frame.picture.stats.pixels_covered > 1000, "what is resident is drawn");
+    let start = Instant::now();
+    drop(session);
+    assert!(start.elapsed() < Duration::from_secs(1), "ended after {:?}", start.elapsed());
+}
+
+#[test]
+fn too_small_budgets_are_refused_with_the_least_that_works() {
+    let file = Arc::new(EskerFile::open(sample()).unwrap());
+    let refused = |options: Options| {
+        let error = Session::open(file.clone(), options).err().unwrap();
+        format!("{error:#}")
+    };
+    let small = Options { size: SIZE, ..Options::default() };
+    let error = refused(Options { budget_ram_bytes: 1 << 20, ..small.clone() });
+    assert!(error.contains("session-sample.esker") && error.contains("--budget-ram"), "{error}");
+    let least: u64 = error.split(": ").last().unwrap().split(' ').next().unwrap().parse().unwrap();
+    let works = Options { budget_ram_bytes: least << 20, ..small.clone() };
+    drop(Session::open(file.clone(), works.clone()).unwrap());
+    let error = refused(Options { budget_ram_bytes: (least - 1) << 20, ..works });
+    assert!(error.contains(&least.to_string()), "{error}");
+    let error = refused(Options { budget_gpu_bytes: 1000, ..small });
+    assert!(error.contains("--budget-gpu"), "{error}");
+}
+
+#[test]
+fn a_picture_larger_than_the_session_was_opened_for_is_refused() {
+    let mut session = open(sample(), 8 << 20);
+    let view = View { width: SIZE[0] * 2, ..overview(&session) };
+    assert!(session.frame(&view).is_err());
+}
