@@ -183,7 +183,7 @@ impl Chooser {
         let mut hiding: Vec<Arc<dyn Occlusion>> = Vec::new();
         if self.options.occlusion {
             hiding.push(Arc::new(SoftwareDepth::new(table, lattice, view, &self.drawn)));
-            let feedback = self.feedback.as_ref().map(|f| DepthFeedback::clone(f).seen_from(view));
+            let feedback = self.feedback.as_ref().map(|f| f.seen_from(view));
             hiding.extend(feedback.map(|f| Arc::new(f) as Arc<dyn Occlusion>));
         }
         let occlusion: Option<&dyn Occlusion> =

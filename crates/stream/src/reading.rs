@@ -277,3 +277,45 @@ fn cold_plane(file: &EskerFile, node: u32, kind: PlaneKind, bytes: u64) -> Resul
         _ => Err(format!("{}: node {node} has no whole plane {kind:?}", file.path().display())),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn reads_hold_every_byte_that_is_asked_for_and_few_others(
+            lengths in prop::collection::vec((0u64..300_000, 0u64..100_000), 1..40),
+            run_bytes in (64u64..4000).prop_map(|n| n * 64),
+        ) {
+            let (mut at, mut pieces, mut asked) = (64, Vec::new(), 0);
+            for (i, &(gap, bytes)) in lengths.iter().enumerate() {
+                at = (at + gap).next_multiple_of(64);
+                let slot = Slot { offset: at, bytes };
+                pieces.extend(split(i, PlaneKind::Colour, slot, at..at + bytes, run_bytes));
+                asked += bytes;
+                at += bytes;
+            }
+            let parts = pieces.len();
+            let reads = joined(pieces, run_bytes);
+            prop_assert_eq!(reads.iter().map(|r| r.pieces.len()).sum::<usize>(), parts);
+            let mut covered = vec![0; lengths.len()];
+            for read in &reads {
+                prop_assert!(read.place.end - read.place.start <= run_bytes);
+                let mut end = read.place.start;
+                for piece in &read.pieces {
+                    prop_assert!(piece.place.start >= end && piece.place.start - end <= GAP_BYTES_MAX);
+                    prop_assert!(piece.place.end <= read.place.end);
+                    // Parts come in order, each where the one before ended.
+                    prop_assert_eq!(piece.slot_offset, covered[piece.request]);
+                    prop_assert_eq!(piece.place.start, piece.slot.offset + piece.slot_offset);
+                    covered[piece.request] += piece.place.end - piece.place.start;
+                    end = piece.place.end;
+                }
+            }
+            prop_assert!(covered.iter().zip(&lengths).all(|(c, l)| *c == l.1));
+            prop_assert_eq!(covered.iter().sum::<u64>(), asked);
+        }
+    }
+}

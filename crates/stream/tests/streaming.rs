@@ -6,7 +6,7 @@
 mod rig;
 
 use esker_format::PlaneKind;
-use esker_lod::{AllResident, OrientedBox, View, select};
+use esker_lod::{AllResident, DepthFeedback, OrientedBox, View, select, tiles_of};
 use esker_stream::{Cut, Needs, Options, Priority};
 use rig::{Habits, Rig};
 use std::collections::{HashMap, HashSet};
@@ -91,6 +91,24 @@ fn nothing_happens_once_a_view_has_settled() {
     }
     assert_eq!(rig.streamer.status().passes, before.passes);
     assert_eq!(rig.streamer.cut().epoch, cut.epoch);
+}
+
+#[test]
+fn feedback_of_each_frame_keeps_nobody_busy() {
+    let options = Options { occlusion: true, ..roomy() };
+    let mut rig = Rig::new(Habits::default(), options, needs());
+    let view = rig.view(0.5, 0.1, 0.1);
+    let cut = rig.settle(view);
+    let before = rig.streamer.status().passes;
+    for _ in 0..60 {
+        let tiles = tiles_of(&[f32::INFINITY; 400 * 300], 400, 300);
+        rig.streamer.feedback(DepthFeedback::new(&view, &tiles).unwrap());
+        rig.frame();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    // It is used once, since what is drawn stays the same.
+    assert!(rig.streamer.status().passes <= before + 2);
+    assert_eq!(drawn(&rig.streamer.cut()), drawn(&cut), "nothing is hidden by nothing");
 }
 
 #[test]
