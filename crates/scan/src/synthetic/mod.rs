@@ -5,10 +5,12 @@
 //!
 //! | scene | what it is |
 //! |---|---|
+//! | `bridge` | a bridge of stone and steel over a river, scanned from tripods around, under and on it |
 //! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 
 mod airborne;
+mod bridge;
 mod draw;
 mod floor_plan;
 mod furniture;
@@ -19,6 +21,9 @@ mod ray;
 mod solid;
 mod spec;
 mod station;
+mod tree;
+mod valley;
+mod viaduct;
 
 use crate::error::ScanError;
 use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
@@ -46,6 +51,7 @@ pub struct SceneKind {
 
 /// All scenes.
 pub static SCENES: &[SceneKind] = &[
+    SceneKind { name: "bridge", make: bridge::make },
     SceneKind { name: "office", make: office::make },
     SceneKind { name: "terrain", make: airborne::make },
 ];

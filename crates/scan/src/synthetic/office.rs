@@ -141,5 +141,12 @@ pub fn make(points: u64, seed: u64) -> Box<dyn Scene> {
     let plan = draw_up(seed);
     let (stations, room_of) = plan.stations.into_iter().unzip();
     let world = Office { rooms: plan.rooms, room_of };
-    Box::new(Terrestrial { world, stations, offset: [691_000.0, 5_335_000.0, 520.0], points, seed })
+    Box::new(Terrestrial {
+        world,
+        stations,
+        offset: [691_000.0, 5_335_000.0, 520.0],
+        points,
+        seed,
+        fan_top: 0.25,
+    })
 }

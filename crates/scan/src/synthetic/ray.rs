@@ -70,6 +70,8 @@ pub enum Texture {
     Wood,
     /// Spines of books, each of its own colour.
     Books,
+    /// Courses of blocks of this height with joints, metres.
+    Masonry(f64),
     /// Blades with slits between them, metres apart.
     Slats(f64),
 }
@@ -116,6 +118,14 @@ impl Material {
                 let spine = at(seed, floor(u * 31.0), floor(p[2] * 3.0));
                 let tint = |i: u64| 0.25 + 0.85 * unit(spine.rotate_left(21 * i as u32));
                 return [0, 1, 2].map(|i| f64::from(self.colour[i as usize]) * tint(i));
+            }
+            Texture::Masonry(course) => {
+                let row = floor(p[2] / course);
+                let along = u / (course * 1.9) + 0.5 * (row & 1) as f64;
+                let block = unit(at(seed, floor(along), row));
+                let is_joint = beyond(p[2], course) < 0.03 || beyond(along, 1.0) < 0.025;
+                let stain = 0.12 * noise(seed, u * 0.7, v * 0.3);
+                if is_joint { 0.62 + stain } else { 0.84 + 0.3 * block + stain }
             }
             Texture::Slats(apart) => 0.7 + 0.45 * beyond(p[2], apart) / apart,
         };

@@ -10,8 +10,8 @@ use super::{BLOCK_POINTS, Scene};
 use esker_points::Grid;
 use std::ops::Range;
 
-/// The fan, in turns: from 65 degrees below the horizon, where the tripod's own foot is, up to the zenith.
-const FAN: [f64; 2] = [-65.0 / 360.0, 90.0 / 360.0];
+/// Where the fan begins, turns: 65 degrees below the horizon, below which is the tripod's own foot.
+const FAN_LOW: f64 = -65.0 / 360.0;
 /// Throws until a ray is sent straight down.
 const THROWS_MAX: usize = 16;
 /// Steps of coordinates, metres.
@@ -50,6 +50,8 @@ pub struct Terrestrial<W> {
     pub points: u64,
     /// What is left to chance.
     pub seed: u64,
+    /// Where the fan ends, turns above the horizon; 0.25 is the zenith.
+    pub fan_top: f64,
 }
 
 /// The pattern of one station: columns of rows, column by column.
@@ -66,16 +68,16 @@ impl<W: World> Terrestrial<W> {
         let first = |s: usize| s as u64 * self.points / n;
         let range = first(station)..first(station + 1);
         let points = range.end - range.start;
-        let rows = (((points as f64 * (FAN[1] - FAN[0])).sqrt() + 0.5) as u64).max(1);
+        let rows = (((points as f64 * (self.fan_top - FAN_LOW)).sqrt() + 0.5) as u64).max(1);
         Turn { station, range, rows, columns: points.div_ceil(rows).max(1) }
     }
 
     fn point(&self, turn: &Turn, index: u64, column: u64, row: u64) -> Point {
         let mut draw = Draw::new(self.seed, 0, index);
         let jitter = |draw: &mut Draw| 0.5 + ANGLE_NOISE_STEPS * draw.bell();
-        let fan = FAN[1] - FAN[0];
+        let fan = self.fan_top - FAN_LOW;
         let mut azimuth = (column as f64 + jitter(&mut draw)) / turn.columns as f64;
-        let mut elevation = FAN[0] + (row as f64 + jitter(&mut draw)) / turn.rows as f64 * fan;
+        let mut elevation = FAN_LOW + (row as f64 + jitter(&mut draw)) / turn.rows as f64 * fan;
         let from = self.stations[turn.station];
         let mut hit = None;
         for _ in 0..THROWS_MAX {
@@ -85,7 +87,7 @@ impl<W: World> Terrestrial<W> {
             if hit.is_some() {
                 break;
             }
-            (azimuth, elevation) = (draw.unit(), FAN[0] + draw.unit() * fan);
+            (azimuth, elevation) = (draw.unit(), FAN_LOW + draw.unit() * fan);
         }
         let down = || {
             let ray = Ray::new(from, [0.0, 0.0, -1.0]);
