@@ -13,8 +13,8 @@ use crate::retries::Retries;
 use crate::shared::Shared;
 use esker_format::PlaneKind;
 use esker_lod::{
-    CompactOctree, DepthFeedback, Drawn, Occlusion, Residency, Selection, SoftwareDepth, View,
-    needs_residual, select,
+    CompactOctree, DepthFeedback, Drawn, Frustum, Occlusion, OrientedBox, Residency, Selection,
+    SoftwareDepth, View, needs_residual, select,
 };
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -166,30 +166,62 @@ impl Chooser {
 
     fn choose(&self, view: View) -> Choice {
         let base = self.planes.base(&self.shown);
-        let mut selection = self.select(&view, &base);
+        let mut selection = if self.options.occlusion {
+            let occlusion = self.occlusion(&view, &self.drawn);
+            let selection = self.select(&view, &base, Some(&occlusion));
+            if self.hides_by_what_is_gone(&view, &selection, &occlusion) {
+                let occlusion = self.occlusion(&view, &selection.drawn);
+                self.select(&view, &base, Some(&occlusion))
+            } else {
+                selection
+            }
+        } else {
+            self.select(&view, &base, None)
+        };
         self.keep_to_nodes_max(&mut selection);
         let wanted = selection.wanted.iter().copied();
         let residuals = wanted.filter(|&node| self.needs_residual(node, &view)).collect();
         Choice { view, base, selection, residuals }
     }
 
-    fn select(&self, view: &View, base: &[PlaneKind]) -> Selection {
+    /// What these nodes, and the last frame's depth, hide.
+    fn occlusion(&self, view: &View, hiding: &[Drawn]) -> Vec<Arc<dyn Occlusion>> {
         let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
+        let depth = SoftwareDepth::new(table, lattice, view, hiding);
+        let feedback = self.feedback.as_ref().map(|f| f.seen_from(view));
+        let feedback = feedback.map(|f| Arc::new(f) as Arc<dyn Occlusion>);
+        std::iter::once(Arc::new(depth) as Arc<dyn Occlusion>).chain(feedback).collect()
+    }
+
+    /// Whether something of the last cut, which this choice took to hide what is behind it, is in view
+    /// and not drawn any more, because less detail is enough: there may be nothing in its place.
+    fn hides_by_what_is_gone(
+        &self,
+        view: &View,
+        selection: &Selection,
+        occlusion: &dyn Occlusion,
+    ) -> bool {
+        let drawn: HashSet<u32> = selection.drawn.iter().map(|d| d.node).collect();
+        let (frustum, lattice) = (Frustum::of(view), &self.planes.file.metadata().lattice);
+        self.drawn.iter().filter(|d| !drawn.contains(&d.node)).any(|d| {
+            let contour = OrientedBox::of_contour(self.planes.node(d.node), lattice);
+            frustum.touches(&contour) && !occlusion.hides(&contour)
+        })
+    }
+
+    fn select(
+        &self,
+        view: &View,
+        base: &[PlaneKind],
+        occlusion: Option<&dyn Occlusion>,
+    ) -> Selection {
         let options = esker_lod::Options {
             points_budget: self.options.points_budget,
             bytes_budget: self.bytes_budget(base, view),
             target_spacing_px: self.options.target_spacing_px,
         };
-        let mut hiding: Vec<Arc<dyn Occlusion>> = Vec::new();
-        if self.options.occlusion {
-            hiding.push(Arc::new(SoftwareDepth::new(table, lattice, view, &self.drawn)));
-            let feedback = self.feedback.as_ref().map(|f| f.seen_from(view));
-            hiding.extend(feedback.map(|f| Arc::new(f) as Arc<dyn Occlusion>));
-        }
-        let occlusion: Option<&dyn Occlusion> =
-            if self.options.occlusion { Some(&hiding) } else { None };
-        let known = Known { chooser: self, base, view };
-        select(table, lattice, view, &options, &known, occlusion)
+        let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
+        select(table, lattice, view, &options, &Known { chooser: self, base, view }, occlusion)
     }
 
     /// Leaves out what is beyond the greatest number of nodes; the beginning of what is wanted is

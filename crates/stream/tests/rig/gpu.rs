@@ -4,8 +4,9 @@
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_format::{EskerFile, PlaneKind};
-use esker_lod::{Frustum, OrientedBox};
+use esker_lod::{OrientedBox, Projection};
 use esker_stream::{Cut, Landing, Run, Slot, Streamer, Transfer};
+use glam::DVec2;
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
@@ -234,8 +235,14 @@ impl Gpu {
         }
         let lattice = &self.file.metadata().lattice;
         let root = OrientedBox::of_contour(&table.nodes[0], lattice);
-        if self.root_seen && Frustum::of(&cut.view).touches(&root) {
-            assert!(!cut.nodes.is_empty(), "never an empty picture");
+        let projection = Projection::of(&cut.view);
+        let seen = projection.silhouette(&root);
+        // More than a sliver at the picture's border, which may have no pixel.
+        let seen =
+            seen.is_some_and(|s| s.clipped(DVec2::ZERO, projection.size_px()).area_px() > 400.0);
+        if self.root_seen && seen {
+            let of = (&cut.view, &cut.counters);
+            assert!(!cut.nodes.is_empty(), "never an empty picture: {of:?}");
         }
         self.root_seen |= cut.nodes.iter().any(|n| n.node == 0);
     }
