@@ -178,6 +178,10 @@ impl Chooser {
         } else {
             self.select(&view, &base, None)
         };
+        if self.options.occlusion && selection.drawn.is_empty() {
+            // What hides everything would have to be drawn.
+            selection = self.select(&view, &base, None);
+        }
         self.keep_to_nodes_max(&mut selection);
         let wanted = selection.wanted.iter().copied();
         let residuals = wanted.filter(|&node| self.needs_residual(node, &view)).collect();
