@@ -50,7 +50,7 @@ pub struct Streamer {
 struct Channels {
     /// One is enough: it only says "look around".
     wake: (Sender<()>, Receiver<()>),
-    /// Each request is told of once.
+    /// Each request is told of once; the root may be asked for beside the others.
     uploaded: (Sender<u64>, Receiver<u64>),
     /// Each request is told of once; a changed file once a second.
     reports: (Sender<Report>, Receiver<Report>),
@@ -61,8 +61,8 @@ impl Channels {
     fn new() -> Self {
         Self {
             wake: bounded(1),
-            uploaded: bounded(REQUESTS_MAX),
-            reports: bounded(REQUESTS_MAX + LOADERS_MAX),
+            uploaded: bounded(REQUESTS_MAX + 1),
+            reports: bounded(REQUESTS_MAX + 1 + LOADERS_MAX),
             stop: bounded(0),
         }
     }
