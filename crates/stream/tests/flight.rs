@@ -1,7 +1,10 @@
 //! Random camera flight under tight budgets, on disks and landings of every kind: in each frame the
-//! stand-in for the GPU checks what must hold, and the streamer stops from wherever it is. Seconds a
-//! flight: ESKER_FLIGHT_SECONDS (2); ten minutes are
-//! `ESKER_FLIGHT_SECONDS=120 cargo test --release -p esker-stream --test flight -- --test-threads 1`.
+//! stand-in for the GPU checks what must hold, and the streamer stops from wherever it is. Each of the
+//! eight flights takes ESKER_FLIGHT_SECONDS (2); ten minutes in all are
+//! `ESKER_FLIGHT_SECONDS=75 cargo test --release -p esker-stream --test flight -- --test-threads 1`.
+//! Under the thread sanitizer (nightly, with rust-src):
+//! `RUSTFLAGS="-Zsanitizer=thread" cargo +nightly test --release -Zbuild-std --target x86_64-unknown-linux-gnu
+//! -p esker-stream --tests -- --test-threads 1`.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
