@@ -18,6 +18,7 @@ mod program;
 mod proof;
 mod python;
 mod stream;
+mod synthetic;
 
 use libtest_mimic::{Arguments, Trial};
 
@@ -30,6 +31,7 @@ fn main() {
     let mut trials = Vec::new();
     // The longest first.
     data::trials(&mut trials);
+    synthetic::trials(&mut trials);
     bad::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);

@@ -18,7 +18,8 @@ pub struct Args {
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV).
+    /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV; or generated ones,
+    /// synthetic:SCENE:POINTS[:SEED]).
     Build(Build),
     /// Say what an .esker file, or a scan, holds.
     Info {
@@ -129,7 +130,8 @@ impl From<SettingsArg> for Settings {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans.
+    /// The scans; also generated ones, named as synthetic:SCENE:POINTS[:SEED]: SCENE is bridge, office or
+    /// terrain, POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// The file to build.
