@@ -10,6 +10,7 @@ pub mod colour;
 pub mod demo;
 pub mod drawing;
 pub mod info;
+pub mod options;
 pub mod output;
 pub mod picture;
 pub mod pool;

@@ -11,14 +11,15 @@
 use crate::budget::Shares;
 use crate::colour::{Colouring, colouring};
 use crate::drawing::{draw_node, frame};
+pub use crate::options::Options;
 use crate::slots::DrawingMemory;
 use crate::staging::{Landed, RUN_BYTES, Staging};
 use crate::{info, system};
 use anyhow::{Context, Result, bail, ensure};
 use esker_format::{EskerFile, PlaneKind};
 use esker_lod::{DepthFeedback, View, tiles_of};
-use esker_render::{Method, Picture, Renderer};
-use esker_stream::{Cut, Needs, Priority, Status, Streamer};
+use esker_render::{Picture, Renderer};
+use esker_stream::{Cut, Needs, Status, Streamer};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -28,59 +29,6 @@ const STALL_MS: f64 = 1.0;
 const ROOT_PATIENCE: Duration = Duration::from_secs(60);
 /// Between two looks for landed runs where nothing is drawn meanwhile.
 const NAP: Duration = Duration::from_micros(200);
-
-/// What a session may cost and how it draws.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Bytes of drawing memory.
-    pub budget_gpu_bytes: u64,
-    /// Bytes of main memory: table, statistics, staging, the renderer's buffers.
-    pub budget_ram_bytes: u64,
-    /// Width and height of the largest picture, pixels.
-    pub size: [u32; 2],
-    /// Points alone, or surfaces.
-    pub method: Method,
-    /// Where colours come from; the best there is where not said.
-    pub colour_by: Option<String>,
-    /// Points drawn at most.
-    pub points_budget: u64,
-    /// Distance of neighbouring points on the picture that is fine enough, pixels.
-    pub target_spacing_px: f64,
-    /// Whether what is hidden is left out.
-    pub occlusion: bool,
-    /// Which missing node is read first.
-    pub priority: Priority,
-    /// Reads in flight.
-    pub loaders: usize,
-    /// Nodes resident at most.
-    pub nodes_max: usize,
-    /// Runs of staging; what the budget allows where not said.
-    pub runs: Option<usize>,
-    /// Bytes copied to drawing memory in a frame, beyond the first run.
-    pub upload_bytes_a_frame: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        let stream = esker_stream::Options::default();
-        Self {
-            budget_gpu_bytes: 512 << 20,
-            budget_ram_bytes: 1 << 30,
-            size: [1024, 1024],
-            method: Method::PullPush,
-            colour_by: None,
-            points_budget: stream.points_budget,
-            target_spacing_px: stream.target_spacing_px,
-            occlusion: stream.occlusion,
-            priority: stream.priority,
-            loaders: stream.loaders,
-            nodes_max: stream.nodes_max,
-            runs: None,
-            // About ten milliseconds of copying.
-            upload_bytes_a_frame: 32 << 20,
-        }
-    }
-}
 
 /// A drawn frame.
 #[derive(Debug)]
@@ -169,7 +117,7 @@ impl Session {
     fn wait_for_root(&mut self) -> Result<()> {
         let start = Instant::now();
         while !self.file.table().nodes.is_empty() {
-            self.exchange()?;
+            self.exchange(None)?;
             let status = self.status();
             if status.nodes_resident > 0 {
                 break;
@@ -217,8 +165,7 @@ impl Session {
             view.height
         );
         let start = Instant::now();
-        self.look(view);
-        let Exchange { cut, uploaded_bytes, mut times } = self.exchange()?;
+        let Exchange { cut, uploaded_bytes, mut times } = self.exchange(Some(view))?;
         let drawing = Instant::now();
         self.draw(view, &cut)?;
         let [width, height] = [view.width as usize, view.height as usize];
@@ -228,12 +175,15 @@ impl Session {
             .then(|| DepthFeedback::new(view, &tiles_of(&self.picture.depth, width, height)))
             .flatten();
         times.draw_ms = ms(drawing);
-        let talking = Instant::now();
-        if let (Some(streamer), Some(depth)) = (&self.streamer, depth) {
-            streamer.feedback(depth);
-        }
-        let status = self.status();
-        times.talk_ms += ms(talking);
+        let mut talk = Talk::default();
+        let status = talk.time(|| {
+            if let (Some(streamer), Some(depth)) = (&self.streamer, depth) {
+                streamer.feedback(depth);
+            }
+            self.status()
+        });
+        self.stalls += talk.stalls;
+        times.talk_ms += talk.ms;
         times.total_ms = ms(start);
         Ok(Frame { picture: &self.picture, cut, status, times, uploaded_bytes })
     }
@@ -245,9 +195,8 @@ impl Session {
     /// As [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
         let start = Instant::now();
-        self.look(view);
         loop {
-            let Exchange { cut, uploaded_bytes, .. } = self.exchange()?;
+            let Exchange { cut, uploaded_bytes, .. } = self.exchange(Some(view))?;
             if (cut.settled && cut.view == *view) || start.elapsed() > patience {
                 return Ok(cut);
             }
@@ -257,37 +206,34 @@ impl Session {
         }
     }
 
-    fn look(&self, view: &View) {
-        if let Some(streamer) = &self.streamer {
-            streamer.look(*view);
-        }
-    }
-
-    /// Drain, cut, upload: the order of the module's head.
-    fn exchange(&mut self) -> Result<Exchange> {
+    /// Drain, cut, upload: the order of the module's head. First the others are told of the view, where
+    /// there is one.
+    fn exchange(&mut self, view: Option<&View>) -> Result<Exchange> {
         let streamer = self.streamer.as_ref().context("the session has ended")?;
-        let waits = system::waits_of_this_thread();
-        let start = Instant::now();
-        let landed = drain(&self.landing, self.options.upload_bytes_a_frame);
-        let cut = streamer.cut();
-        let mut times = Times { talk_ms: ms(start), ..Times::default() };
+        let mut talk = Talk::default();
+        let (landed, cut) = talk.time(|| {
+            view.iter().for_each(|view| streamer.look(**view));
+            let landed = drain(&self.landing, self.options.upload_bytes_a_frame);
+            (landed, streamer.cut())
+        });
+        let copying = Instant::now();
         let mut uploaded_bytes = 0;
-        for run in landed {
-            let copying = Instant::now();
+        for run in &landed {
             for t in &run.transfers {
                 let bytes = run.bytes(t);
                 self.memory.write(t.slot, t.slot_offset, bytes);
                 uploaded_bytes += bytes.len() as u64;
             }
-            times.upload_ms += ms(copying);
-            let talking = Instant::now();
-            run.transfers.iter().filter_map(|t| t.request).for_each(|r| streamer.uploaded(r));
-            self.landing.free(run);
-            times.talk_ms += ms(talking);
         }
-        // A thread that was only put aside for others has not waited of its own accord.
-        let waited = system::waits_of_this_thread() != waits || waits.is_none();
-        self.stalls += u64::from(times.talk_ms > STALL_MS && waited);
+        let upload_ms = ms(copying);
+        talk.time(|| {
+            for run in landed {
+                run.transfers.iter().filter_map(|t| t.request).for_each(|r| streamer.uploaded(r));
+                self.landing.free(run);
+            }
+        });
+        self.stalls += talk.stalls;
+        let times = Times { talk_ms: talk.ms, upload_ms, ..Times::default() };
         Ok(Exchange { cut, uploaded_bytes, times })
     }
 
@@ -323,6 +269,27 @@ struct Exchange {
     cut: Arc<Cut>,
     uploaded_bytes: u64,
     times: Times,
+}
+
+/// Times what the render thread says to the others, and notes where it waited.
+#[derive(Default)]
+struct Talk {
+    ms: f64,
+    stalls: u64,
+}
+
+impl Talk {
+    fn time<T>(&mut self, talk: impl FnOnce() -> T) -> T {
+        let waits = system::waits_of_this_thread();
+        let start = Instant::now();
+        let said = talk();
+        let took = ms(start);
+        self.ms += took;
+        // A thread that was only put aside for others has not waited of its own accord.
+        let waited = waits.is_none() || system::waits_of_this_thread() != waits;
+        self.stalls += u64::from(took > STALL_MS && waited);
+        said
+    }
 }
 
 /// Landed runs of at most so many bytes, and one where there is any.

@@ -1,0 +1,57 @@
+//! What a session may cost, in which order it reads, and how it draws.
+
+use esker_render::Method;
+use esker_stream::Priority;
+
+/// What a session may cost and how it draws.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Bytes of drawing memory.
+    pub budget_gpu_bytes: u64,
+    /// Bytes of main memory: table, statistics, staging, the renderer's buffers.
+    pub budget_ram_bytes: u64,
+    /// Width and height of the largest picture, pixels.
+    pub size: [u32; 2],
+    /// Points alone, or surfaces.
+    pub method: Method,
+    /// Where colours come from; the best there is where not said.
+    pub colour_by: Option<String>,
+    /// Points drawn at most.
+    pub points_budget: u64,
+    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    pub target_spacing_px: f64,
+    /// Whether what is hidden is left out.
+    pub occlusion: bool,
+    /// Which missing node is read first.
+    pub priority: Priority,
+    /// Reads in flight.
+    pub loaders: usize,
+    /// Nodes resident at most.
+    pub nodes_max: usize,
+    /// Runs of staging; what the budget allows where not said.
+    pub runs: Option<usize>,
+    /// Bytes copied to drawing memory in a frame, beyond the first run.
+    pub upload_bytes_a_frame: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let stream = esker_stream::Options::default();
+        Self {
+            budget_gpu_bytes: 512 << 20,
+            budget_ram_bytes: 1 << 30,
+            size: [1024, 1024],
+            method: Method::PullPush,
+            colour_by: None,
+            points_budget: stream.points_budget,
+            target_spacing_px: stream.target_spacing_px,
+            occlusion: stream.occlusion,
+            priority: stream.priority,
+            loaders: stream.loaders,
+            nodes_max: stream.nodes_max,
+            runs: None,
+            // About ten milliseconds of copying.
+            upload_bytes_a_frame: 32 << 20,
+        }
+    }
+}
