@@ -54,15 +54,25 @@ impl CompactOctree {
     /// # Panics
     /// If `drawn` names a node that the table has not.
     pub fn new(table: &NodeTable, drawn: &[Drawn]) -> Self {
-        let mut entries: Vec<_> = drawn
-            .iter()
+        Self::with_hidden(table, drawn, &[])
+    }
+
+    /// The same, with the cells of nodes that are not drawn because all of their points are hidden
+    /// ([`crate::Selection::hidden`]): so that what is drawn in their place does not change its size with
+    /// what is hidden behind it.
+    ///
+    /// # Panics
+    /// If `drawn` or `hidden` names a node that the table has not.
+    pub fn with_hidden(table: &NodeTable, drawn: &[Drawn], hidden: &[Drawn]) -> Self {
+        let cells = || drawn.iter().chain(hidden);
+        let mut entries: Vec<_> = cells()
             .map(|d| Entry::of(&table.nodes[d.node as usize], d.effective_spacing))
             .collect();
         // Entries by node; a continuation has its parent's cell and is never stepped down to.
         let mut entry_of: HashMap<u32, u32> =
-            drawn.iter().zip(0u32..).map(|(d, i)| (d.node, i)).collect();
+            cells().zip(0u32..).map(|(d, i)| (d.node, i)).collect();
         let mut root = NONE;
-        for d in drawn {
+        for d in cells() {
             let (mut index, mut node) = (d.node, &table.nodes[d.node as usize]);
             if node.is_continuation() {
                 continue;

@@ -123,6 +123,10 @@ pub struct Counters {
 pub struct Selection {
     /// What to draw, the coarsest on the picture first; parents stand before their children.
     pub drawn: Vec<Drawn>,
+    /// Nodes that are left out because all of their own points are hidden, though their cells are not:
+    /// with the spacings that their cells would have, and prefixes of 0. [`crate::CompactOctree`] wants
+    /// them, or points drawn in their cells would grow.
+    pub hidden: Vec<Drawn>,
     /// What shall be resident: all that would be drawn were everything resident, and what lies between
     /// those and the root, parents first. The root is always the first where it fits the budget.
     pub wanted: Vec<u32>,
@@ -300,7 +304,13 @@ impl<R: Residency> Walk<'_, R> {
             counters.contour_culled += u64::from(is_culled);
             counters.contour_occluded += u64::from(!is_culled);
             let place = self.pass(candidate);
-            self.open_children(candidate, spacing(node).min(candidate.spacing), place);
+            let spacing = spacing(node).min(candidate.spacing);
+            if !is_culled && self.places.get(candidate.above).is_some_and(|p| p.is_resident) {
+                let effective_spacing = spacing as f32;
+                let hidden = Drawn { node: candidate.node, prefix: 0, effective_spacing };
+                self.selection.hidden.push(hidden);
+            }
+            self.open_children(candidate, spacing, place);
             return;
         }
         if let Some((spacing, place)) = self.draw(candidate, node, &contour) {

@@ -1,0 +1,233 @@
+//! What occlusion culling saves and what it costs, in rooms: of the nodes without a single visible point in
+//! the full-density picture most are culled, and the finished picture stays as it is. Prints the figures of
+//! each source: software depth, the last frame's depth, both.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_lod::{
+    AllResident, CompactOctree, DepthFeedback, Drawn, Occlusion, Options, Selection, SoftwareDepth,
+    View, select, tiles_of,
+};
+use esker_points::task::Silent;
+use esker_render::camera::{Camera, Positions};
+use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
+use glam::{DMat3, DVec3};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Pixels on a side of the pictures: what so few points fill.
+const SIDE: u32 = 384;
+
+/// A built scan, with the planes of its nodes.
+struct Scan {
+    file: EskerFile,
+    planes: Vec<Planes>,
+    _folder: tempfile::TempDir,
+}
+
+impl Scan {
+    fn build(input: PathBuf, node_capacity: u32) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("scan.esker");
+        let options = esker_build::Options { node_capacity, ..Default::default() };
+        esker_build::build(&[input], &out, &options, &Silent).unwrap();
+        let file = EskerFile::open(&out).unwrap();
+        let kinds = [PlaneKind::Position, PlaneKind::Residual];
+        let nodes = 0..file.table().nodes.len() as u32;
+        let planes = nodes.map(|node| file.read_planes(node, &kinds).unwrap()).collect();
+        Self { file, planes, _folder: folder }
+    }
+
+    fn cut(&self, view: &View, target_px: f64, occlusion: Option<&dyn Occlusion>) -> Selection {
+        let options =
+            Options { target_spacing_px: target_px, points_budget: u64::MAX, ..Options::default() };
+        let lattice = &self.file.metadata().lattice;
+        select(self.file.table(), lattice, view, &options, &AllResident, occlusion)
+    }
+
+    fn draws(&self, drawn: &[Drawn]) -> Vec<DrawNode<'_>> {
+        let draw = |(entry, d): (usize, &Drawn)| {
+            let planes = &self.planes[d.node as usize];
+            DrawNode {
+                node: &self.file.table().nodes[d.node as usize],
+                entry,
+                prefix: d.prefix,
+                position: planes.get(PlaneKind::Position).unwrap(),
+                residual: planes.get(PlaneKind::Residual),
+                colour: ColourPlane::None,
+                normal: None,
+            }
+        };
+        drawn.iter().enumerate().map(draw).collect()
+    }
+
+    fn picture(&self, view: &View, cut: &Selection) -> Picture {
+        let octree = CompactOctree::with_hidden(self.file.table(), &cut.drawn, &cut.hidden);
+        let frame = Frame {
+            view,
+            lattice: &self.file.metadata().lattice,
+            draws: &self.draws(&cut.drawn),
+            octree: Some(&octree),
+            method: Method::PullPush,
+            colour: ColourBy::Plain,
+            cull_back_faces: false,
+            background: Background::Plain([0, 0, 0, 255]),
+        };
+        Renderer::default().render(&frame).unwrap()
+    }
+
+    /// The nodes with a point that the full-density picture shows.
+    fn visible(&self, view: &View) -> HashSet<u32> {
+        let cut = self.cut(view, 0.0, None);
+        let picture = self.picture(view, &cut);
+        let camera = Camera::new(view, &self.file.metadata().lattice).unwrap();
+        let shows = |draw: &DrawNode<'_>| {
+            let positions = Positions::of(draw);
+            let place = camera.place(draw.node, positions.is_exact());
+            (0..positions.len).any(|i| {
+                let from_eye = place.steps_from_eye(positions.offset(i).0) * camera.step;
+                let v = camera.to_view(from_eye);
+                let scale = camera.focal_px / -v.z;
+                let [x, y] = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];
+                let is_on = |c: f32| (0.0..SIDE as f32).contains(&c);
+                -v.z > camera.near && is_on(x) && is_on(y) && {
+                    let shown = picture.depth[y as usize * SIDE as usize + x as usize];
+                    (-v.z - shown).abs() <= shown * 1e-6
+                }
+            })
+        };
+        let draws = self.draws(&cut.drawn);
+        cut.drawn.iter().zip(&draws).filter(|(_, draw)| shows(draw)).map(|(d, _)| d.node).collect()
+    }
+}
+
+/// Share of the pixels that differ by more than 8 of 255.
+fn changed(a: &Picture, b: &Picture) -> f64 {
+    let (a, b) = (a.rgba.as_chunks::<4>().0, b.rgba.as_chunks::<4>().0);
+    let is_off = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > 8);
+    a.iter().zip(b).filter(is_off).count() as f64 / a.len() as f64
+}
+
+/// What a source of occlusion did, over some views.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    hidden: usize,
+    culled: usize,
+    nodes: [u64; 2],
+    points: [u64; 2],
+    changed_most: f64,
+}
+
+impl Sums {
+    fn culled_share(&self) -> f64 {
+        self.culled as f64 / self.hidden as f64
+    }
+
+    fn print(&self, what: &str) {
+        let saved = |[all, some]: [u64; 2]| 100.0 * (1.0 - some as f64 / all as f64);
+        println!(
+            "  {what}: {:.1} % of {} hidden nodes culled, {:.1} % of nodes and {:.1} % of points saved, \
+             {:.3} % of pixels changed at most",
+            100.0 * self.culled_share(),
+            self.hidden,
+            saved(self.nodes),
+            saved(self.points),
+            100.0 * self.changed_most,
+        );
+    }
+}
+
+const SOURCES: [&str; 4] = ["software depth", "last frame", "both", "last frame, camera moved"];
+
+/// All sources over some views; `step` is how far the camera moves in a frame.
+fn measure(scan: &Scan, views: &[View], step: f64) -> [Sums; 4] {
+    let mut sums = [Sums::default(); 4];
+    let side = SIDE as usize;
+    for view in views {
+        let visible = scan.visible(view);
+        let all = scan.cut(view, 1.0, None);
+        let picture = scan.picture(view, &all);
+        let feedback = |old: &View| {
+            let old_picture = scan.picture(old, &scan.cut(old, 1.0, None));
+            let tiles = tiles_of(&old_picture.depth, side, side);
+            Arc::new(DepthFeedback::new(old, &tiles).unwrap().seen_from(view))
+        };
+        let lattice = &scan.file.metadata().lattice;
+        let soft = Arc::new(SoftwareDepth::new(scan.file.table(), lattice, view, &all.drawn));
+        let still = feedback(view);
+        let mut before = *view;
+        before.eye += view.world_from_view * DVec3::new(step, 0.0, step);
+        before.world_from_view *= DMat3::from_rotation_y(0.02);
+        let moved = feedback(&before);
+        let sources: [Vec<Arc<dyn Occlusion>>; 4] =
+            [vec![soft.clone()], vec![still.clone()], vec![soft, still], vec![moved]];
+        for (source, sums) in sources.iter().zip(&mut sums) {
+            let some = scan.cut(view, 1.0, Some(source));
+            let drawn: HashSet<u32> = some.drawn.iter().map(|d| d.node).collect();
+            let hidden = all.drawn.iter().map(|d| d.node).filter(|n| !visible.contains(n));
+            let (culled, left): (Vec<_>, Vec<_>) = hidden.partition(|n| !drawn.contains(n));
+            sums.hidden += culled.len() + left.len();
+            sums.culled += culled.len();
+            for (i, c) in [all.counters, some.counters].iter().enumerate() {
+                sums.nodes[i] += c.drawn;
+                sums.points[i] += c.points;
+            }
+            let off = changed(&picture, &scan.picture(view, &some));
+            sums.changed_most = sums.changed_most.max(off);
+        }
+    }
+    SOURCES.iter().zip(&sums).for_each(|(what, sums)| sums.print(what));
+    sums
+}
+
+fn view(eye: DVec3, target: DVec3, up: DVec3) -> View {
+    let mut view = View::look_at(eye, target, up, 70f64.to_radians(), SIDE, SIDE);
+    view.near = 0.05;
+    view
+}
+
+#[test]
+fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
+    let scan = Scan::build("synthetic:office:1500000:1".into(), 1 << 12);
+    let corner = DVec3::from_array(scan.file.metadata().lattice.offset);
+    let views = [
+        ([3.0, 0.15, 1.6], [40.0, 0.0, 1.4]),
+        ([10.0, 5.0, 1.6], [14.0, -1.0, 1.2]),
+        ([30.0, -5.0, 5.0], [20.0, -2.0, 4.6]),
+        ([44.0, 4.0, 1.6], [0.0, 3.0, 1.4]),
+    ]
+    .map(|(eye, at)| view(corner + DVec3::from(eye), corner + DVec3::from(at), DVec3::Z));
+    let [soft, still, both, moved] = measure(&scan, &views, 0.01);
+    assert!(still.culled_share() >= 0.8, "{still:?}");
+    assert!(both.culled >= still.culled && moved.culled * 2 >= still.culled, "{moved:?}");
+    for sums in [soft, still, both] {
+        assert!(sums.changed_most < 1e-3, "{sums:?}");
+    }
+    // For the one frame until the next one's depth: gaps of up to a pixel may have opened.
+    assert!(moved.changed_most < 2e-3, "{moved:?}");
+}
+
+/// Few and uneven points with many strays: contours are grown by the radius of their widest splat, up to eight
+/// spacings, and hidden nodes reach into view by that.
+#[test]
+fn in_a_sparse_scan_more_than_half_of_what_is_hidden_is_culled_and_the_picture_stays() {
+    let Some(data) = std::env::var_os("ESKER_DATA") else {
+        println!("skipped: ESKER_DATA is not set");
+        return;
+    };
+    let scan = Scan::build(Path::new(&data).join("laz/indoor.laz"), 1 << 12);
+    let views = [
+        ([-14.0, 0.0, 3.0], [0.0, 0.0, 0.0]),
+        ([-2.0, 0.0, 2.0], [-20.0, 0.0, 2.0]),
+        ([-2.0, 0.0, 4.0], [5.0, 0.0, -2.0]),
+        ([-8.0, 0.5, 2.0], [-20.0, 0.0, 0.0]),
+        ([-3.0, 5.5, 2.0], [-20.0, 5.0, 5.0]),
+    ]
+    .map(|(eye, at)| view(eye.into(), at.into(), DVec3::Y));
+    let [soft, still, both, moved] = measure(&scan, &views, 0.01);
+    assert!(still.culled_share() >= 0.5, "{still:?}");
+    for sums in [soft, still, both, moved] {
+        assert!(sums.changed_most < 1e-3, "{sums:?}");
+    }
+}
