@@ -84,7 +84,7 @@ fn reports() {
     holds_fields(&run);
     assert_eq!(run["budget_gpu_bytes"], 16 << 20);
     assert!(run["peak_gpu_bytes"].as_u64().unwrap() <= 16 << 20, "{run}");
-    assert_eq!(run["loading"], Value::Null);
+    assert_eq!(run["loading"]["from_cold"], false);
     let pictures = folder.file("").display().to_string();
     let cold = bench(
         &folder,

@@ -135,20 +135,21 @@ fn details(run: &Value) -> Vec<String> {
             if run["budget_exceeded"] == true { ": EXCEEDED" } else { "" },
         ),
         format!(
-            "  disk     {} read in {} reads, {} of it asked for; {}/s while loading, {}/s a plain sequential read",
+            "  disk     {} read in {} reads, {} of it asked for, {}/s while frames were drawn; {}/s a plain sequential read",
             bytes(&run["read_bytes"]),
             run["reads"],
             bytes(&run["useful_bytes"]),
-            bytes(&run["read_bytes_per_s"]),
+            bytes(&run["flight_bytes_per_s"]),
             bytes(&run["sequential_bytes_per_s"]),
         ),
     ];
     let loading = &run["loading"];
     if loading.is_object() {
         lines.push(format!(
-            "  cold     `{}` ({}) at {}/s; plain reads of its ranges, 8 in flight, {}/s: ratio {:.2} (median of {})",
+            "  loading  `{}` ({}) {} at {}/s; plain reads of its ranges, 8 in flight, {}/s: ratio {:.2} (median of {})",
             loading["view"].as_str().unwrap_or("?"),
             bytes(&loading["bytes"]),
+            if loading["from_cold"] == true { "from cold" } else { "again" },
             bytes(&loading["streamed_bytes_per_s"]),
             bytes(&loading["plain_bytes_per_s"]),
             number(&loading["ratio"]),
