@@ -1,13 +1,14 @@
 //! The contour of a node: the box around its own points, oriented along their shape where that is flat
-//! enough, else along the lattice's axes (kanzok2015, section 3.1), grown by the points' drawn radius and the
-//! rounding of hot positions; and which of 8 x 8 parts of its plane hold points.
+//! enough, else along the lattice's axes (kanzok2015, section 3.1), grown by the rounding of hot positions;
+//! and which of 8 x 8 parts of its plane hold points. It is not grown by drawn radii: how wide a splat is
+//! drawn depends on the cut, so who draws splats whose centres are out of view grows the box then.
 
 use crate::shape::{Moments, Shape};
 use esker_points::Node;
 use esker_points::node::{SHAPE_ORIENTED, pack_rotation};
 
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
-/// each of which is drawn with at most `reach`, in the file's unit, about it.
+/// each of which is drawn at most `reach`, in the file's unit, off its place.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
     let mut moments = Moments::default();
     positions.iter().for_each(|&p| moments.add(p));

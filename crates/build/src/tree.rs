@@ -208,7 +208,6 @@ impl Context {
             0.0 => spacing as f32,
             r => r.min(cap),
         };
-        let reach = order.entries.iter().map(|&i| radius(i)).fold(0.0, f32::max);
         let codes = order
             .entries
             .iter()
@@ -226,7 +225,7 @@ impl Context {
         let bounds = set_box(&mut node, &points.positions);
         let step =
             self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);
-        contour::enclose(&mut node, &points.positions, self.scale, f64::from(reach) * 1.05 + step);
+        contour::enclose(&mut node, &points.positions, self.scale, step);
 
         let page = encode_page(&self.pages, node.box_min, node.hot_shift, &points);
         let statistics = NodeStatistics::of(&self.pages, &points);

@@ -265,7 +265,11 @@ impl Chooser {
             view: choice.view,
             needs: self.shown.clone(),
             nodes,
-            octree: CompactOctree::new(self.planes.file.table(), &selection.drawn),
+            octree: CompactOctree::with_hidden(
+                self.planes.file.table(),
+                &selection.drawn,
+                &selection.hidden,
+            ),
             counters: selection.counters,
             complete: selection.missing.is_empty() && !lacks_residual && self.shown == self.needs,
             settled: false,
