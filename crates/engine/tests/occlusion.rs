@@ -208,10 +208,10 @@ fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     assert!(moved.changed_most < 2e-3, "{moved:?}");
 }
 
-/// Few and uneven points with many strays: contours are grown by the radius of their widest splat, up to eight
-/// spacings, and hidden nodes reach into view by that.
+/// Few and uneven points: of the quarter that stays, two fifths have no point on the picture, or lie at the
+/// surface that is seen, so that nothing hides them; the boxes of the rest reach past gaps in sparse walls.
 #[test]
-fn in_a_sparse_scan_more_than_half_of_what_is_hidden_is_culled_and_the_picture_stays() {
+fn in_a_sparse_scan_seven_tenths_of_what_is_hidden_are_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
         println!("skipped: ESKER_DATA is not set");
         return;
@@ -226,7 +226,7 @@ fn in_a_sparse_scan_more_than_half_of_what_is_hidden_is_culled_and_the_picture_s
     ]
     .map(|(eye, at)| view(eye.into(), at.into(), DVec3::Y));
     let [soft, still, both, moved] = measure(&scan, &views, 0.01);
-    assert!(still.culled_share() >= 0.5, "{still:?}");
+    assert!(still.culled_share() >= 0.7, "{still:?}");
     for sums in [soft, still, both, moved] {
         assert!(sums.changed_most < 1e-3, "{sums:?}");
     }
