@@ -18,7 +18,12 @@ pub struct Staging {
 }
 
 /// A run of plain memory.
-pub struct StagingRun(Box<[u8]>);
+pub struct StagingRun {
+    bytes: Box<[u8]>,
+    /// What was last copied from it. Dropped by the loader that gets the run next: to free what another
+    /// thread has allocated can mean waiting for that thread, which the render thread must not.
+    spent: Vec<Transfer>,
+}
 
 /// A run that came back, and what of it goes where.
 pub struct Landed {
@@ -29,7 +34,7 @@ pub struct Landed {
 
 impl Run for StagingRun {
     fn bytes(&mut self) -> &mut [u8] {
-        &mut self.0
+        &mut self.bytes
     }
 }
 
@@ -37,7 +42,7 @@ impl Landed {
     /// The bytes of a transfer; none where it does not lie in the run.
     pub fn bytes(&self, transfer: &Transfer) -> &[u8] {
         let end = transfer.run_offset.checked_add(transfer.bytes);
-        end.and_then(|end| self.run.0.get(transfer.run_offset..end)).unwrap_or_default()
+        end.and_then(|end| self.run.bytes.get(transfer.run_offset..end)).unwrap_or_default()
     }
 }
 
@@ -48,7 +53,8 @@ impl Staging {
         let (free, landed) = (bounded(runs), bounded(runs));
         for _ in 0..runs {
             // There is room for all of them.
-            let _ = free.0.try_send(StagingRun(vec![0; RUN_BYTES].into()));
+            let _ =
+                free.0.try_send(StagingRun { bytes: vec![0; RUN_BYTES].into(), spent: Vec::new() });
         }
         Self { free, landed, is_closed: AtomicBool::new(false) }
     }
@@ -60,7 +66,8 @@ impl Staging {
 
     /// Makes the memory of a run that was copied free for loaders.
     pub fn free(&self, landed: Landed) {
-        let _ = self.free.0.try_send(landed.run);
+        let run = StagingRun { spent: landed.transfers, ..landed.run };
+        let _ = self.free.0.try_send(run);
     }
 
     /// Lends nothing any more.
@@ -80,7 +87,9 @@ impl Landing for Staging {
         if self.is_closed.load(Relaxed) {
             return None;
         }
-        self.free.1.recv_timeout(patience).ok()
+        let mut run = self.free.1.recv_timeout(patience).ok()?;
+        run.spent = Vec::new();
+        Some(run)
     }
 
     fn land(&self, run: StagingRun, transfers: Vec<Transfer>) {
