@@ -7,6 +7,7 @@ use esker_engine::session::{Options, Session};
 use esker_format::EskerFile;
 use esker_lod::View;
 use esker_points::task::Silent;
+use esker_render::Picture;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -101,6 +102,50 @@ fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
         assert!(Instant::now() < deadline, "{:?}", frame.status);
     }
     assert!(covered.iter().all(|&c| c * 10 >= covered[covered.len() - 1] * 9), "{covered:?}");
+}
+
+#[test]
+fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
+    let luminance = |picture: &Picture| -> Vec<f64> {
+        let weigh = |p: &[u8]| {
+            0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
+        };
+        picture.rgba.chunks_exact(4).map(weigh).collect()
+    };
+    let mut session = open(sample(), 64 << 20);
+    let view = overview(&session);
+    session.settle(&view, Duration::from_secs(60)).unwrap();
+    let complete = luminance(session.frame(&view).unwrap().picture);
+    drop(session);
+    // One small hand-over at a time: few nodes arrive between two frames.
+    let file = Arc::new(EskerFile::open(sample()).unwrap());
+    let slow = Options {
+        budget_gpu_bytes: 64 << 20,
+        size: SIZE,
+        runs: Some(1),
+        loaders: 1,
+        ..Options::default()
+    };
+    let mut session = Session::open(file, slow).unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let mut errors = Vec::new();
+    loop {
+        let frame = session.frame(&view).unwrap();
+        let done = frame.cut.settled && frame.cut.view == view;
+        if frame.cut.view == view {
+            let now = luminance(frame.picture);
+            let sum: f64 = now.iter().zip(&complete).map(|(a, b)| (a - b).abs()).sum();
+            errors.push(sum / now.len() as f64);
+        }
+        if done {
+            break;
+        }
+        assert!(Instant::now() < deadline, "{:?}", frame.status);
+    }
+    assert!(errors.len() > 3 && errors[0] > 1.0, "nothing arrived: {errors:?}");
+    // Of 255 steps; below a tenth of one nothing is seen.
+    let rises = errors.windows(2).filter(|e| e[1] > (e[0] * 1.02).max(0.1)).count();
+    assert_eq!(rises, 0, "{errors:?}");
 }
 
 #[test]
