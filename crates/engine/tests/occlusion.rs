@@ -208,15 +208,16 @@ fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     assert!(moved.changed_most < 2e-3, "{moved:?}");
 }
 
-/// Few and uneven points: of the quarter that stays, two fifths have no point on the picture, or lie at the
-/// surface that is seen, so that nothing hides them; the boxes of the rest reach past gaps in sparse walls.
+/// 800 thousand uneven points, in nodes that are small in proportion. (In nodes of 2^12 74 % are culled: of
+/// the rest two fifths have no point on the picture, or lie at the surface that is seen, so that nothing hides them; the
+/// others reach past gaps in sparse walls.)
 #[test]
-fn in_a_sparse_scan_seven_tenths_of_what_is_hidden_are_culled_and_the_picture_stays() {
+fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
         println!("skipped: ESKER_DATA is not set");
         return;
     };
-    let scan = Scan::build(Path::new(&data).join("laz/indoor.laz"), 1 << 12);
+    let scan = Scan::build(Path::new(&data).join("laz/indoor.laz"), 1 << 10);
     let views = [
         ([-14.0, 0.0, 3.0], [0.0, 0.0, 0.0]),
         ([-2.0, 0.0, 2.0], [-20.0, 0.0, 2.0]),
@@ -226,7 +227,7 @@ fn in_a_sparse_scan_seven_tenths_of_what_is_hidden_are_culled_and_the_picture_st
     ]
     .map(|(eye, at)| view(eye.into(), at.into(), DVec3::Y));
     let [soft, still, both, moved] = measure(&scan, &views, 0.01);
-    assert!(still.culled_share() >= 0.7, "{still:?}");
+    assert!(still.culled_share() >= 0.8, "{still:?}");
     for sums in [soft, still, both, moved] {
         assert!(sums.changed_most < 1e-3, "{sums:?}");
     }
