@@ -143,7 +143,6 @@ fn prefixes_with_their_ancestors_are_as_even_as_poisson_disk_samples() {
         built.nodes().into_iter().flat_map(|node| built.compare(node)).collect::<Vec<_>>()
     });
     let ratios: Vec<Ratio> = compared.collect();
-    ratios.iter().for_each(|r| println!("{}", r.what));
     let widest = ratios.iter().max_by(|a, b| a.gap.total_cmp(&b.gap)).unwrap();
     let nearest = ratios.iter().min_by(|a, b| a.nearest.total_cmp(&b.nearest)).unwrap();
     println!("{} prefixes\nworst: {}\nworst: {}", ratios.len(), widest.what, nearest.what);
