@@ -121,7 +121,9 @@ fn render_reports() {
     assert_eq!(outcome.stdout.lines().count(), 1);
     let report = outcome.json();
     has_numbers(&report, &["points_drawn", "nodes_drawn", "pixels_covered"]);
-    has_numbers(&report["stages_ms"], &["select", "read", "project", "pull", "push", "shade"]);
+    let stages =
+        ["select", "read", "project", "gather", "pull", "push", "mend", "shade", "soften", "draw"];
+    has_numbers(&report["stages_ms"], &stages);
     assert!((1..=5000).contains(&report["points_drawn"].as_u64().unwrap()), "{report}");
     assert_eq!(folder.names(), ["out.esker", "p.png"]);
 }

@@ -228,7 +228,8 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
             "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
-            "pull": stages.pull_ms, "push": stages.push_ms, "shade": stages.shade_ms, "draw": stages.total_ms,
+            "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
+            "soften": stages.soften_ms, "draw": stages.total_ms,
         },
     })
 }
@@ -239,7 +240,8 @@ pub fn text(report: &Value) -> String {
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     format!(
         "{}: {} points of {} nodes, {} of {} pixels covered\n\
-         choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, shade {:.1}",
+         choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
+         shade {:.1}, soften {:.1}",
         report["picture"].as_str().unwrap_or("?"),
         n("points_drawn"),
         n("nodes_drawn"),
@@ -253,7 +255,9 @@ pub fn text(report: &Value) -> String {
         stage("gather"),
         stage("pull"),
         stage("push"),
+        stage("mend"),
         stage("shade"),
+        stage("soften"),
     )
 }
 

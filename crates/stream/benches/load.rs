@@ -6,11 +6,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark fails by panicking")]
 
-use crossbeam_channel::{Receiver, Sender, bounded};
+mod ring;
+
 use esker_format::{EskerFile, PlaneKind};
 use esker_lod::View;
-use esker_stream::{Landing, Needs, Options, PassTimes, Run, Streamer, Transfer};
+use esker_stream::{Needs, Options, PassTimes, Streamer};
 use glam::DVec3;
+use ring::{RUN_BYTES, Ring};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,36 +21,6 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
 const IN_FLIGHT: usize = 8;
-const RUN_BYTES: usize = 1 << 20;
-
-struct Plain(Vec<u8>);
-
-impl Run for Plain {
-    fn bytes(&mut self) -> &mut [u8] {
-        &mut self.0
-    }
-}
-
-type Landed = (Plain, Vec<Transfer>);
-
-/// A ring of plain memory; what lands is not copied any further.
-struct Ring {
-    free: (Sender<Plain>, Receiver<Plain>),
-    landed: (Sender<Landed>, Receiver<Landed>),
-}
-
-impl Landing for Ring {
-    type Run = Plain;
-    fn run_bytes(&self) -> usize {
-        RUN_BYTES
-    }
-    fn lend(&self, patience: Duration) -> Option<Plain> {
-        self.free.1.recv_timeout(patience).ok()
-    }
-    fn land(&self, run: Plain, transfers: Vec<Transfer>) {
-        let _ = self.landed.0.try_send((run, transfers));
-    }
-}
 
 /// A loaded view.
 struct Loaded {
@@ -63,10 +35,7 @@ struct Loaded {
 
 fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
     let runs = 2 * IN_FLIGHT;
-    let ring = Arc::new(Ring { free: bounded(runs), landed: bounded(runs) });
-    for _ in 0..runs {
-        ring.free.0.send(Plain(vec![0; RUN_BYTES])).unwrap();
-    }
+    let ring = Arc::new(Ring::new(runs));
     let options = Options {
         drawing_bytes: 4 << 30,
         points_budget: u64::MAX,

@@ -6,52 +6,23 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark fails by panicking")]
 
-use crossbeam_channel::{Receiver, Sender, bounded};
+mod ring;
+
 use esker_format::{EskerFile, PlaneKind};
 use esker_lod::{OrientedBox, Projection, View};
-use esker_stream::{Cut, Landing, Needs, Options, Priority, Run, Streamer, Transfer};
+use esker_stream::{Cut, Needs, Options, Priority, Streamer};
 use glam::{DVec2, DVec3};
+use ring::Ring;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-const RUN_BYTES: usize = 1 << 20;
 /// Loads of each view by each priority, in turn.
 const ROUNDS: usize = 5;
 
-struct Plain(Vec<u8>);
-
-impl Run for Plain {
-    fn bytes(&mut self) -> &mut [u8] {
-        &mut self.0
-    }
-}
-
-type Landed = (Plain, Vec<Transfer>);
-
-/// A ring of plain memory; what lands is not copied any further.
-struct Ring {
-    free: (Sender<Plain>, Receiver<Plain>),
-    landed: (Sender<Landed>, Receiver<Landed>),
-}
-
-impl Landing for Ring {
-    type Run = Plain;
-    fn run_bytes(&self) -> usize {
-        RUN_BYTES
-    }
-    fn lend(&self, patience: Duration) -> Option<Plain> {
-        self.free.1.recv_timeout(patience).ok()
-    }
-    fn land(&self, run: Plain, transfers: Vec<Transfer>) {
-        let _ = self.landed.0.try_send((run, transfers));
-    }
-}
-
 /// Cuts on the way to a complete one, with the bytes that were there.
 fn cuts(file: &Arc<EskerFile>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut>)> {
-    let ring = Arc::new(Ring { free: bounded(2), landed: bounded(2) });
-    (0..2).for_each(|_| ring.free.0.send(Plain(vec![0; RUN_BYTES])).unwrap());
+    let ring = Arc::new(Ring::new(2));
     let options = Options {
         drawing_bytes: 4 << 30,
         occlusion: false,
