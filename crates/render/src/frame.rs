@@ -11,10 +11,10 @@ pub const SIDE_MAX: u32 = 16_384;
 /// Most pixels of a picture: the passes hold about 90 bytes a pixel.
 pub const PIXELS_MAX: u64 = 1 << 26;
 
-/// One node of the cut, with the planes that the frame needs. Planes shorter than the prefix end the
+/// One node of the cut, with the planes that the frame needs: their bytes, or their place on a GPU. Planes shorter than the prefix end the
 /// prefix; any bits in them are drawn harmlessly.
 #[derive(Clone, Copy, Debug)]
-pub struct DrawNode<'a> {
+pub struct DrawNode<'a, P = &'a [u8]> {
     /// Its record.
     pub node: &'a Node,
     /// Its place in the list of drawn nodes that the frame's octree was made from.
@@ -22,27 +22,27 @@ pub struct DrawNode<'a> {
     /// How many of its points are drawn, from the first.
     pub prefix: usize,
     /// Hot positions, [`esker_points::quant::HOT_POSITION_BYTES`] a point.
-    pub position: &'a [u8],
+    pub position: P,
     /// Dropped bits of the positions, where they are at hand ([`esker_points::quant::residual_bytes`]
     /// a point); without them points are drawn at mid-step.
-    pub residual: Option<&'a [u8]>,
+    pub residual: Option<P>,
     /// What colours come from.
-    pub colour: ColourPlane<'a>,
+    pub colour: ColourPlane<P>,
     /// Octahedral normals, two little-endian `i16` a point.
-    pub normal: Option<&'a [u8]>,
+    pub normal: Option<P>,
 }
 
 /// The plane that a node's colours come from.
 #[derive(Clone, Copy, Debug)]
-pub enum ColourPlane<'a> {
+pub enum ColourPlane<P> {
     /// None: the plain colour, or what needs no plane (elevation, depth ...).
     None,
     /// Red, green, blue (sRGB) and an unused byte a point.
-    Rgba(&'a [u8]),
+    Rgba(P),
     /// One value a point, little-endian; coloured as [`ColourBy`] says.
     Scalar {
         /// The values.
-        bytes: &'a [u8],
+        bytes: P,
         /// Their type.
         ty: AttrType,
     },
@@ -75,13 +75,13 @@ impl Default for Background {
 
 /// Everything that a frame is drawn from.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame<'a> {
+pub struct Frame<'a, P = &'a [u8]> {
     /// The camera and the size of the picture.
     pub view: &'a View,
     /// The grid of all coordinates.
     pub lattice: &'a Lattice,
     /// The cut. At most 2^32 - 1 points; what goes beyond is not drawn and shows in the counts.
-    pub draws: &'a [DrawNode<'a>],
+    pub draws: &'a [DrawNode<'a, P>],
     /// The cells of the cut with their effective spacings, which size the points; without it points
     /// have their stored radii.
     pub octree: Option<&'a CompactOctree>,

@@ -15,6 +15,7 @@ pub mod ellipse;
 pub mod error;
 pub mod frame;
 pub mod gather;
+pub mod gpu;
 pub mod mend;
 pub mod project;
 pub mod pull;

@@ -92,7 +92,7 @@ impl Scene {
 
     /// Scalar planes are tested with the colour plane's bytes.
     #[allow(dead_code, reason = "not every user of this module tests scalars")]
-    pub fn scalar<'a>(node: &'a SceneNode, ty: AttrType) -> ColourPlane<'a> {
+    pub fn scalar(node: &SceneNode, ty: AttrType) -> ColourPlane<&[u8]> {
         ColourPlane::Scalar { bytes: &node.colour, ty }
     }
 }

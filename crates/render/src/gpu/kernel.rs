@@ -1,0 +1,108 @@
+//! A kernel: one entry point of a shader with its constants, as a compute pipeline. In a debug run a kernel
+//! whose shader has changed on the disk is made anew; where the new one does not build, the last good one
+//! goes on running and the fault is told.
+
+use super::device::Gpu;
+use super::error::GpuError;
+use super::shader::{Source, folder};
+use std::time::SystemTime;
+
+/// A compute pipeline and how it is made.
+pub struct Kernel {
+    source: Source,
+    entry: &'static str,
+    constants: Vec<(&'static str, f64)>,
+    pipeline: wgpu::ComputePipeline,
+    changed: Option<SystemTime>,
+}
+
+impl Kernel {
+    /// Builds the entry point of a shader; `constants` are its `override`s.
+    ///
+    /// # Errors
+    /// Where the driver refuses it.
+    pub fn new(
+        gpu: &Gpu,
+        source: Source,
+        entry: &'static str,
+        constants: &[(&'static str, f64)],
+    ) -> Result<Self, GpuError> {
+        let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants)?;
+        let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
+        Ok(Self { source, entry, constants: constants.to_vec(), pipeline, changed })
+    }
+
+    /// Makes it anew where its shader has changed on the disk (debug runs only). Whether it has.
+    ///
+    /// # Errors
+    /// Where the changed shader does not build; the kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let Some(folder) = folder() else { return Ok(false) };
+        let (text, changed) = self.source.read(&folder)?;
+        if changed <= self.changed {
+            return Ok(false);
+        }
+        self.changed = changed;
+        self.pipeline = pipeline(gpu, self.source.file, &text, self.entry, &self.constants)?;
+        Ok(true)
+    }
+
+    /// Its pipeline.
+    pub fn pipeline(&self) -> &wgpu::ComputePipeline {
+        &self.pipeline
+    }
+
+    /// A bind group of whole buffers for group 0.
+    pub fn bind(&self, gpu: &Gpu, buffers: &[(u32, &wgpu::Buffer)]) -> wgpu::BindGroup {
+        let entries: Vec<_> = buffers
+            .iter()
+            .map(|&(binding, buffer)| wgpu::BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            })
+            .collect();
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.entry),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        })
+    }
+
+    /// Runs it over so many groups.
+    pub fn dispatch(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        bind: &wgpu::BindGroup,
+        groups: [u32; 3],
+    ) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, bind, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+}
+
+fn pipeline(
+    gpu: &Gpu,
+    file: &str,
+    wgsl: &str,
+    entry: &str,
+    constants: &[(&str, f64)],
+) -> Result<wgpu::ComputePipeline, GpuError> {
+    let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(file),
+        source: wgpu::ShaderSource::Wgsl(wgsl.into()),
+    });
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(file),
+        layout: None,
+        module: &module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    });
+    match pollster::block_on(scope.pop()) {
+        Some(e) => Err(GpuError::Shader(format!("{file}: {e}"))),
+        None => Ok(pipeline),
+    }
+}

@@ -1,0 +1,18 @@
+//! The passes on a GPU. Each has its shader in `shaders/`, a host here, a twin of the same name in this
+//! crate, and a test that holds the two together. One thread submits, maps and polls.
+
+pub mod device;
+pub mod error;
+pub mod frame;
+pub mod kernel;
+mod link;
+pub mod pyramid;
+pub mod shader;
+pub mod table;
+
+pub use device::{Gpu, ProjectPath, Request, Tier};
+pub use error::GpuError;
+pub use kernel::Kernel;
+pub use table::PlaneAt;
+/// The device library, for those that bring a device of their own.
+pub use wgpu;

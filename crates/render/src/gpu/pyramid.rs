@@ -1,0 +1,74 @@
+//! The image pyramid in GPU memory: as [`crate::pyramid`], each plane of each level a buffer of its own, so
+//! that none is larger than a binding may be.
+
+use super::device::{Counted, Gpu};
+use super::error::GpuError;
+use wgpu::BufferUsages;
+
+/// One level; planes as in [`crate::pyramid::Level`].
+#[derive(Debug)]
+pub struct GpuLevel {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Edge of its pixels, in pixels of level 0.
+    pub edge_px: f32,
+    /// `vec4<f32>` a pixel.
+    pub front: Counted,
+    /// `vec4<f32>` a pixel.
+    pub tint: Counted,
+    /// `f32` a pixel.
+    pub depth: Counted,
+    /// `vec4<f32>` a pixel; of one pixel only where the cloud has none, so that something can be bound.
+    pub normal: Counted,
+}
+
+/// All levels, the picture first.
+#[derive(Debug, Default)]
+pub struct GpuPyramid {
+    /// The levels.
+    pub levels: Vec<GpuLevel>,
+    /// Whether pixels carry normals.
+    pub has_normals: bool,
+}
+
+impl GpuPyramid {
+    /// Takes the shape for a picture. Whether its buffers are new.
+    ///
+    /// # Errors
+    /// Where memory is refused.
+    pub fn fit(
+        &mut self,
+        gpu: &Gpu,
+        width: u32,
+        height: u32,
+        has_normals: bool,
+    ) -> Result<bool, GpuError> {
+        let fits = self.levels.first().is_some_and(|l| (l.width, l.height) == (width, height));
+        if fits && self.has_normals == has_normals {
+            return Ok(false);
+        }
+        // The old ones go first, so that never both are there.
+        *self = Self { levels: Vec::new(), has_normals };
+        let (mut w, mut h, mut edge_px) = (width.max(1), height.max(1), 1.0);
+        loop {
+            let pixels = u64::from(w) * u64::from(h);
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+            let plane = |name: &str, bytes: u64| gpu.buffer(name, bytes, usage);
+            self.levels.push(GpuLevel {
+                width: w,
+                height: h,
+                edge_px,
+                front: plane("pyramid front", pixels * 16)?,
+                tint: plane("pyramid tint", pixels * 16)?,
+                depth: plane("pyramid depth", pixels * 4)?,
+                normal: plane("pyramid normal", if has_normals { pixels * 16 } else { 16 })?,
+            });
+            if w == 1 && h == 1 {
+                return Ok(true);
+            }
+            (w, h, edge_px) = (w.div_ceil(2), h.div_ceil(2), edge_px * 2.0);
+        }
+    }
+}

@@ -1,0 +1,50 @@
+// The tables of what is drawn: nodes, and equal chunks of their points (crates/render/src/gpu/table.rs has
+// the same structures). A point's number is `chunk * CHUNK_POINTS + place in the chunk`.
+
+const CHUNK_POINTS: u32 = 4096u;
+// The page of a plane that is not there.
+const NO_PAGE: u32 = 0xffffffffu;
+
+// A drawn node. Planes are given by page and first 32-bit word in it.
+struct Draw {
+    // `box_min` less the eye, in steps, rounded down: the part above 2^16.
+    base_high: vec3<i32>,
+    // Bits that hot positions drop.
+    shift: u32,
+    // The part below.
+    base_low: vec3<i32>,
+    // Points drawn.
+    points: u32,
+    // What rounding down left, and half a hot step where the dropped bits are not there.
+    bias_steps: vec3<f32>,
+    // Typical distance of the node's points, the file's unit.
+    spacing: f32,
+    // Least lattice coordinates.
+    box_min: vec3<u32>,
+    // Its place in the compact octree.
+    entry: u32,
+    position_page: u32,
+    position_word: u32,
+    residual_page: u32,
+    residual_word: u32,
+    colour_page: u32,
+    colour_word: u32,
+    normal_page: u32,
+    normal_word: u32,
+    // Log2 of its cell's edge.
+    cell_log2: u32,
+    // Its first chunk.
+    chunk: u32,
+    unused_a: u32,
+    unused_b: u32,
+}
+
+// A run of a node's points.
+struct Chunk {
+    draw: u32,
+    // First point, in the node.
+    first: u32,
+    // Points, at most CHUNK_POINTS.
+    points: u32,
+    unused: u32,
+}

@@ -1,0 +1,33 @@
+// What all passes know of a frame (crates/render/src/gpu/frame.rs has the same structure).
+
+struct Frame {
+    // Rows of the rotation from the world's axes to the view's.
+    right: vec3<f32>,
+    // Pixels that a unit of length takes at unit depth.
+    focal_px: f32,
+    up: vec3<f32>,
+    // What is nearer is not drawn.
+    near: f32,
+    back: vec3<f32>,
+    // Pixels in a row.
+    width: u32,
+    // Length of a lattice step, an axis.
+    step: vec3<f32>,
+    // Rows.
+    height: u32,
+    // sRGB with straight alpha, of the top row and the bottom row.
+    background_top: vec4<f32>,
+    background_bottom: vec4<f32>,
+    // The picture's middle.
+    centre_px: vec2<f32>,
+    // Whether points whose normal looks away are dropped.
+    cull_back_faces: u32,
+    unused: u32,
+}
+
+// A value that is no number, and the depth where there is nothing. WGSL has no literals for them.
+const INFINITE_BITS: u32 = 0x7f800000u;
+
+fn is_infinite(x: f32) -> bool {
+    return (bitcast<u32>(x) & 0x7fffffffu) >= INFINITE_BITS;
+}
