@@ -6,10 +6,13 @@
 //! rim they all lie on one side, and the displacement from the ellipse's centre to the pixel (marroquim2007
 //! section 3.2) tells how far beyond the samples the pixel lies. Such pixels are given to what is behind,
 //! from the rim inwards. Gaps smaller than a radius have no rim: they are not to grow.
+//!
+//! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a chessboard a
+//! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
+//! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
 
 use crate::pyramid::Level;
 use rayon::prelude::*;
-use std::collections::VecDeque;
 
 /// How far a surface may reach beyond its samples, over the radius, with normals and without. With them
 /// ellipses end near silhouettes by themselves, and less only roughens them: a sphere's outline, spacing 8
@@ -20,50 +23,172 @@ const OVERHANG: [f32; 2] = [0.5, 0.35];
 const OVERHANG_MIN_PX: f32 = 1.5;
 /// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
+/// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
+/// only pictures of a few huge discs would change.
+const WAVES: u32 = 256;
 /// Directions to the neighbours, around.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 
-/// A pixel that goes, the one that takes its place, and how many went before it from the rim inwards.
-struct Step {
-    pixel: usize,
-    from: usize,
-    before: u32,
-}
-
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::edges`]. Returns the pixels that changed and those
-/// that have become a rim.
+/// [`crate::edges`]. Returns the pixels that changed and those beside them, each once.
 pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) -> Vec<usize> {
-    let mut touched = Vec::new();
-    let grid = Grid { width: base.width, height: base.height };
-    let rim = edges.par_iter().with_min_len(1024).filter_map(|&pixel| {
-        let from = beyond_rim(base, depth, grid, focal_px, pixel)?;
-        Some(Step { pixel, from, before: 0 })
-    });
-    let mut queue: VecDeque<Step> = rim.collect::<Vec<_>>().into();
-    while let Some(Step { pixel, from, before }) = queue.pop_front() {
-        let radius = base.tint[pixel].w;
-        touched.push(pixel);
-        let is_in_front = depth[from] > depth[pixel] * (1.0 + radius / focal_px);
-        if !is_in_front || !overhangs(base, pixel) {
-            continue;
-        }
-        replace(base, depth, pixel, from);
-        for next in grid.beside(pixel).into_iter().flatten() {
-            if depth[next] >= depth[pixel] {
-                continue;
-            }
-            if before < radius as u32 && overhangs(base, next) {
-                queue.push_back(Step { pixel: next, from: pixel, before: before + 1 });
-            } else {
-                touched.push(next);
-            }
+    let source = vec![0; depth.len()];
+    let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source };
+    let mut gone = Vec::new();
+    let rims = waves.write(waves.rims(edges), &mut gone);
+    let (mut last, mut waiting): (Vec<_>, Vec<_>) =
+        rims.into_iter().partition(|&p| !waves.is_due(p, 1));
+    for wave in 1..=WAVES {
+        last = waves.write(waves.inwards(wave, &last), &mut gone);
+        // The rims that were due in the first wave themselves.
+        last.append(&mut waiting);
+        if last.is_empty() {
+            break;
         }
     }
-    touched.par_sort_unstable();
-    touched.dedup();
-    touched
+    let sources: Vec<_> = gone.par_iter().map(|&p| waves.shown(p)).collect();
+    let beside = waves.beside(&gone);
+    replace(base, &gone, &sources);
+    gone.extend(beside);
+    gone
+}
+
+/// What the waves up to one have decided.
+struct Waves<'a> {
+    base: &'a Level,
+    /// One over the focal length in pixels: GPUs round products as everyone does, but not quotients.
+    per_focal: f32,
+    /// Depth of what each pixel shows.
+    depth: &'a mut [f32],
+    /// For each pixel the one whose attributes it shows, plus one; 0 where it shows its own.
+    source: Vec<u32>,
+}
+
+/// A pixel that goes, and the one whose attributes it is to show.
+struct Step {
+    pixel: usize,
+    source: u32,
+    depth: f32,
+}
+
+impl Waves<'_> {
+    /// The pixel whose attributes a pixel shows.
+    fn shown(&self, pixel: usize) -> usize {
+        (self.source[pixel] as usize).checked_sub(1).unwrap_or(pixel)
+    }
+
+    /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
+    fn is_due(&self, pixel: usize, wave: u32) -> bool {
+        let [x, y] = [pixel % self.base.width, pixel / self.base.width];
+        (x + y + wave as usize).is_multiple_of(2)
+    }
+
+    /// The pixels of `edges` at a rim, each with what lies beyond it.
+    fn rims(&self, edges: &[usize]) -> Vec<Step> {
+        let rims = edges.par_iter().with_min_len(1024);
+        rims.filter_map(|&pixel| Some(self.step(pixel, self.beyond_rim(pixel)?))).collect()
+    }
+
+    /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
+    fn inwards(&self, wave: u32, last: &[usize]) -> Vec<Step> {
+        let follow = last.par_iter().with_min_len(512).flat_map_iter(|&gone| {
+            let beside = self.grid().beside(gone).into_iter().flatten();
+            // A pixel beside several goes with the one that it has chosen.
+            let follow = beside.filter(move |&p| self.follows(wave, p, gone));
+            follow.map(move |p| self.step(p, gone))
+        });
+        follow.collect()
+    }
+
+    fn step(&self, pixel: usize, after: usize) -> Step {
+        Step { pixel, source: self.shown(after) as u32, depth: self.depth[after] }
+    }
+
+    /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels; those that had
+    /// not gone before are added to `gone`.
+    fn write(&mut self, steps: Vec<Step>, gone: &mut Vec<usize>) -> Vec<usize> {
+        let written = steps.into_iter().filter_map(|Step { pixel, source, depth }| {
+            match self.source[pixel] {
+                0 => gone.push(pixel),
+                // Twice among the steps, after a neighbour that was twice among the last.
+                before if before == source + 1 => return None,
+                _ => {}
+            }
+            (self.source[pixel], self.depth[pixel]) = (source + 1, depth);
+            Some(pixel)
+        });
+        written.collect()
+    }
+
+    /// Whether a pixel goes in a wave, and after this neighbour: of those that went and show another surface
+    /// behind its own the farthest, of equals the first in the order left, right, above, below.
+    fn follows(&self, wave: u32, pixel: usize, after: usize) -> bool {
+        let behind = self.depth[after];
+        if behind <= self.depth[pixel] {
+            return false;
+        }
+        let shown = self.shown(pixel);
+        let (radius, limit) = (self.base.tint[shown].w, self.limit(pixel, shown));
+        if behind <= limit || wave > radius as u32 || !overhangs(self.base, shown) {
+            return false;
+        }
+        let beside = self.grid().beside(pixel).into_iter().flatten();
+        let farthest = beside
+            .filter(|&p| self.source[p] > 0)
+            .reduce(|far, p| if self.depth[p] > self.depth[far] { p } else { far });
+        farthest == Some(after)
+    }
+
+    /// The pixels that stay beside those that went, each once.
+    fn beside(&self, gone: &[usize]) -> Vec<usize> {
+        let went = |p: usize| self.source[p] > 0;
+        let beside = |p| self.grid().beside(p).into_iter().flatten();
+        let found = gone.par_iter().with_min_len(4096).flat_map_iter(|&pixel| {
+            beside(pixel).filter(move |&p| !went(p) && beside(p).find(|&q| went(q)) == Some(pixel))
+        });
+        found.collect()
+    }
+
+    fn grid(&self) -> Grid {
+        Grid { width: self.base.width, height: self.base.height }
+    }
+
+    /// Depth beyond which there is another surface than the one that a pixel shows.
+    fn limit(&self, pixel: usize, shown: usize) -> f32 {
+        self.depth[pixel] * (1.0 + self.base.tint[shown].w * self.per_focal)
+    }
+
+    /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
+    /// nothing lies as near as the surface.
+    fn beyond_rim(&self, pixel: usize) -> Option<usize> {
+        if self.depth[pixel] == f32::INFINITY || !overhangs(self.base, pixel) {
+            return None;
+        }
+        let limit = self.limit(pixel, pixel);
+        let Grid { width, height } = self.grid();
+        let reach = (self.base.tint[pixel].w + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
+        let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
+        let is_open = |[dx, dy]: [isize; 2]| {
+            for k in 1..=reach {
+                let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
+                // What is left of the picture or above it wraps round to far beyond it.
+                if u >= width || v >= height {
+                    return k as f32 > OPEN_PX.0;
+                }
+                if self.depth[v * width + u] <= limit {
+                    return false;
+                }
+            }
+            true
+        };
+        let mut open = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i % 2 == 0 && is_open(AROUND[i]));
+        for i in [1, 3, 5, 7] {
+            open[i] = (open[i - 1] || open[(i + 1) % 8]) && is_open(AROUND[i]);
+        }
+        let middle = (0..8).find(|&i| open[(i + 7) % 8] && open[i] && open[(i + 1) % 8])?;
+        self.grid().step(pixel, AROUND[middle])
+    }
 }
 
 /// The pixels' places.
@@ -92,47 +217,25 @@ impl Grid {
     }
 }
 
-/// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions nothing
-/// lies as near as the surface.
-fn beyond_rim(
-    base: &Level,
-    depth: &[f32],
-    grid: Grid,
-    focal_px: f32,
-    pixel: usize,
-) -> Option<usize> {
-    let (here, radius) = (depth[pixel], base.tint[pixel].w);
-    if here == f32::INFINITY || !overhangs(base, pixel) {
-        return None;
-    }
-    let limit = here * (1.0 + radius / focal_px);
-    let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
-    let (x, y) = ((pixel % grid.width) as isize, (pixel / grid.width) as isize);
-    let is_open = |[dx, dy]: [isize; 2]| {
-        for k in 1..=reach {
-            let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
-            // What is left of the picture or above it wraps round to far beyond it.
-            if u >= grid.width || v >= grid.height {
-                return k as f32 > OPEN_PX.0;
+/// Gives pixels the attributes of their sources.
+fn replace(base: &mut Level, pixels: &[usize], sources: &[usize]) {
+    let Level { front, tint, depth, normal, .. } = base;
+    rayon::join(
+        || rayon::join(|| copy(front, pixels, sources), || copy(tint, pixels, sources)),
+        || {
+            copy(depth, pixels, sources);
+            if !normal.is_empty() {
+                copy(normal, pixels, sources);
             }
-            if depth[v * grid.width + u] <= limit {
-                return false;
-            }
-        }
-        true
-    };
-    let open = AROUND.map(is_open);
-    let middle = (0..8).find(|&i| open[(i + 7) % 8] && open[i] && open[(i + 1) % 8])?;
-    grid.step(pixel, AROUND[middle])
+        },
+    );
 }
 
-fn replace(base: &mut Level, depth: &mut [f32], pixel: usize, from: usize) {
-    depth[pixel] = depth[from];
-    base.front[pixel] = base.front[from];
-    base.tint[pixel] = base.tint[from];
-    base.depth[pixel] = base.depth[from];
-    if !base.normal.is_empty() {
-        base.normal[pixel] = base.normal[from];
+fn copy<T: Copy>(plane: &mut [T], pixels: &[usize], sources: &[usize]) {
+    // A source may be among the pixels.
+    let taken: Vec<T> = sources.iter().map(|&p| plane[p]).collect();
+    for (&pixel, taken) in pixels.iter().zip(taken) {
+        plane[pixel] = taken;
     }
 }
 
@@ -141,4 +244,128 @@ fn overhangs(base: &Level, pixel: usize) -> bool {
     let share = OVERHANG[usize::from(base.normal.is_empty())];
     let (front, reach) = (base.front[pixel], (base.tint[pixel].w * share).max(OVERHANG_MIN_PX));
     front.z * front.z + front.w * front.w > reach * reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edges::edges;
+    use crate::pyramid::{INVALID, Pyramid};
+    use glam::Vec4;
+
+    const WIDTH: usize = 83;
+    const HEIGHT: usize = 61;
+    const FOCAL_PX: f32 = 100.0;
+
+    /// Rectangles before each other, of pixels displaced at random, more towards their borders.
+    fn layers(seed: u64, has_normals: bool) -> (Pyramid, Vec<f32>) {
+        let mut bits = seed;
+        let mut dice = |n: usize| {
+            bits ^= bits << 13;
+            bits ^= bits >> 7;
+            bits ^= bits << 17;
+            (bits >> 20) as usize % n
+        };
+        let mut pyramid = Pyramid::default();
+        pyramid.fit(WIDTH, HEIGHT, has_normals);
+        let base = &mut pyramid.levels[0];
+        let mut depth = vec![f32::INFINITY; WIDTH * HEIGHT];
+        base.front.fill(INVALID);
+        for layer in 0..24 {
+            let near = 24.0 / (layer + 1) as f32;
+            let radius = 1.0 + dice(20) as f32;
+            let [x, y] = [dice(WIDTH), dice(HEIGHT)];
+            for (u, v) in (0..HEIGHT.min(y + 25))
+                .skip(y)
+                .flat_map(|v| (x..WIDTH.min(x + 25)).map(move |u| (u, v)))
+            {
+                let pixel = v * WIDTH + u;
+                let mut moved = || (dice(32) as f32 - 16.0) / 16.0 * radius;
+                base.front[pixel] = Vec4::new(near, near, moved(), moved());
+                base.tint[pixel] = Vec4::new(0.0, 0.0, pixel as f32, radius);
+                (base.depth[pixel], depth[pixel]) = (near, near);
+                if has_normals {
+                    base.normal[pixel] = Vec4::splat(pixel as f32);
+                }
+            }
+        }
+        (pyramid, depth)
+    }
+
+    /// The rule, pixel by pixel: what each shows, and where it went.
+    fn reference(
+        base: &Level,
+        depth: &mut [f32],
+        edges: &[usize],
+        order: &[usize],
+    ) -> Vec<Option<usize>> {
+        let before = &mut depth.to_vec();
+        let rim =
+            Waves { base, per_focal: 1.0 / FOCAL_PX, depth: before, source: vec![0; depth.len()] };
+        let mut source = vec![None; depth.len()];
+        for &pixel in edges {
+            source[pixel] = rim.beyond_rim(pixel);
+            depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
+        }
+        for wave in 1..=WAVES {
+            for &pixel in order {
+                let (x, y) = (pixel % WIDTH, pixel / WIDTH);
+                if (x + y + wave as usize) % 2 == 1 {
+                    continue;
+                }
+                let shown = source[pixel].unwrap_or(pixel);
+                let radius = base.tint[shown].w;
+                let mut beyond = depth[pixel] * (1.0 + radius * (1.0 / FOCAL_PX));
+                if wave as f32 > radius || !overhangs(base, shown) {
+                    continue;
+                }
+                for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
+                    let (u, v) = (x as isize + dx, y as isize + dy);
+                    if !(0..WIDTH as isize).contains(&u) || !(0..HEIGHT as isize).contains(&v) {
+                        continue;
+                    }
+                    let next = v as usize * WIDTH + u as usize;
+                    if source[next].is_some() && depth[next] > beyond {
+                        (beyond, source[pixel]) = (depth[next], source[next]);
+                    }
+                }
+                depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
+            }
+        }
+        source
+    }
+
+    #[test]
+    fn what_goes_is_what_the_rule_says_of_each_pixel_in_whatever_order_they_are_asked() {
+        let mut went_twice = 0;
+        for (seed, has_normals) in (1..40).flat_map(|seed| [(seed, false), (seed, true)]) {
+            let (mut pyramid, mut depth) = layers(seed * 0x9E37_79B9_7F4A_7C15, has_normals);
+            let (base, untouched) = (&mut pyramid.levels[0], depth.clone());
+            let edges = edges(&depth, WIDTH, 2.0 / FOCAL_PX);
+            let forwards: Vec<usize> = (0..depth.len()).collect();
+            let backwards: Vec<usize> = forwards.iter().rev().copied().collect();
+            let [expected, other] = [forwards, backwards]
+                .map(|order| reference(base, &mut untouched.clone(), &edges, &order));
+            assert_eq!(expected, other);
+            let before = base.clone();
+            let mut touched = trim(base, &mut depth, &edges, FOCAL_PX);
+            for (pixel, source) in expected.iter().enumerate() {
+                let from = source.unwrap_or(pixel);
+                went_twice += usize::from(expected[from].is_some() && from != pixel);
+                assert_eq!(depth[pixel], untouched[from], "pixel {pixel}, seed {seed}");
+                assert_eq!(base.front[pixel], before.front[from]);
+                assert_eq!(base.tint[pixel], before.tint[from]);
+                assert_eq!(base.depth[pixel], before.depth[from]);
+                assert_eq!(base.normal.get(pixel), before.normal.get(from));
+            }
+            let went = |p: usize| expected[p].is_some();
+            let beside = |p: usize| Grid { width: WIDTH, height: HEIGHT }.beside(p);
+            let changed =
+                (0..depth.len()).filter(|&p| went(p) || beside(p).into_iter().flatten().any(went));
+            touched.sort_unstable();
+            assert_eq!(touched, changed.collect::<Vec<_>>());
+            assert!(expected.iter().flatten().count() > 300, "seed {seed}");
+        }
+        assert!(went_twice > 100, "sources that went themselves: {went_twice}");
+    }
 }

@@ -216,3 +216,23 @@ fn a_slanted_edge_covers_its_share_of_pixels_and_thin_lines_stay() {
         assert!(width > 0.7 && width < 4.5, "{width} px wide in row {y}");
     }
 }
+
+#[test]
+fn any_number_of_threads_draws_the_same_picture() {
+    let spacing = 5.0 / pixels_per_unit();
+    let dice = &mut Dice(6);
+    let far = DVec2::splat(f64::from(SIDE) * 0.6);
+    let mut points = wall(dice, 2.0, -far, far, 5.0);
+    points.extend(sphere(dice, spacing));
+    for normals in [true, false] {
+        let drawn = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| draw(&points, spacing, normals))
+        };
+        let one = drawn(1);
+        for threads in [2, 5] {
+            let more = drawn(threads);
+            assert!(one.rgba == more.rgba && one.depth == more.depth, "{threads}, {normals}");
+        }
+    }
+}
