@@ -25,6 +25,9 @@ pub mod verify;
 
 pub use esker_build::memory;
 pub use esker_build::{Options as BuildOptions, Report as BuildReport};
+pub use esker_format::EskerFile;
+pub use esker_lod::View;
 pub use esker_points::{Cancelled, ColourDepth, Task};
-pub use esker_render::Method;
+pub use esker_render::{Method, Picture};
+pub use esker_stream::{Cut, Status};
 pub use serde_json::Value;
