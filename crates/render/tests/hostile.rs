@@ -65,12 +65,12 @@ proptest! {
             AttrType::I32, AttrType::U64, AttrType::I64, AttrType::F32, AttrType::F64];
         let draw = DrawNode {
             node: &node,
- entry: 0,
+            entry: 0,
             prefix,
-            position: &position,
+            position: &position[..],
             residual: residual.as_deref(),
-            colour: scalar.map_or(ColourPlane::Rgba(&colours),
-                |ty| ColourPlane::Scalar { bytes: &colours, ty: types[ty] }),
+            colour: scalar.map_or(ColourPlane::Rgba(&colours[..]),
+                |ty| ColourPlane::Scalar { bytes: &colours[..], ty: types[ty] }),
             normal: normal.as_deref(),
         };
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };

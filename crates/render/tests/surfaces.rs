@@ -214,7 +214,7 @@ fn radii_follow_the_finest_drawn_cell() {
         node: &table.nodes[0],
         entry: 0,
         prefix: 2,
-        position: &hot,
+        position: &hot[..],
         residual: None,
         colour: ColourPlane::None,
         normal: None,

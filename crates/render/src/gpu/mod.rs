@@ -7,8 +7,10 @@ pub mod frame;
 pub mod kernel;
 mod link;
 pub mod pyramid;
+pub mod readback;
 pub mod shader;
 pub mod table;
+pub mod timing;
 
 pub use device::{Gpu, ProjectPath, Request, Tier};
 pub use error::GpuError;
