@@ -35,9 +35,30 @@ struct Draw {
     cell_log2: u32,
     // Its first chunk.
     chunk: u32,
+    // What a point of the colour plane is: COLOUR_NONE ...
+    colour_kind: u32,
+    // Points that the colour plane has.
+    colour_points: u32,
+    // Points that the normal plane has.
+    normal_points: u32,
     unused_a: u32,
     unused_b: u32,
+    unused_c: u32,
 }
+
+// Kinds of colour planes: bytes red, green, blue and one unused; or one value of a type.
+const COLOUR_NONE: u32 = 0u;
+const COLOUR_RGBA: u32 = 1u;
+const COLOUR_U8: u32 = 2u;
+const COLOUR_I8: u32 = 3u;
+const COLOUR_U16: u32 = 4u;
+const COLOUR_I16: u32 = 5u;
+const COLOUR_U32: u32 = 6u;
+const COLOUR_I32: u32 = 7u;
+const COLOUR_U64: u32 = 8u;
+const COLOUR_I64: u32 = 9u;
+const COLOUR_F32: u32 = 10u;
+const COLOUR_F64: u32 = 11u;
 
 // A run of a node's points.
 struct Chunk {

@@ -15,7 +15,7 @@ use glam::Vec3;
 /// Differences are clamped here; nothing this far away is on a picture.
 const STEPS_FAR: f64 = (1u64 << 46) as f64;
 /// Bits a hot position can drop (the lattice has 32, a hot coordinate keeps 16).
-const SHIFT_MAX: u8 = 16;
+pub(crate) const SHIFT_MAX: u8 = 16;
 
 /// The camera in `f32`, for a frame.
 #[derive(Clone, Debug)]

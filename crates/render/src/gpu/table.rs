@@ -1,13 +1,23 @@
 //! The tables of what is drawn, as the shaders read them (`shaders/common/draws.wgsl`): nodes, and equal
 //! chunks of their points. One dispatch goes over all chunks, never one over a node.
 
+use crate::camera::Camera;
+use crate::frame::{ColourPlane, DrawNode};
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
+use esker_points::AttrType;
+use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 
 /// Points of a chunk.
 pub const CHUNK_POINTS: u32 = 4096;
 /// The page of a plane that is not there.
 pub const NO_PAGE: u32 = u32::MAX;
+/// A node without colours.
+pub const COLOUR_NONE: u32 = 0;
+/// Red, green, blue and an unused byte.
+pub const COLOUR_RGBA: u32 = 1;
+/// Values of the first type.
+pub const COLOUR_SCALAR: u32 = 2;
 
 /// A place in drawing memory: one range of addresses from 0, cut into pages that no plane straddles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,10 +68,77 @@ pub struct Draw {
     pub cell_log2: u32,
     /// Its first chunk.
     pub chunk: u32,
+    /// What a point of the colour plane is: [`COLOUR_NONE`], [`COLOUR_RGBA`], or [`COLOUR_SCALAR`] and
+    /// more in the order of [`AttrType`].
+    pub colour_kind: u32,
+    /// Points that the colour plane has, at most those drawn.
+    pub colour_points: u32,
+    /// Points that the normal plane has, at most those drawn.
+    pub normal_points: u32,
     /// To a whole multiple of 16 bytes.
-    pub unused_a: u32,
-    /// To a whole multiple of 16 bytes.
-    pub unused_b: u32,
+    pub unused: [u32; 3],
+}
+
+impl Draw {
+    /// The row of a node whose first chunk is `chunk`; `place` gives page and first word of a plane. What of
+    /// its points has no position is not drawn, as by [`crate::camera::Positions::of`].
+    pub fn of(
+        draw: &DrawNode<'_, PlaneAt>,
+        camera: &Camera,
+        chunk: u32,
+        place: impl Fn(PlaneAt) -> Option<(u32, u32)>,
+    ) -> Self {
+        let node = draw.node;
+        let held = |plane: PlaneAt, point_bytes: usize| plane.bytes / point_bytes.max(1) as u64;
+        let place = |plane: Option<PlaneAt>| plane.and_then(&place).unwrap_or((NO_PAGE, 0));
+        let (position_page, position_word) = place(Some(draw.position));
+        let has_positions = position_page != NO_PAGE;
+        let points = held(draw.position, HOT_POSITION_BYTES).min(draw.prefix as u64);
+        let points = if has_positions { points.min(u64::from(u32::MAX)) } else { 0 };
+        let shift = node.hot_shift.min(crate::camera::SHIFT_MAX);
+        let enough = |r: &PlaneAt| shift > 0 && held(*r, residual_bytes(shift)) >= points;
+        let (residual_page, residual_word) = place(draw.residual.filter(enough));
+        let is_exact = shift == 0 || residual_page != NO_PAGE;
+        let (colour, colour_kind, colour_bytes) = match draw.colour {
+            ColourPlane::None => (None, COLOUR_NONE, 4),
+            ColourPlane::Rgba(plane) => (Some(plane), COLOUR_RGBA, 4),
+            ColourPlane::Scalar { bytes, ty } => (Some(bytes), scalar_kind(ty), ty.size()),
+        };
+        let (colour_page, colour_word) = place(colour);
+        let (normal_page, normal_word) = place(draw.normal);
+        let drawn = |plane: Option<PlaneAt>, bytes: usize| {
+            plane.map_or(0, |p| held(p, bytes)).min(points) as u32
+        };
+        let at = camera.place(node, is_exact);
+        Self {
+            base_high: at.base_high,
+            shift: u32::from(shift),
+            base_low: at.base_low,
+            points: points as u32,
+            bias_steps: at.bias_steps.to_array(),
+            spacing: node.spacing,
+            box_min: node.box_min,
+            entry: u32::try_from(draw.entry).unwrap_or(u32::MAX),
+            position_page,
+            position_word,
+            residual_page,
+            residual_word,
+            colour_page,
+            colour_word,
+            normal_page,
+            normal_word,
+            cell_log2: u32::from(node.cell_log2),
+            chunk,
+            colour_kind,
+            colour_points: drawn(colour, colour_bytes),
+            normal_points: drawn(draw.normal, 4),
+            unused: [0; 3],
+        }
+    }
+}
+
+fn scalar_kind(ty: AttrType) -> u32 {
+    COLOUR_SCALAR + ty as u32
 }
 
 /// A run of a node's points.
@@ -96,6 +173,9 @@ same_layout!(Draw {
     normal_page,
     normal_word,
     cell_log2,
-    chunk
+    chunk,
+    colour_kind,
+    colour_points,
+    normal_points
 });
 same_layout!(Chunk { draw, first, points });
