@@ -4,7 +4,7 @@
 use super::error::GpuError;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard};
 use wgpu::{Backends, DeviceType, Features, Limits};
 
 /// Bytes of a buffer that is bound whole, at most: what WebGPU promises.
@@ -78,8 +78,29 @@ pub struct Gpu {
 #[derive(Default)]
 struct State {
     fault: Mutex<Option<GpuError>>,
+    gate: Arc<Gate>,
     bytes: AtomicU64,
     peak_bytes: AtomicU64,
+}
+
+/// What those pass who write mapped memory on other threads: shut when the device is lost, before the device
+/// gives that memory back.
+#[derive(Debug, Default)]
+pub struct Gate {
+    is_shut: RwLock<bool>,
+}
+
+impl Gate {
+    /// Holds the memory of mapped buffers as long as what comes back lives; `None` where the device is lost.
+    pub fn enter(&self) -> Option<RwLockReadGuard<'_, bool>> {
+        let guard = self.is_shut.read().unwrap_or_else(PoisonError::into_inner);
+        (!*guard).then_some(guard)
+    }
+
+    /// Lets nobody in any more, and waits for those who are.
+    fn shut(&self) {
+        *self.is_shut.write().unwrap_or_else(PoisonError::into_inner) = true;
+    }
 }
 
 /// A buffer whose bytes are counted as long as it lives.
@@ -155,6 +176,7 @@ impl Gpu {
         }));
         let faults = Arc::clone(&state);
         device.set_device_lost_callback(move |reason, message| {
+            faults.gate.shut();
             if reason != wgpu::DeviceLostReason::Destroyed {
                 faults.note(GpuError::Lost(message));
             }
@@ -166,6 +188,18 @@ impl Gpu {
     /// What went wrong first, if anything did. Looked at after every frame.
     pub fn fault(&self) -> Option<GpuError> {
         self.state.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// What those pass who write mapped memory on other threads.
+    pub fn gate(&self) -> Arc<Gate> {
+        Arc::clone(&self.state.gate)
+    }
+
+    /// Ends the device for all of its handles, as losing it does: the fault says why.
+    pub fn end(&self, why: &str) {
+        self.state.gate.shut();
+        self.state.note(GpuError::Lost(why.into()));
+        self.device.destroy();
     }
 
     /// A buffer, counted.

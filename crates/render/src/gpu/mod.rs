@@ -6,15 +6,21 @@ pub mod error;
 pub mod frame;
 pub mod kernel;
 mod link;
+pub mod pool;
 pub mod pyramid;
 pub mod readback;
 pub mod shader;
 pub mod table;
+#[cfg(test)]
+mod testing;
 pub mod timing;
+pub mod upload;
 
 pub use device::{Gpu, ProjectPath, Request, Tier};
 pub use error::GpuError;
 pub use kernel::Kernel;
+pub use pool::NodePool;
 pub use table::PlaneAt;
+pub use upload::{UploadRing, UploadRun};
 /// The device library, for those that bring a device of their own.
 pub use wgpu;

@@ -1,0 +1,31 @@
+//! For the tests of this folder: every adapter that there is, as it is and with the least that WebGPU
+//! promises; and what a buffer holds.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use super::device::{Gpu, Request};
+use super::readback;
+use wgpu::Backends;
+
+/// A device of each kind that the machine has; says so where it has none.
+pub(crate) fn gpus() -> Vec<Gpu> {
+    let request = |backends, is_minimal| Request {
+        backends,
+        allow_software: true,
+        is_minimal,
+        ..Request::default()
+    };
+    let requests = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL]
+        .into_iter()
+        .flat_map(|b| [request(b, false), request(b, true)]);
+    let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
+    if gpus.is_empty() {
+        eprintln!("no adapter");
+    }
+    gpus
+}
+
+/// Bytes of a buffer; waits.
+pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> Vec<u8> {
+    let mut all = readback::read(gpu, &[(buffer, offset + bytes)]).unwrap();
+    all.remove(0).split_off(offset as usize)
+}
