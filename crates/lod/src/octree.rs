@@ -129,6 +129,18 @@ impl CompactOctree {
         self.entries.is_empty()
     }
 
+    /// The cells as they would lie in a GPU's memory: least lattice point, log2 of the edge, bits of the spacing,
+    /// the eight entries below (none: beyond all entries), three zeros.
+    pub fn words(&self) -> impl Iterator<Item = [u32; 16]> + '_ {
+        self.entries.iter().map(|e| {
+            let mut words = [0; 16];
+            words[..3].copy_from_slice(&e.corner);
+            (words[3], words[4]) = (e.log2, e.spacing.to_bits());
+            words[5..13].copy_from_slice(&e.children);
+            words
+        })
+    }
+
     /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point `p`;
     /// 0 where none does.
     pub fn spacing_at(&self, p: [u32; 3]) -> f32 {

@@ -106,7 +106,7 @@ const CLASSES: [[u8; 3]; 19] = [
 ];
 
 /// Entries of the table from linear light to sRGB: fine enough that darks are at most one byte off.
-const ENCODE_ENTRIES: usize = 1 << 13;
+pub(crate) const ENCODE_ENTRIES: usize = 1 << 13;
 
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
@@ -156,11 +156,14 @@ impl Encoder {
 pub struct MapTable {
     low: f64,
     per_unit: f64,
+    /// Those of the palette; after them the colour of what is no number.
     colours: Vec<Vec3>,
 }
 
 impl MapTable {
     const ENTRIES: usize = 256;
+    /// The entry of what is no number.
+    pub(crate) const NO_NUMBER: usize = Self::ENTRIES;
 
     /// The table of a map.
     pub fn new(map: &ColourMap) -> Self {
@@ -170,13 +173,12 @@ impl MapTable {
             Palette::Terrain => &TERRAIN,
         };
         let last = Self::ENTRIES - 1;
-        let colours = (0..=last)
-            .map(|i| {
-                let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
-                let k = (at as usize).min(stops.len() - 2);
-                linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
-            })
-            .collect();
+        let palette = (0..=last).map(|i| {
+            let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
+            let k = (at as usize).min(stops.len() - 2);
+            linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
+        });
+        let colours = palette.chain([linear(NO_NUMBER)]).collect();
         // A range without extent maps to its first colour.
         let per_unit = last as f64 / (map.high - map.low);
         let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
@@ -186,11 +188,22 @@ impl MapTable {
     /// Colour of a value, linear light.
     #[inline]
     pub fn at(&self, value: f64) -> Vec3 {
+        self.colours[self.entry(value)]
+    }
+
+    /// Entry of a value.
+    #[inline]
+    pub(crate) fn entry(&self, value: f64) -> usize {
         let i = (value - self.low) * self.per_unit + 0.5;
         if i.is_nan() {
-            return linear(NO_NUMBER);
+            return Self::NO_NUMBER;
         }
-        self.colours[(i.max(0.0) as usize).min(Self::ENTRIES - 1)]
+        (i.max(0.0) as usize).min(Self::ENTRIES - 1)
+    }
+
+    /// Colours of the entries.
+    pub(crate) fn colours(&self) -> &[Vec3] {
+        &self.colours
     }
 }
 

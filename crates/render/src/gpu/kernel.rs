@@ -81,6 +81,15 @@ impl Kernel {
     }
 }
 
+/// Groups of 256 items each, in rows as long as WebGPU's limits allow; the shader counts
+/// `id.x + id.y * groups.x * 256`.
+pub fn groups_of(items: u64) -> [u32; 3] {
+    const ROW_MAX: u64 = 65_535;
+    let groups = items.div_ceil(256);
+    let rows = groups.div_ceil(ROW_MAX).max(1);
+    [groups.div_ceil(rows) as u32, rows as u32, 1]
+}
+
 fn pipeline(
     gpu: &Gpu,
     file: &str,

@@ -1,20 +1,28 @@
 //! The passes on a GPU. Each has its shader in `shaders/`, a host here, a twin of the same name in this
 //! crate, and a test that holds the two together. One thread submits, maps and polls.
 
+pub mod colour;
 pub mod device;
 pub mod error;
 pub mod frame;
+pub mod gather;
 pub mod kernel;
 mod link;
+pub mod lookup;
+pub mod octree;
+pub mod picture;
 pub mod pool;
 pub mod pyramid;
 pub mod readback;
+pub mod resolve;
 pub mod shader;
 pub mod table;
 #[cfg(test)]
 mod testing;
+pub mod tiles;
 pub mod timing;
 pub mod upload;
+mod variants;
 
 pub use device::{Gpu, ProjectPath, Request, Tier};
 pub use error::GpuError;

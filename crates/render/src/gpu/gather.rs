@@ -1,0 +1,65 @@
+//! Gather on the GPU: level 0 of the pyramid from the points that won ([`crate::gather`] is the twin). First the
+//! points' own bytes are fetched, page by page, into the very planes that they are turned into afterwards.
+
+use super::device::Gpu;
+use super::error::GpuError;
+use super::lookup::{GpuLookup, Won};
+use super::pyramid::GpuPyramid;
+use super::shader::sources;
+use super::variants::Variants;
+use wgpu::ComputePass;
+
+/// The pass.
+pub struct Gather {
+    /// By whether pixels carry normals, and what gives them their colour.
+    kernels: Variants<2>,
+}
+
+impl Default for Gather {
+    fn default() -> Self {
+        Self { kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "COLOUR"]) }
+    }
+}
+
+impl Gather {
+    /// Fills level 0 of a pyramid, which has the picture's size. Adds to the first of the counts.
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        lookup: &mut GpuLookup,
+        won: &Won<'_>,
+        pyramid: &GpuPyramid,
+    ) -> Result<(), GpuError> {
+        let Some(level) = pyramid.levels.first() else { return Ok(()) };
+        let wanted = lookup.wanted(true, pyramid.has_normals);
+        lookup.fetch(gpu, pass, won, wanted, [&level.front, &level.tint])?;
+        let variant = [u32::from(pyramid.has_normals), lookup.colour_kind()];
+        let kernel = self.kernels.get(gpu, variant)?;
+        let buffers = [
+            (0, won.uniform),
+            (1, lookup.uniform()),
+            (2, won.hits),
+            (3, won.draws),
+            (4, lookup.octree()),
+            (5, &level.front),
+            (6, &level.tint),
+            (7, &level.depth),
+            (8, &level.normal),
+            (9, won.counts),
+        ];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
+        Ok(())
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        self.kernels.reload(gpu)
+    }
+}

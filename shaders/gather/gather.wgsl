@@ -1,0 +1,124 @@
+// Gather: level 0 of the pyramid from the points that won (marroquim2007 section 3.1); the twin of
+// crates/render/src/gather.rs. `front` and `tint` come in as the points' own bytes (gather/fetch.wgsl), each
+// pixel's replaced by what they mean: no memory beside the pyramid's is needed.
+
+// include common/frame.wgsl
+// include common/draws.wgsl
+// include common/place.wgsl
+// include common/lookup.wgsl
+// include common/colour.wgsl
+// include common/octree.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool = false;
+
+// As in crates/render/src/gather.rs, where their measurements are.
+const RADIUS_FACTOR_NORMALS: f32 = 1.4;
+const RADIUS_FACTOR_BARE: f32 = 1.15;
+const RADIUS_MARGIN_PX: f32 = 0.5;
+const MINOR_FACTOR: f32 = 1.3;
+const MINOR_MIN_PX: f32 = 1.4;
+const BARE_REACH: f32 = 2.0;
+const RADIUS_MAX: f32 = 1e30;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> lookup: Lookup;
+@group(0) @binding(2) var<storage, read> hits: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> draws: array<Draw>;
+@group(0) @binding(4) var<storage, read> octree: array<OctreeCell>;
+@group(0) @binding(5) var<storage, read_write> front: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read_write> tint: array<vec4<u32>>;
+@group(0) @binding(7) var<storage, read_write> depths: array<f32>;
+@group(0) @binding(8) var<storage, read_write> normals: array<vec4<f32>>;
+// Pixels that a point won.
+@group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
+
+var<workgroup> won: atomic<u32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    var has_point = false;
+    if pixel < frame.width * frame.height {
+        let hit = hits[pixel];
+        has_point = hit.y != NO_HIT;
+        if has_point {
+            gather(pixel, hit.y);
+        } else {
+            front[pixel] = vec4<u32>(INFINITE_BITS, INFINITE_BITS, 0u, 0u);
+        }
+    }
+    if has_point {
+        atomicAdd(&won, 1u);
+    }
+    workgroupBarrier();
+    if local == 0u {
+        atomicAdd(&counts[0], atomicLoad(&won));
+    }
+}
+
+fn gather(pixel: u32, depth_bits: u32) {
+    let geometry = front[pixel];
+    let paint = tint[pixel];
+    let draw = paint.x & ~HAS_COLOUR;
+    let offset = offset_of(geometry, draws[draw].shift);
+    let p = draws[draw].box_min + offset;
+
+    let code = radius_code_of(geometry.xy);
+    let stored = lookup.radius_factors[code / 4u][code % 4u];
+    let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
+    let radius = radius_within(spacing_of(draw, p) * factor * stored);
+    let depth = bitcast<f32>(depth_bits);
+    let radius_px = min(radius * frame.focal_px / depth + RADIUS_MARGIN_PX, RADIUS_MAX);
+    let reach = radius * select(BARE_REACH, 1.0, NORMALS);
+
+    // The carry of the height, which may need more than 32 bits.
+    let height = vec2<u32>(u32(p.z < offset.z), p.z);
+    let colour = colour_of(paint, height, depth_bits);
+    front[pixel] = vec4<u32>(depth_bits, bitcast<u32>(depth + reach), 0u, 0u);
+    tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
+    depths[pixel] = depth;
+    if NORMALS {
+        normals[pixel] = normal_to_eye(paint.w, draw, offset, radius_px);
+    }
+}
+
+// Clamped to 0 ... RADIUS_MAX; 0 for what is no number.
+fn radius_within(radius: f32) -> f32 {
+    let bits = bitcast<u32>(radius);
+    if bits > INFINITE_BITS {
+        return 0.0;
+    }
+    return min(radius, RADIUS_MAX);
+}
+
+// Effective spacing of the finest drawn cell that holds the point.
+fn spacing_of(draw: u32, p: vec3<u32>) -> f32 {
+    let stored = draws[draw].spacing;
+    let entry = draws[draw].entry;
+    if entry >= lookup.cells {
+        return stored;
+    }
+    let drawn = spacing_from(entry, p);
+    return select(stored, drawn, drawn > 0.0);
+}
+
+// The normal in view space, and in w the z that its ellipse is made with: never so small that the ellipse falls
+// between pixels.
+fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>, radius_px: f32) -> vec4<f32> {
+    if code == NO_NORMAL {
+        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    }
+    let world = normal_of(code);
+    let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
+    // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+    let d = &draws[draw];
+    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let away = dot(world, steps * frame.step) > 0.0 && frame.cull_back_faces == 0u;
+    let filter_z = min(max(abs(n.z) * MINOR_FACTOR, MINOR_MIN_PX / radius_px), 1.0);
+    return vec4<f32>(select(n, -n, away), filter_z);
+}

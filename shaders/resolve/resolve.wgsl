@@ -1,0 +1,68 @@
+// Resolve: the points that won straight to the picture, colours as they are; the twin of
+// crates/render/src/resolve.rs.
+
+// include common/frame.wgsl
+// include common/draws.wgsl
+// include common/place.wgsl
+// include common/lookup.wgsl
+// include common/colour.wgsl
+// include common/backdrop.wgsl
+// include common/encode.wgsl
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> lookup: Lookup;
+@group(0) @binding(2) var<uniform> encode_table: EncodeTable;
+@group(0) @binding(3) var<storage, read> hits: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> draws: array<Draw>;
+@group(0) @binding(5) var<storage, read> geometry: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
+@group(0) @binding(7) var<storage, read_write> rgba: array<u32>;
+@group(0) @binding(8) var<storage, read_write> depths: array<u32>;
+// Pixels that a point won, and pixels that show something: here the same.
+@group(0) @binding(9) var<storage, read_write> counts: array<atomic<u32>>;
+
+var<workgroup> won: atomic<u32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    var has_point = false;
+    if pixel < frame.width * frame.height {
+        let hit = hits[pixel];
+        has_point = hit.y != NO_HIT;
+        if has_point {
+            rgba[pixel] = shown(pixel, hit.y);
+            depths[pixel] = hit.y;
+        } else {
+            let y = pixel / frame.width;
+            rgba[pixel] = backdrop(frame.background_top, frame.background_bottom, y, frame.height);
+            depths[pixel] = INFINITE_BITS;
+        }
+    }
+    if has_point {
+        atomicAdd(&won, 1u);
+    }
+    workgroupBarrier();
+    if local == 0u {
+        let count = atomicLoad(&won);
+        atomicAdd(&counts[0], count);
+        atomicAdd(&counts[1], count);
+    }
+}
+
+fn shown(pixel: u32, depth_bits: u32) -> u32 {
+    let words = paint[pixel];
+    var height = vec2<u32>(0u);
+    if COLOUR == BY_ELEVATION {
+        let draw = words.x & ~HAS_COLOUR;
+        let offset = offset_of(geometry[pixel], draws[draw].shift);
+        let z = draws[draw].box_min.z + offset.z;
+        height = vec2<u32>(u32(z < offset.z), z);
+    }
+    let colour = colour_of(words, height, depth_bits);
+    return packed_bytes(vec4<u32>(encoded(colour.x), encoded(colour.y), encoded(colour.z), 255u));
+}
