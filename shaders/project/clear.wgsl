@@ -1,7 +1,6 @@
 // Clears the frame buffer: every pixel to all ones, which no point reaches.
 
 // include common/frame.wgsl
-// include common/draws.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 // Point in x, bits of the depth in y.

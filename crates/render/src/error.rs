@@ -2,7 +2,7 @@
 //! picture. Only the view can ask for what cannot be.
 
 /// Why no picture could be drawn.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RenderError {
     /// No pixels, or more than the passes are made for.
     #[error(

@@ -1,5 +1,6 @@
 //! What can go wrong with a GPU. With `--backend auto` all of it ends on the CPU renderer.
 
+use crate::error::RenderError;
 use thiserror::Error;
 
 /// Faults of a GPU.
@@ -35,6 +36,19 @@ pub enum GpuError {
     /// A call was refused: a fault of Esker.
     #[error("the GPU refused a call: {0}")]
     Refused(String),
+    /// No picture can be drawn of the view.
+    #[error(transparent)]
+    View(#[from] RenderError),
+    /// A picture larger than the device draws.
+    #[error(
+        "a picture of {width} x {height} pixels is more than this GPU draws; draw it with --backend cpu"
+    )]
+    Size {
+        /// Width asked for.
+        width: u32,
+        /// Height asked for.
+        height: u32,
+    },
     /// The path asked for is not there.
     #[error("{0}")]
     Path(String),

@@ -2,18 +2,23 @@
 //! crate, and a test that holds the two together. One thread submits, maps and polls.
 
 pub mod colour;
+pub mod cut;
 pub mod device;
 pub mod error;
 pub mod frame;
 pub mod gather;
+pub mod hits;
 pub mod kernel;
 mod link;
 pub mod lookup;
 pub mod octree;
 pub mod picture;
 pub mod pool;
+pub mod primitives;
+pub mod project;
 pub mod pyramid;
 pub mod readback;
+pub mod renderer;
 pub mod resolve;
 pub mod shader;
 pub mod table;
@@ -28,6 +33,7 @@ pub use device::{Gpu, ProjectPath, Request, Tier};
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use pool::NodePool;
+pub use renderer::GpuRenderer;
 pub use table::PlaneAt;
 pub use upload::{UploadRing, UploadRun};
 /// The device library, for those that bring a device of their own.

@@ -183,6 +183,7 @@ pub fn sheet(
 
 /// The Stanford bunny of the data folder, where `ESKER_DATA` names one: the vertices of a binary
 /// little-endian PLY of six floats, position and normal.
+#[allow(dead_code, reason = "not every user of this module reads files")]
 pub fn bunny() -> Option<Vec<ScenePoint>> {
     let path = std::path::Path::new(&std::env::var_os("ESKER_DATA")?).join("models/bunny-36k.ply");
     let mut bytes = Vec::new();

@@ -1,0 +1,75 @@
+// Points as they lie in the pages: decoding, and the way to a pixel (crates/render/src/camera.rs and
+// project.rs, the same steps). Work is a list of chunks whose planes lie in the pages that are bound.
+
+// include common/frame.wgsl
+// include common/draws.wgsl
+// include common/place.wgsl
+// include common/normal.wgsl
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> draws: array<Draw>;
+@group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
+@group(0) @binding(3) var<storage, read> work: array<u32>;
+// One page each, whole.
+@group(0) @binding(4) var<storage, read> positions: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> residuals: array<u32>;
+@group(0) @binding(6) var<storage, read> normals: array<u32>;
+
+// Whether points whose normal looks away are dropped.
+override CULLS_BACK_FACES: bool = false;
+
+// A point on the picture.
+struct Seen {
+    at: vec2<f32>,
+    // Linear eye depth.
+    depth: f32,
+    // From the eye, the file's unit, the world's axes.
+    from_eye: vec3<f32>,
+}
+
+// Offset of a point in its node's box, in steps.
+fn offset_of(draw: Draw, index: u32) -> vec3<u32> {
+    let hot = positions[(draw.position_word >> 1u) + index];
+    let q = hot_of(hot) << vec3<u32>(draw.shift);
+    if draw.residual_page == NO_PAGE {
+        return q;
+    }
+    if draw.shift <= 10u {
+        let low = residuals[draw.residual_word + index];
+        return q | vec3<u32>(low & 1023u, (low >> 10u) & 1023u, (low >> 20u) & 1023u);
+    }
+    // Six bytes a point: odd points begin in the middle of a word.
+    let word = draw.residual_word + (index * 3u >> 1u);
+    let a = residuals[word];
+    let b = residuals[word + 1u];
+    if (index & 1u) == 0u {
+        return q | vec3<u32>(a & 0xffffu, a >> 16u, b & 0xffffu);
+    }
+    return q | vec3<u32>(a >> 16u, b & 0xffffu, b >> 16u);
+}
+
+fn see(draw: Draw, index: u32) -> Seen {
+    let offset = offset_of(draw, index);
+    let steps = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, offset);
+    let from_eye = steps * frame.step;
+    let depth = -dot(frame.back, from_eye);
+    let scale = frame.focal_px / depth;
+    let x = frame.centre_px.x + dot(frame.right, from_eye) * scale;
+    let y = frame.centre_px.y - dot(frame.up, from_eye) * scale;
+    return Seen(vec2<f32>(x, y), depth, from_eye);
+}
+
+// Written so that what is not a number is outside.
+fn is_inside(seen: Seen) -> bool {
+    let in_x = seen.at.x >= 0.0 && seen.at.x < f32(frame.width);
+    let in_y = seen.at.y >= 0.0 && seen.at.y < f32(frame.height);
+    return in_x && in_y && seen.depth >= frame.near && !is_infinite(seen.depth);
+}
+
+// Whether a point's normal looks to the eye's side; a point without a normal does.
+fn faces_eye(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
+    if index >= draw.normal_points {
+        return true;
+    }
+    return dot(normal_of(normals[draw.normal_word + index]), from_eye) <= 0.0;
+}

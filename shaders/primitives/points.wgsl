@@ -1,0 +1,58 @@
+// Project by point primitives (crates/render/src/project.rs, the same steps): one vertex a point, an
+// instance a chunk. A point is moved to its pixel's middle; the depth test keeps the nearest. What is drawn
+// is its number and the bits of its depth.
+
+// include common/points.wgsl
+
+struct Vertex {
+    @builtin(position) at: vec4<f32>,
+    @location(0) @interpolate(flat) hit: vec2<u32>,
+}
+
+struct Exact {
+    @location(0) hit: vec2<u32>,
+    @builtin(frag_depth) key: f32,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) i: u32, @builtin(instance_index) item: u32) -> Vertex {
+    // Outside of what is drawn.
+    let nowhere = Vertex(vec4<f32>(2.0, 2.0, 2.0, 1.0), vec2<u32>(0xffffffffu));
+    let number = work[item];
+    let chunk = chunks[number];
+    if i >= chunk.points {
+        return nowhere;
+    }
+    let draw = draws[chunk.draw];
+    let index = chunk.first + i;
+    let seen = see(draw, index);
+    if !is_inside(seen) {
+        return nowhere;
+    }
+    if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {
+        return nowhere;
+    }
+    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+    let middle = (floor(seen.at) + 0.5) / size * 2.0 - 1.0;
+    let hit = vec2<u32>(number * CHUNK_POINTS + i, bitcast<u32>(seen.depth));
+    return Vertex(vec4<f32>(middle.x, -middle.y, key_of(hit.y), 1.0), hit);
+}
+
+// A number from 0 to 1 that orders like the depth, for all depths from the near plane to 2^125 times it: bits
+// of positive numbers order like the numbers, and are moved to where these end at 1. Least is a normal
+// number: denormal ones may be taken for zero.
+fn key_of(depth_bits: u32) -> f32 {
+    let bits = depth_bits - bitcast<u32>(frame.near) + 0x00800000u;
+    return bitcast<f32>(min(bits, 0x3f7fffffu));
+}
+
+@fragment
+fn fragment(in: Vertex) -> @location(0) vec2<u32> {
+    return in.hit;
+}
+
+// OpenGL's clip space goes from -1 to 1 and rounds the key off: there it is written anew.
+@fragment
+fn fragment_exact(in: Vertex) -> Exact {
+    return Exact(in.hit, key_of(in.hit.y));
+}

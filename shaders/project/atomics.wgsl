@@ -1,0 +1,41 @@
+// Project by one 64-bit atomic minimum a point (crates/render/src/project.rs, the same steps): a pixel keeps
+// the least `depth << 32 | point`. A group of threads draws a chunk. The frame buffer is read before it is
+// written: most points lose already there.
+
+// include common/points.wgsl
+
+@group(0) @binding(7) var<storage, read_write> hits: array<atomic<u64>>;
+
+const THREADS: u32 = 256u;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let item = group.x + group.y * groups.x;
+    if item >= arrayLength(&work) {
+        return;
+    }
+    let number = work[item];
+    let chunk = chunks[number];
+    let draw = draws[chunk.draw];
+    let points = min(chunk.points, CHUNK_POINTS);
+    for (var i = thread; i < points; i += THREADS) {
+        let index = chunk.first + i;
+        let seen = see(draw, index);
+        if !is_inside(seen) {
+            continue;
+        }
+        let pixel = u32(seen.at.y) * frame.width + u32(seen.at.x);
+        let value = (u64(bitcast<u32>(seen.depth)) << 32u) | u64(number * CHUNK_POINTS + i);
+        if value >= atomicLoad(&hits[pixel]) {
+            continue;
+        }
+        if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {
+            continue;
+        }
+        atomicMin(&hits[pixel], value);
+    }
+}
