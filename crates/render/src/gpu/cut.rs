@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::gpu::PlaneAt;
 use crate::plan::FramePlan;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use wgpu::BufferUsages;
 
@@ -89,6 +90,22 @@ impl GpuCut {
     /// Numbers of chunks, as [`GpuCut::work`] says.
     pub fn list(&self) -> &wgpu::Buffer {
         &self.list_buffer
+    }
+
+    /// The pages of planes of this cut, of those that are read (positions and dropped bits, colours, normals).
+    pub fn pages<'p>(&self, pool: &'p NodePool, read: [bool; 3]) -> Vec<(u32, &'p wgpu::Buffer)> {
+        let [geometry, colours, normals] = read;
+        let of = |row: &Draw| {
+            [
+                (geometry, row.position_page),
+                (geometry, row.residual_page),
+                (colours, row.colour_page),
+                (normals, row.normal_page),
+            ]
+        };
+        let wanted = self.rows.iter().flat_map(of).filter(|&(is_read, _)| is_read);
+        let numbers: BTreeSet<u32> = wanted.map(|(_, page)| page).collect();
+        numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
     }
 
     /// Row and place in its node of a numbered point.

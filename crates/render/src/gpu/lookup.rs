@@ -11,6 +11,7 @@ use super::shader::sources;
 use super::variants::Variants;
 use crate::colour::{ColourBy, PLAIN, linear};
 use crate::frame::Frame;
+use crate::plan::{FramePlan, Pass};
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Lattice;
@@ -149,6 +150,13 @@ impl GpuLookup {
             colours: reads_plane(&self.colour),
             normals: normals || self.colour == ColourBy::Normal,
         }
+    }
+
+    /// Which planes the pass after projection reads: positions, colours, normals.
+    pub fn planes_read(&self, plan: &FramePlan) -> [bool; 3] {
+        let has_surface = plan.passes.contains(&Pass::Gather);
+        let wanted = self.wanted(has_surface, plan.carries_normals);
+        [wanted.geometry, wanted.colours, wanted.normals]
     }
 
     pub(super) fn uniform(&self) -> &Buffer {

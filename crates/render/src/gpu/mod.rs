@@ -5,6 +5,7 @@ pub mod colour;
 pub mod cut;
 pub mod device;
 pub mod error;
+pub mod feedback;
 pub mod frame;
 pub mod gather;
 pub mod hits;

@@ -4,17 +4,27 @@
 use super::cut::GpuCut;
 use super::device::{Counted, Gpu, ProjectPath};
 use super::error::GpuError;
+use super::feedback::Feedback;
 use super::frame::FrameUniform;
+use super::gather::Gather;
 use super::hits::Hits;
+use super::lookup::{GpuLookup, Won};
+use super::picture::GpuPicture;
 use super::pool::NodePool;
 use super::primitives::Primitives;
 use super::project::Project;
+use super::pyramid::GpuPyramid;
+use super::readback;
+use super::resolve::Resolve;
 use super::table::PlaneAt;
-use super::timing::Timing;
 use crate::camera::Camera;
-use crate::frame::Frame;
-use crate::plan::FramePlan;
-use wgpu::{BufferUsages, CommandEncoder, PollType};
+use crate::frame::{Frame, Method, Picture, Stats};
+use crate::plan::{FramePlan, Pass};
+use esker_lod::DepthFeedback;
+use wgpu::{BufferUsages, CommandEncoder, TextureView};
+
+/// Bytes of the widest plane of pictures and pyramids, a pixel.
+const PIXEL_BYTES_MAX: u64 = 16;
 
 /// Draws frames on a GPU; keeps its buffers between them. Used by the render thread alone.
 pub struct GpuRenderer {
@@ -23,13 +33,24 @@ pub struct GpuRenderer {
     cut: GpuCut,
     hits: Hits,
     points: Points,
-    timing: Timing,
+    lookup: GpuLookup,
+    gather: Gather,
+    resolve: Resolve,
+    pyramid: GpuPyramid,
+    shown: Option<Shown>,
+    feedback: Feedback,
 }
 
 /// How points become pixels.
 enum Points {
     Atomics(Project),
     Primitives(Primitives),
+}
+
+/// The newest picture.
+struct Shown {
+    picture: GpuPicture,
+    view: TextureView,
 }
 
 impl GpuRenderer {
@@ -47,7 +68,12 @@ impl GpuRenderer {
                 ProjectPath::Atomics => Points::Atomics(Project::new(gpu)?),
                 ProjectPath::Primitives => Points::Primitives(Primitives::new(gpu)?),
             },
-            timing: Timing::new(gpu)?,
+            lookup: GpuLookup::new(gpu)?,
+            gather: Gather::default(),
+            resolve: Resolve::new(gpu)?,
+            pyramid: GpuPyramid::default(),
+            shown: None,
+            feedback: Feedback::new(gpu)?,
             gpu: gpu.clone(),
         })
     }
@@ -73,29 +99,62 @@ impl GpuRenderer {
     ) -> Result<(), GpuError> {
         let camera = Camera::new(frame.view, frame.lattice)?;
         let plan = FramePlan::new(frame);
-        self.hits.fit(&self.gpu, camera.size)?;
+        self.fit(camera.size, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
+        self.lookup.set(&self.gpu, frame)?;
         let uniform = FrameUniform::new(frame, &camera);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
-        self.timing.begin();
-        self.project(&mut encoder, &plan, camera.size, pool)?;
-        self.timing.end(&mut encoder);
+        self.encode(&mut encoder, frame, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
-        self.timing.submitted();
-        // A lost device shows in its fault.
-        let _ = self.gpu.device.poll(PollType::Poll);
+        self.feedback.submitted(&self.gpu);
         self.gpu.fault().map_or(Ok(()), Err)
     }
 
-    fn project(
+    /// Takes the size of a picture, and what its plan needs.
+    fn fit(&mut self, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
+        let [width, height] = size;
+        let is_new =
+            self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
+        let needs_pyramid = plan.passes.contains(&Pass::Pull);
+        let keeps = !self.pyramid.levels.is_empty()
+            && (self.pyramid.has_normals == plan.carries_normals || !needs_pyramid);
+        if is_new || !keeps {
+            // The old ones go first, so that never both are there.
+            self.pyramid = GpuPyramid::default();
+        }
+        if is_new {
+            self.shown = None;
+            let limits = self.gpu.device.limits();
+            let bytes = u64::from(width) * u64::from(height) * PIXEL_BYTES_MAX;
+            if width.max(height) > limits.max_texture_dimension_2d
+                || bytes > self.gpu.tier.binding_bytes_max
+            {
+                return Err(GpuError::Size { width, height });
+            }
+            self.hits.fit(&self.gpu, size)?;
+            let picture = GpuPicture::new(&self.gpu, width, height)?;
+            let view = picture.texture.create_view(&Default::default());
+            self.shown = Some(Shown { picture, view });
+        }
+        if needs_pyramid {
+            self.pyramid.fit(&self.gpu, width, height, plan.carries_normals)?;
+        }
+        Ok(())
+    }
+
+    fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
+        frame: &Frame<'_, PlaneAt>,
         plan: &FramePlan,
-        size: [u32; 2],
         pool: &NodePool,
     ) -> Result<(), GpuError> {
-        let Self { gpu, uniform, cut, hits, timing, .. } = self;
-        match &mut self.points {
+        let Self { gpu, uniform, cut, hits, points, lookup, feedback, .. } = self;
+        let Some(Shown { picture, .. }) = &self.shown else { return Ok(()) };
+        let size = [picture.width, picture.height];
+        feedback.begin(encoder);
+        let timing = &mut feedback.timing;
+        match points {
             Points::Atomics(project) => {
                 project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing);
             }
@@ -104,11 +163,87 @@ impl GpuRenderer {
                 primitives.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing);
             }
         }
+        let Some(hits) = hits.buffer() else { return Ok(()) };
+        let (draws, chunks, counts) = (cut.draws(), cut.chunks(), &*feedback.counts);
+        let pages = cut.pages(pool, lookup.planes_read(plan));
+        let won = Won { uniform, size, hits, draws, chunks, pages: &pages, counts };
+        match frame.method {
+            Method::Points => {
+                let mut pass = timing.compute(encoder, Pass::Resolve);
+                self.resolve.encode(gpu, &mut pass, lookup, &won, picture)?;
+            }
+            Method::PullPush => {
+                let pyramid = &self.pyramid;
+                let mut pass = timing.compute(encoder, Pass::Gather);
+                self.gather.encode(gpu, &mut pass, lookup, &won, pyramid)?;
+                self.resolve.encode(gpu, &mut pass, lookup, &won, picture)?;
+            }
+        }
+        let stats = Stats {
+            points_drawn: cut.points,
+            nodes_drawn: cut.rows.len() as u32,
+            ..Stats::default()
+        };
+        feedback.end(gpu, encoder, uniform, picture, (frame.view, frame.method, stats));
         Ok(())
+    }
+
+    /// The newest picture as a texture, `rgba8unorm` with sRGB bytes and straight alpha, for a window. Another
+    /// one after the picture's size has changed.
+    pub fn texture(&self) -> Option<&TextureView> {
+        self.shown.as_ref().map(|s| &s.view)
+    }
+
+    /// The newest picture and its depths; waits for it.
+    ///
+    /// # Errors
+    /// Where memory is refused or the device has failed.
+    pub fn read(&mut self) -> Result<Picture, GpuError> {
+        let Some(Shown { picture, .. }) = &self.shown else { return Ok(Picture::default()) };
+        let (width, height) = (picture.width, picture.height);
+        let bytes = u64::from(width) * u64::from(height) * 4;
+        let planes = [(&*picture.rgba, bytes), (&*picture.depth, bytes)];
+        let mut planes = readback::read(&self.gpu, &planes)?;
+        let depth = planes.pop().unwrap_or_default();
+        let rgba = planes.pop().unwrap_or_default();
+        self.gpu.fault().map_or(Ok(()), Err)?;
+        Ok(Picture {
+            width,
+            height,
+            rgba,
+            depth: bytemuck::pod_collect_to_vec(&depth),
+            stats: self.stats().unwrap_or_default(),
+        })
+    }
+
+    /// Counts and times of the newest frame that has come back; does not wait. Without times where the device
+    /// has no timestamps.
+    pub fn stats(&mut self) -> Option<Stats> {
+        self.feedback.stats(&self.gpu)
+    }
+
+    /// The newest depth that has come back, with the view that it was seen from; does not wait.
+    pub fn feedback(&mut self) -> Option<DepthFeedback> {
+        self.feedback.depth(&self.gpu)
     }
 
     /// The frame buffer of the newest frame and the tables that its numbers mean.
     pub fn hits(&self) -> (&Hits, &GpuCut) {
         (&self.hits, &self.cut)
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only). Whether any has.
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; what it made before goes on.
+    pub fn reload(&mut self) -> Result<bool, GpuError> {
+        let gpu = &self.gpu;
+        let points = match &mut self.points {
+            Points::Atomics(project) => project.reload(gpu)?,
+            Points::Primitives(primitives) => primitives.reload(gpu)?,
+        };
+        let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
+        let rest = self.hits.reload(gpu)? | self.feedback.reload(gpu)?;
+        Ok(points | won | rest)
     }
 }

@@ -1,0 +1,129 @@
+//! What comes back from a frame some frames later: its counts and times, and the depth tiles by which the next
+//! views tell what is hidden. All of it is copied behind the frame's passes and polled, never waited for.
+
+use super::device::{Counted, Gpu};
+use super::error::GpuError;
+use super::kernel::{Kernel, groups_of};
+use super::picture::GpuPicture;
+use super::readback::ReadbackRing;
+use super::shader::sources;
+use super::tiles::{TILES_BYTES, Tiles, tiles_from};
+use super::timing::Timing;
+use crate::frame::{Method, Stats};
+use esker_lod::{DepthFeedback, View};
+use wgpu::{BufferUsages, CommandEncoder, PollType};
+
+/// Bytes of the counts: pixels that a point won, pixels that show something.
+const COUNTS_BYTES: u64 = 8;
+
+/// Counts, times and tiles of frames.
+pub struct Feedback {
+    /// Two words: pixels that a point won, pixels that show something.
+    pub counts: Counted,
+    /// Times of the passes.
+    pub timing: Timing,
+    count: Kernel,
+    tiles: Tiles,
+    counts_ring: ReadbackRing<Stats>,
+    tiles_ring: ReadbackRing<View>,
+    stats: Option<Stats>,
+    newest: Option<DepthFeedback>,
+}
+
+impl Feedback {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        Ok(Self {
+            counts: gpu.buffer("counts", COUNTS_BYTES, usage)?,
+            timing: Timing::new(gpu)?,
+            count: Kernel::new(gpu, sources::PICTURE_COUNT, "main", &[])?,
+            tiles: Tiles::new(gpu)?,
+            counts_ring: ReadbackRing::new(gpu, "counts read back", COUNTS_BYTES)?,
+            tiles_ring: ReadbackRing::new(gpu, "tiles read back", TILES_BYTES)?,
+            stats: None,
+            newest: None,
+        })
+    }
+
+    /// Begins a frame: before its passes.
+    pub fn begin(&mut self, encoder: &mut CommandEncoder) {
+        self.timing.begin();
+        encoder.clear_buffer(&self.counts, 0, None);
+    }
+
+    /// Ends a frame: after its passes, whose picture this is; `stats` is what the host knows of it.
+    pub fn end(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        uniform: &wgpu::Buffer,
+        picture: &GpuPicture,
+        (view, method, stats): (&View, Method, Stats),
+    ) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        if method == Method::PullPush {
+            let buffers = [(0, uniform), (1, &*picture.depth), (2, &*self.counts)];
+            let pixels = u64::from(picture.width) * u64::from(picture.height);
+            self.count.dispatch(&mut pass, &self.count.bind(gpu, &buffers), groups_of(pixels));
+        }
+        if self.tiles_ring.has_room() {
+            self.tiles.encode(gpu, &mut pass, uniform, &picture.depth);
+        }
+        drop(pass);
+        self.counts_ring.copy(encoder, &self.counts, COUNTS_BYTES, stats);
+        self.tiles_ring.copy(encoder, self.tiles.buffer(), TILES_BYTES, *view);
+        self.timing.end(encoder);
+    }
+
+    /// After the frame was submitted.
+    pub fn submitted(&mut self, gpu: &Gpu) {
+        self.counts_ring.submitted();
+        self.tiles_ring.submitted();
+        self.timing.submitted();
+        self.arrive(gpu);
+    }
+
+    /// Takes what has arrived.
+    fn arrive(&mut self, gpu: &Gpu) {
+        // A lost device shows in its fault.
+        let _ = gpu.device.poll(PollType::Poll);
+        if let Some((stats, bytes)) = self.counts_ring.newest() {
+            let counts: &[u32] = bytemuck::try_cast_slice(&bytes).unwrap_or(&[0, 0]);
+            self.stats = Some(Stats {
+                pixels_projected: u64::from(counts[0]),
+                pixels_covered: u64::from(counts[1]),
+                ..stats
+            });
+        }
+        if let (Some(stages), Some(stats)) = (self.timing.newest(), &mut self.stats) {
+            stats.stages = stages;
+        }
+        if let Some((view, bytes)) = self.tiles_ring.newest() {
+            self.newest = DepthFeedback::new(&view, &tiles_from(&bytes));
+        }
+    }
+
+    /// Counts and times of the newest frame that has come back; without times where the device has none.
+    pub fn stats(&mut self, gpu: &Gpu) -> Option<Stats> {
+        self.arrive(gpu);
+        self.stats
+    }
+
+    /// The newest depth that has come back.
+    pub fn depth(&mut self, gpu: &Gpu) -> Option<DepthFeedback> {
+        self.arrive(gpu);
+        self.newest.clone()
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        Ok(self.count.reload(gpu)? | self.tiles.reload(gpu)?)
+    }
+}

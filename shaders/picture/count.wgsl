@@ -1,0 +1,26 @@
+// Counts the pixels that show a surface, for the figures of a frame.
+
+// include common/frame.wgsl
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> depth: array<f32>;
+// Pixels that a point won, pixels that show something.
+@group(0) @binding(2) var<storage, read_write> counts: array<atomic<u32>, 2>;
+
+var<workgroup> shown: atomic<u32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    if pixel < frame.width * frame.height && !is_infinite(depth[pixel]) {
+        atomicAdd(&shown, 1u);
+    }
+    workgroupBarrier();
+    if thread == 0u {
+        atomicAdd(&counts[1], atomicLoad(&shown));
+    }
+}
