@@ -8,13 +8,13 @@ use esker_points::Node;
 use esker_render::{Background, ColourPlane, DrawNode, Frame, Method};
 
 /// A node of the cut, whose `entry` is its place in it, with the planes that `plane` gives.
-pub fn draw_node<'a>(
+pub fn draw_node<'a, P: Default>(
     node: &'a Node,
     entry: usize,
     prefix: usize,
     colouring: &Colouring,
-    plane: impl Fn(PlaneKind) -> Option<&'a [u8]>,
-) -> DrawNode<'a> {
+    plane: impl Fn(PlaneKind) -> Option<P>,
+) -> DrawNode<'a, P> {
     let colour = match colouring.plane.and_then(|(kind, ty)| Some((plane(kind)?, ty))) {
         Some((bytes, None)) => ColourPlane::Rgba(bytes),
         Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
@@ -33,14 +33,14 @@ pub fn draw_node<'a>(
 
 /// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
 /// dropped from surfaces of clouds with normals.
-pub fn frame<'a>(
+pub fn frame<'a, P>(
     file: &'a EskerFile,
     view: &'a View,
-    draws: &'a [DrawNode<'a>],
+    draws: &'a [DrawNode<'a, P>],
     octree: &'a CompactOctree,
     colouring: &Colouring,
     method: Method,
-) -> Frame<'a> {
+) -> Frame<'a, P> {
     let has_normals = file.layout().has(PlaneKind::Normal);
     Frame {
         view,

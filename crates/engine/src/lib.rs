@@ -2,6 +2,7 @@
 //! lod, stream and render together; the programs only parse their command lines and print what comes
 //! back.
 
+pub mod backend;
 pub mod bench;
 pub mod budget;
 pub mod build;
@@ -12,6 +13,7 @@ pub mod drawing;
 pub mod info;
 pub mod options;
 pub mod output;
+mod painter;
 pub mod picture;
 pub mod pool;
 pub mod progress;

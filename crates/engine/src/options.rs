@@ -1,12 +1,20 @@
-//! What a session may cost, in which order it reads, and how it draws.
+//! What a session may cost, in which order it reads, and with what and how it draws.
 
+use crate::backend::{Backend, GpuRequest};
 use esker_render::Method;
+use esker_render::gpu::Gpu;
 use esker_stream::Priority;
 
 /// What a session may cost and how it draws.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Bytes of drawing memory.
+    /// What draws.
+    pub backend: Backend,
+    /// Which GPU, and how it draws points.
+    pub gpu: GpuRequest,
+    /// The device to draw on, where a window has one. The session is used by the thread that submits to it.
+    pub device: Option<Gpu>,
+    /// Bytes of drawing memory: on a GPU of all its buffers, with those that pictures need.
     pub budget_gpu_bytes: u64,
     /// Bytes of main memory: table, statistics, staging, the renderer's buffers.
     pub budget_ram_bytes: u64,
@@ -38,6 +46,9 @@ impl Default for Options {
     fn default() -> Self {
         let stream = esker_stream::Options::default();
         Self {
+            backend: Backend::default(),
+            gpu: GpuRequest::default(),
+            device: None,
             budget_gpu_bytes: 512 << 20,
             budget_ram_bytes: 1 << 30,
             size: [1024, 1024],
@@ -52,6 +63,21 @@ impl Default for Options {
             runs: None,
             // About ten milliseconds of copying.
             upload_bytes_a_frame: 32 << 20,
+        }
+    }
+}
+
+impl Options {
+    /// What of it concerns streaming; how much memory there is, the painter says.
+    pub(crate) fn stream(&self) -> esker_stream::Options {
+        esker_stream::Options {
+            nodes_max: self.nodes_max,
+            points_budget: self.points_budget,
+            target_spacing_px: self.target_spacing_px,
+            priority: self.priority,
+            occlusion: self.occlusion,
+            loaders: self.loaders,
+            ..esker_stream::Options::default()
         }
     }
 }

@@ -6,19 +6,21 @@
 //! cut, then the runs are copied into their slots, then the cut is drawn. A slot changes hands only after
 //! a cut without its former owner was published, and what lands in it was asked for after that: so the
 //! cut taken after the run cannot draw the former owner from bytes of the new one. And the new owner is
-//! in no cut before the streamer was told that its last byte is in place.
+//! in no cut before the streamer was told that its last byte is in place. On a GPU copies and passes run in
+//! the order in which they were submitted, so the same holds there, whatever is still in flight.
 
+use crate::backend::{Backend, Drawer};
 use crate::budget::Shares;
 use crate::colour::{Colouring, colouring};
-use crate::drawing::{draw_node, frame};
 pub use crate::options::Options;
-use crate::slots::DrawingMemory;
-use crate::staging::{Landed, RUN_BYTES, Staging};
+use crate::painter::{CpuPainter, Painter, Scene};
+pub use crate::painter::{GpuBytes, Image};
 use crate::{info, system};
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Error, Result, bail, ensure};
 use esker_format::{EskerFile, PlaneKind};
-use esker_lod::{DepthFeedback, View, tiles_of};
-use esker_render::{Picture, Renderer};
+use esker_lod::View;
+use esker_render::camera::Camera;
+use esker_render::{Picture, Stats};
 use esker_stream::{Cut, Needs, Status, Streamer};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -34,9 +36,11 @@ const NAP: Duration = Duration::from_micros(200);
 #[derive(Debug)]
 pub struct Frame<'a> {
     /// The picture.
-    pub picture: &'a Picture,
+    pub image: Image<'a>,
     /// What is in it, and how it was chosen.
     pub cut: Arc<Cut>,
+    /// What the renderer did: for this frame on the CPU, for the newest finished one on a GPU.
+    pub stats: Stats,
     /// What streaming is at.
     pub status: Status,
     /// How long it took.
@@ -50,9 +54,10 @@ pub struct Frame<'a> {
 pub struct Times {
     /// Talking to the other threads: no part of it should be waiting.
     pub talk_ms: f64,
-    /// Copying what landed.
+    /// Copying what landed; on a GPU, writing the commands that do.
     pub upload_ms: f64,
-    /// Drawing, and taking the depth that hides things from the next choice.
+    /// Drawing, and taking the depth that hides things from the next choice; on a GPU, writing the commands
+    /// and waiting where two frames are in flight.
     pub draw_ms: f64,
     /// All of it.
     pub total_ms: f64,
@@ -63,12 +68,10 @@ pub struct Session {
     file: Arc<EskerFile>,
     options: Options,
     colouring: Colouring,
-    landing: Arc<Staging>,
-    /// `None` only while it is dropped.
-    streamer: Option<Streamer>,
-    memory: DrawingMemory,
-    renderer: Renderer,
-    picture: Picture,
+    shares: Shares,
+    drawer: Drawer,
+    /// `None` only while it is dropped or changes its backend.
+    running: Option<Running>,
     stalls: u64,
 }
 
@@ -77,47 +80,54 @@ impl Session {
     ///
     /// # Errors
     /// Where a budget is too small (the least is told), the file has not what colours shall come from,
-    /// a thread cannot be started, or the root cannot be read.
+    /// a thread cannot be started, the root cannot be read, or a GPU is asked for and cannot be had.
     pub fn open(file: Arc<EskerFile>, options: Options) -> Result<Self> {
         let shares = Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
         let colouring =
             colouring(&file, options.colour_by.as_deref(), info::bounds(file.metadata()))?;
-        let memory = DrawingMemory::new(options.budget_gpu_bytes);
-        let landing = Arc::new(Staging::new(shares.runs()));
-        let stream = esker_stream::Options {
-            drawing_bytes: options.budget_gpu_bytes,
-            page_bytes: memory.page_bytes(),
-            nodes_max: options.nodes_max,
-            points_budget: options.points_budget,
-            target_spacing_px: options.target_spacing_px,
-            priority: options.priority,
-            occlusion: options.occlusion,
-            loaders: options.loaders,
+        let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
+        let mut session =
+            Self { file, options, colouring, shares, drawer, running: None, stalls: 0 };
+        let started = match gpu {
+            Some(gpu) => Err(anyhow::anyhow!("{}: sessions are drawn by the CPU so far", gpu.name)),
+            None => session.start_on_cpu(),
         };
-        let needs = Needs {
-            colour: colouring.plane.map(|(kind, _)| kind),
-            normals: file.layout().has(PlaneKind::Normal),
-        };
-        let streamer = Streamer::start(file.clone(), landing.clone(), stream, needs)?;
-        let mut session = Self {
-            file,
-            options,
-            colouring,
-            landing,
-            streamer: Some(streamer),
-            memory,
-            renderer: Renderer::default(),
-            picture: Picture::default(),
-            stalls: 0,
-        };
-        session.wait_for_root()?;
+        started.or_else(|fault| session.fall_back(fault))?;
         Ok(session)
+    }
+
+    fn start_on_cpu(&mut self) -> Result<()> {
+        let painter = CpuPainter::new(self.options.budget_gpu_bytes, self.shares.runs());
+        self.start(Box::new(painter))
+    }
+
+    fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
+        let options = self.options.stream();
+        let needs = Needs {
+            colour: self.colouring.plane.map(|(kind, _)| kind),
+            normals: self.file.layout().has(PlaneKind::Normal),
+        };
+        let streamer = painter.start(self.file.clone(), options, needs)?;
+        self.running = Some(Running { streamer: Some(streamer), painter });
+        self.wait_for_root()
+    }
+
+    /// Where a GPU has failed that the user did not insist on: goes on with the CPU.
+    fn fall_back(&mut self, fault: Error) -> Result<()> {
+        if self.drawer.adapter.is_none() || self.options.backend != Backend::Auto {
+            return Err(fault);
+        }
+        // The GPU's memory goes before the CPU's comes.
+        self.running = None;
+        self.drawer = Drawer::cpu(format!("{fault:#}"));
+        self.start_on_cpu()
     }
 
     fn wait_for_root(&mut self) -> Result<()> {
         let start = Instant::now();
         while !self.file.table().nodes.is_empty() {
             self.exchange(None)?;
+            self.running()?.painter.flush()?;
             let status = self.status();
             if status.nodes_resident > 0 {
                 break;
@@ -141,9 +151,21 @@ impl Session {
         &self.file
     }
 
+    /// What draws, and why it is not a GPU where it is none. It changes where a GPU fails that the user did
+    /// not insist on.
+    pub fn drawer(&self) -> &Drawer {
+        &self.drawer
+    }
+
     /// What streaming is at.
     pub fn status(&self) -> Status {
-        self.streamer.as_ref().map(Streamer::status).unwrap_or_default()
+        let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
+        streamer.map(Streamer::status).unwrap_or_default()
+    }
+
+    /// Bytes of GPU buffers; `None` where the CPU draws.
+    pub fn gpu_bytes(&self) -> Option<GpuBytes> {
+        self.running.as_ref().and_then(|r| r.painter.gpu_bytes())
     }
 
     /// How often the render thread waited for another thread, or the disk, for more than a millisecond.
@@ -151,41 +173,37 @@ impl Session {
         self.stalls
     }
 
-    /// Draws a frame, in the current rayon pool, of what is there at once, and tells the other threads
-    /// what is looked at, so that later frames are finer.
+    /// Draws a frame of what is there at once, and tells the other threads what is looked at, so that later
+    /// frames are finer. The CPU renderer works in the current rayon pool; on a GPU the commands are
+    /// submitted, and at most two frames are in flight.
     ///
     /// # Errors
-    /// Where the view is no usable camera, or a larger picture than the budget was made for.
+    /// Where the view is no usable camera, or a larger picture than the budget was made for; where a GPU
+    /// fails that the user insists on.
     pub fn frame(&mut self, view: &View) -> Result<Frame<'_>> {
-        let [width, height] = self.options.size.map(u64::from);
-        ensure!(
-            u64::from(view.width) * u64::from(view.height) <= width * height,
-            "a picture of {}x{} is larger than the {width}x{height} that the session was opened for",
-            view.width,
-            view.height
-        );
+        self.check(view)?;
         let start = Instant::now();
-        let Exchange { cut, uploaded_bytes, mut times } = self.exchange(Some(view))?;
-        let drawing = Instant::now();
-        self.draw(view, &cut)?;
-        let [width, height] = [view.width as usize, view.height as usize];
-        let depth = self
-            .options
-            .occlusion
-            .then(|| DepthFeedback::new(view, &tiles_of(&self.picture.depth, width, height)))
-            .flatten();
-        times.draw_ms = ms(drawing);
-        let mut talk = Talk::default();
-        let status = talk.time(|| {
-            if let (Some(streamer), Some(depth)) = (&self.streamer, depth) {
-                streamer.feedback(depth);
+        let drawn = match self.draw(view) {
+            Ok(drawn) => drawn,
+            Err(fault) => {
+                self.fall_back(fault)?;
+                self.draw(view)?
             }
-            self.status()
-        });
-        self.stalls += talk.stalls;
-        times.talk_ms += talk.ms;
+        };
+        let Exchange { cut, uploaded_bytes, mut times } = drawn;
+        let status = self.status();
         times.total_ms = ms(start);
-        Ok(Frame { picture: &self.picture, cut, status, times, uploaded_bytes })
+        let painter = &self.running.as_ref().context(ENDED)?.painter;
+        let image = painter.image().context("nothing was drawn")?;
+        Ok(Frame { image, cut, stats: painter.stats(), status, times, uploaded_bytes })
+    }
+
+    /// The picture of the last frame, in main memory; waits until it is finished. For screenshots.
+    ///
+    /// # Errors
+    /// Where no frame was drawn, or the GPU has failed.
+    pub fn picture(&mut self) -> Result<Picture> {
+        self.running()?.painter.picture()
     }
 
     /// Takes what lands for `view`, without drawing, until nothing more comes or `patience` is over. The
@@ -194,9 +212,20 @@ impl Session {
     /// # Errors
     /// As [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
+        self.check(view)?;
         let start = Instant::now();
         loop {
-            let Exchange { cut, uploaded_bytes, .. } = self.exchange(Some(view))?;
+            let taken = self.exchange(Some(view)).and_then(|exchange| {
+                self.running()?.painter.flush()?;
+                Ok(exchange)
+            });
+            let Exchange { cut, uploaded_bytes, .. } = match taken {
+                Ok(exchange) => exchange,
+                Err(fault) => {
+                    self.fall_back(fault)?;
+                    continue;
+                }
+            };
             if (cut.settled && cut.view == *view) || start.elapsed() > patience {
                 return Ok(cut);
             }
@@ -206,58 +235,84 @@ impl Session {
         }
     }
 
+    /// Refuses what cannot be drawn, so that whatever else fails is a fault of the backend.
+    fn check(&self, view: &View) -> Result<()> {
+        let [width, height] = self.options.size.map(u64::from);
+        ensure!(
+            u64::from(view.width) * u64::from(view.height) <= width * height,
+            "a picture of {}x{} is larger than the {width}x{height} that the session was opened for",
+            view.width,
+            view.height
+        );
+        Camera::new(view, &self.file.metadata().lattice)?;
+        Ok(())
+    }
+
+    fn running(&mut self) -> Result<&mut Running> {
+        self.running.as_mut().context(ENDED)
+    }
+
     /// Drain, cut, upload: the order of the module's head. First the others are told of the view, where
     /// there is one.
     fn exchange(&mut self, view: Option<&View>) -> Result<Exchange> {
-        let streamer = self.streamer.as_ref().context("the session has ended")?;
+        let bytes_max = self.options.upload_bytes_a_frame;
+        let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
+        let streamer = streamer.as_ref().context(ENDED)?;
         let mut talk = Talk::default();
-        let (landed, cut) = talk.time(|| {
+        let cut = talk.time(|| {
             view.iter().for_each(|view| streamer.look(**view));
-            let landed = drain(&self.landing, self.options.upload_bytes_a_frame);
-            (landed, streamer.cut())
+            painter.drain(bytes_max);
+            streamer.cut()
         });
         let copying = Instant::now();
-        let mut uploaded_bytes = 0;
-        for run in &landed {
-            for t in &run.transfers {
-                let bytes = run.bytes(t);
-                self.memory.write(t.slot, t.slot_offset, bytes);
-                uploaded_bytes += bytes.len() as u64;
-            }
-        }
+        let uploaded_bytes = painter.upload()?;
         let upload_ms = ms(copying);
-        talk.time(|| {
-            for run in landed {
-                run.transfers.iter().filter_map(|t| t.request).for_each(|r| streamer.uploaded(r));
-                self.landing.free(run);
-            }
-        });
+        talk.time(|| painter.tell(&mut |request| streamer.uploaded(request)));
         self.stalls += talk.stalls;
         let times = Times { talk_ms: talk.ms, upload_ms, ..Times::default() };
         Ok(Exchange { cut, uploaded_bytes, times })
     }
 
-    fn draw(&mut self, view: &View, cut: &Cut) -> Result<()> {
-        let (file, memory) = (&self.file, &self.memory);
-        let draws: Vec<_> = cut
-            .nodes
-            .iter()
-            .enumerate()
-            .map(|(entry, n)| {
-                let node = &file.table().nodes[n.node as usize];
-                let plane = |kind| n.slot(kind).map(|slot| memory.read(slot));
-                draw_node(node, entry, n.prefix, &self.colouring, plane)
-            })
-            .collect();
-        let frame = frame(file, view, &draws, &cut.octree, &self.colouring, self.options.method);
-        self.renderer.render_into(&frame, &mut self.picture)?;
-        Ok(())
+    /// A whole frame.
+    fn draw(&mut self, view: &View) -> Result<Exchange> {
+        let mut exchange = self.exchange(Some(view))?;
+        let drawing = Instant::now();
+        let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
+        painter.draw(&Scene {
+            file: &self.file,
+            view,
+            cut: &exchange.cut,
+            colouring: &self.colouring,
+            method: self.options.method,
+        })?;
+        let depth = self.options.occlusion.then(|| painter.feedback()).flatten();
+        exchange.times.draw_ms = ms(drawing);
+        let mut talk = Talk::default();
+        talk.time(|| {
+            if let (Some(streamer), Some(depth)) = (&streamer, depth) {
+                streamer.feedback(depth);
+            }
+        });
+        self.stalls += talk.stalls;
+        exchange.times.talk_ms += talk.ms;
+        Ok(exchange)
     }
 }
 
-impl Drop for Session {
+/// Why there is nothing to talk to.
+const ENDED: &str = "the session has ended";
+
+/// The threads and the memory that they fill.
+struct Running {
+    /// `None` only while it is dropped.
+    streamer: Option<Streamer>,
+    painter: Box<dyn Painter>,
+}
+
+impl Drop for Running {
     fn drop(&mut self) {
-        self.landing.close();
+        self.painter.close();
+        // Its threads give their runs back before the memory goes.
         if let Some(streamer) = self.streamer.take() {
             streamer.stop();
         }
@@ -290,12 +345,6 @@ impl Talk {
         self.stalls += u64::from(took > STALL_MS && waited);
         said
     }
-}
-
-/// Landed runs of at most so many bytes, and one where there is any.
-fn drain(landing: &Staging, bytes_max: usize) -> Vec<Landed> {
-    let runs = (bytes_max / RUN_BYTES).max(1);
-    std::iter::from_fn(|| landing.take()).take(runs).collect()
 }
 
 fn ms(start: Instant) -> f64 {

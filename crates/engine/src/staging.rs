@@ -1,73 +1,81 @@
-//! The CPU renderer's landing: a ring of runs of plain memory that goes from the render thread to the
-//! loaders, filled back, and round again (kanzok2015, section 3.2.1, item 6: the map and the unmap
-//! queue). Both queues hold as many runs as there are, so that giving back never waits.
+//! The landing of both renderers: a ring of runs that goes from the render thread to the loaders, filled back,
+//! and round again (kanzok2015, section 3.2.1, item 6: the map and the unmap queue). Runs are plain memory for
+//! the CPU, mapped upload memory for a GPU. Both queues hold as many runs as there are, so that giving back
+//! never waits.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
+use esker_render::gpu::UploadRun;
+pub use esker_render::gpu::upload::RUN_BYTES;
 use esker_stream::{Landing, Run, Transfer};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-/// Bytes of a run: several neighbouring nodes' planes in one read.
-pub const RUN_BYTES: usize = 1 << 20;
+/// A run that came back, and what of it goes where, in the order in which it is to be copied.
+pub type Landed<R> = (R, Vec<Transfer>);
 
 /// The ring.
-pub struct Staging {
-    free: (Sender<StagingRun>, Receiver<StagingRun>),
-    landed: (Sender<Landed>, Receiver<Landed>),
+pub struct Staging<R> {
+    /// With what was last copied from each. The list is dropped by the loader that gets the run next: to free
+    /// what another thread has allocated can mean waiting for that thread, which the render thread must not.
+    free: (Sender<Landed<R>>, Receiver<Landed<R>>),
+    landed: (Sender<Landed<R>>, Receiver<Landed<R>>),
     is_closed: AtomicBool,
 }
 
 /// A run of plain memory.
-pub struct StagingRun {
-    bytes: Box<[u8]>,
-    /// What was last copied from it. Dropped by the loader that gets the run next: to free what another
-    /// thread has allocated can mean waiting for that thread, which the render thread must not.
-    spent: Vec<Transfer>,
-}
+pub struct PlainRun(Box<[u8]>);
 
-/// A run that came back, and what of it goes where.
-pub struct Landed {
-    run: StagingRun,
-    /// In the order in which they are to be copied.
-    pub transfers: Vec<Transfer>,
-}
+/// A run of mapped GPU memory.
+pub struct GpuRun(pub UploadRun);
 
-impl Run for StagingRun {
-    fn bytes(&mut self) -> &mut [u8] {
-        &mut self.bytes
+impl Run for PlainRun {
+    fn fill<T>(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8]) -> T) -> Option<T> {
+        self.0.get_mut(range).map(write)
     }
 }
 
-impl Landed {
+impl Run for GpuRun {
+    fn fill<T>(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8]) -> T) -> Option<T> {
+        self.0.fill(range, write)
+    }
+}
+
+impl PlainRun {
+    /// So many runs.
+    pub fn runs(count: usize) -> Vec<Self> {
+        (0..count).map(|_| Self(vec![0; RUN_BYTES].into())).collect()
+    }
+
     /// The bytes of a transfer; none where it does not lie in the run.
     pub fn bytes(&self, transfer: &Transfer) -> &[u8] {
         let end = transfer.run_offset.checked_add(transfer.bytes);
-        end.and_then(|end| self.run.bytes.get(transfer.run_offset..end)).unwrap_or_default()
+        end.and_then(|end| self.0.get(transfer.run_offset..end)).unwrap_or_default()
     }
 }
 
-impl Staging {
-    /// A ring of so many runs, at least one.
-    pub fn new(runs: usize) -> Self {
-        let runs = runs.max(1);
-        let (free, landed) = (bounded(runs), bounded(runs));
-        for _ in 0..runs {
-            // There is room for all of them.
-            let _ =
-                free.0.try_send(StagingRun { bytes: vec![0; RUN_BYTES].into(), spent: Vec::new() });
-        }
-        Self { free, landed, is_closed: AtomicBool::new(false) }
+impl<R> Staging<R> {
+    /// A ring of these runs.
+    pub fn new(runs: Vec<R>) -> Self {
+        let count = runs.len().max(1);
+        let ring = Self {
+            free: bounded(count),
+            landed: bounded(count),
+            is_closed: AtomicBool::new(false),
+        };
+        runs.into_iter().for_each(|run| ring.free(run, Vec::new()));
+        ring
     }
 
     /// The run that came back first. Never waits.
-    pub fn take(&self) -> Option<Landed> {
+    pub fn take(&self) -> Option<Landed<R>> {
         self.landed.1.try_recv().ok()
     }
 
-    /// Makes the memory of a run that was copied free for loaders.
-    pub fn free(&self, landed: Landed) {
-        let run = StagingRun { spent: landed.transfers, ..landed.run };
-        let _ = self.free.0.try_send(run);
+    /// Makes a run free for loaders; `spent` is what was copied from it.
+    pub fn free(&self, run: R, spent: Vec<Transfer>) {
+        // There is room for all of them.
+        let _ = self.free.0.try_send((run, spent));
     }
 
     /// Lends nothing any more.
@@ -76,27 +84,25 @@ impl Staging {
     }
 }
 
-impl Landing for Staging {
-    type Run = StagingRun;
+impl<R: Run + 'static> Landing for Staging<R> {
+    type Run = R;
 
     fn run_bytes(&self) -> usize {
         RUN_BYTES
     }
 
-    fn lend(&self, patience: Duration) -> Option<StagingRun> {
+    fn lend(&self, patience: Duration) -> Option<R> {
         if self.is_closed.load(Relaxed) {
             return None;
         }
-        let mut run = self.free.1.recv_timeout(patience).ok()?;
-        run.spent = Vec::new();
-        Some(run)
+        self.free.1.recv_timeout(patience).ok().map(|(run, _)| run)
     }
 
-    fn land(&self, run: StagingRun, transfers: Vec<Transfer>) {
+    fn land(&self, run: R, transfers: Vec<Transfer>) {
         if transfers.is_empty() {
-            let _ = self.free.0.try_send(run);
+            self.free(run, transfers);
         } else {
-            let _ = self.landed.0.try_send(Landed { run, transfers });
+            let _ = self.landed.0.try_send((run, transfers));
         }
     }
 }
@@ -122,26 +128,27 @@ mod tests {
 
     #[test]
     fn runs_go_round_and_there_are_never_more() {
-        let staging = Staging::new(2);
+        let staging = Staging::new(PlainRun::runs(2));
         let mut first = staging.lend(Duration::ZERO).unwrap();
         let second = staging.lend(Duration::ZERO).unwrap();
         assert!(staging.lend(Duration::from_millis(1)).is_none(), "there are two");
-        first.bytes()[64..67].copy_from_slice(b"abc");
+        first.fill(64..67, |bytes| bytes.copy_from_slice(b"abc")).unwrap();
+        assert_eq!(first.fill(RUN_BYTES - 1..RUN_BYTES + 1, |_| ()), None);
         staging.land(first, vec![transfer(64, 3)]);
         staging.land(second, Vec::new());
-        let landed = staging.take().unwrap();
-        assert_eq!(landed.bytes(&transfer(64, 3)), b"abc");
-        assert_eq!(landed.bytes(&transfer(RUN_BYTES, 1)), b"");
-        assert_eq!(landed.bytes(&transfer(usize::MAX, 2)), b"");
+        let (run, transfers) = staging.take().unwrap();
+        assert_eq!(run.bytes(&transfers[0]), b"abc");
+        assert_eq!(run.bytes(&transfer(RUN_BYTES, 1)), b"");
+        assert_eq!(run.bytes(&transfer(usize::MAX, 2)), b"");
         assert!(staging.take().is_none(), "a run that nothing was written to is free at once");
-        staging.free(landed);
+        staging.free(run, transfers);
         let again = [staging.lend(Duration::ZERO), staging.lend(Duration::ZERO)];
         assert!(again.iter().all(Option::is_some));
     }
 
     #[test]
     fn a_closed_ring_lends_nothing() {
-        let staging = Staging::new(1);
+        let staging = Staging::new(PlainRun::runs(1));
         staging.close();
         assert!(staging.lend(Duration::from_secs(60)).is_none());
     }

@@ -2,6 +2,7 @@
 //! while the rest goes on, and an end within a second.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+use esker_engine::backend::Backend;
 use esker_engine::info;
 use esker_engine::session::{Options, Session};
 use esker_format::EskerFile;
@@ -29,8 +30,13 @@ fn sample() -> &'static Path {
 
 fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
     let file = Arc::new(EskerFile::open(path).unwrap());
-    let options =
-        Options { budget_gpu_bytes, budget_ram_bytes: 64 << 20, size: SIZE, ..Options::default() };
+    let options = Options {
+        backend: Backend::Cpu,
+        budget_gpu_bytes,
+        budget_ram_bytes: 64 << 20,
+        size: SIZE,
+        ..Options::default()
+    };
     Session::open(file, options).unwrap()
 }
 
@@ -93,7 +99,7 @@ fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
         let done = frame.cut.settled && frame.cut.view == view;
         if frame.cut.view == view {
             assert!(!frame.cut.nodes.is_empty(), "there is always a cut");
-            covered.push(frame.picture.stats.pixels_covered);
+            covered.push(frame.stats.pixels_covered);
         }
         if done {
             assert!(frame.cut.complete, "{:?}", frame.status);
@@ -115,11 +121,12 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
     let mut session = open(sample(), 64 << 20);
     let view = overview(&session);
     session.settle(&view, Duration::from_secs(60)).unwrap();
-    let complete = luminance(session.frame(&view).unwrap().picture);
+    let complete = luminance(session.frame(&view).unwrap().image.in_memory().unwrap());
     drop(session);
     // One small hand-over at a time: few nodes arrive between two frames.
     let file = Arc::new(EskerFile::open(sample()).unwrap());
     let slow = Options {
+        backend: Backend::Cpu,
         budget_gpu_bytes: 64 << 20,
         size: SIZE,
         runs: Some(1),
@@ -133,7 +140,7 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
         let frame = session.frame(&view).unwrap();
         let done = frame.cut.settled && frame.cut.view == view;
         if frame.cut.view == view {
-            let now = luminance(frame.picture);
+            let now = luminance(frame.image.in_memory().unwrap());
             let sum: f64 = now.iter().zip(&complete).map(|(a, b)| (a - b).abs()).sum();
             errors.push(sum / now.len() as f64);
         }
@@ -205,7 +212,7 @@ fn a_file_cut_short_in_flight_is_told_and_the_rest_goes_on() {
     let view = overview(&session);
     session.settle(&view, Duration::from_secs(1)).unwrap();
     let frame = session.frame(&view).unwrap();
-    assert!(frame.picture.stats.pixels_covered > 1000, "what is resident is drawn");
+    assert!(frame.stats.pixels_covered > 1000, "what is resident is drawn");
     let start = Instant::now();
     drop(session);
     assert!(start.elapsed() < Duration::from_secs(1), "ended after {:?}", start.elapsed());

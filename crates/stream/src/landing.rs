@@ -5,6 +5,7 @@
 //! (kanzok2015, section 3.2.1, item 6).
 
 use esker_format::PlaneKind;
+use std::ops::Range;
 use std::time::Duration;
 
 /// Bytes of a run at least.
@@ -12,8 +13,10 @@ pub const RUN_BYTES_MIN: usize = 4096;
 
 /// A lent run of bytes.
 pub trait Run: Send {
-    /// Its bytes, to be written and never read: mapped GPU memory is slow to read, or gives anything.
-    fn bytes(&mut self) -> &mut [u8];
+    /// Lets `write` fill a range of its bytes, which are to be written and never read: mapped GPU memory is
+    /// slow to read, or gives anything. `None`, and nothing is called, where it has no such range or its
+    /// memory is gone. A call and not a borrow, so that a GPU that is lost can wait for those who write.
+    fn fill<T>(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8]) -> T) -> Option<T>;
 }
 
 /// Lends runs and takes them back. Shared by all loader threads.

@@ -10,6 +10,9 @@ use esker_format::{EskerFile, PlaneKind};
 use std::collections::HashMap;
 use std::ops::Range;
 
+/// Why a run takes no bytes.
+const NO_ROOM: &str = "the memory that was lent for it is gone";
+
 /// A part of a plane that fits a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Piece {
@@ -112,14 +115,12 @@ impl<L: Landing> Reading<'_, L> {
         let bytes = (read.place.end - read.place.start) as usize;
         let mut filling = self.room(filling, bytes)?;
         let at = filling.at;
-        let done = match filling.run.bytes().get_mut(at..at + bytes) {
-            Some(buffer) => {
-                let done = self.planes.file.read_exact_at(buffer, read.place.start);
-                done.map_err(|e| {
-                    format!("{e}; it is tried again, check the disk or the connection")
-                })
-            }
-            None => Err("the landing lent a shorter run than it says".into()),
+        let read_into =
+            |buffer: &mut [u8]| self.planes.file.read_exact_at(buffer, read.place.start);
+        let done = match filling.run.fill(at..at + bytes, read_into) {
+            Some(done) => done
+                .map_err(|e| format!("{e}; it is tried again, check the disk or the connection")),
+            None => Err(NO_ROOM.into()),
         };
         outcome.reads += 1;
         if let Err(fault) = done {
@@ -166,12 +167,12 @@ impl<L: Landing> Reading<'_, L> {
             let bytes = (part.place.end - part.place.start) as usize;
             filling = self.room(filling, bytes)?;
             let at = filling.at;
-            let Some(buffer) = filling.run.bytes().get_mut(at..at + bytes) else {
-                outcome.fault.get_or_insert("the landing lent a shorter run than it says".into());
+            let part_bytes = &copy[part.place.start as usize..part.place.end as usize];
+            if filling.run.fill(at..at + bytes, |b| b.copy_from_slice(part_bytes)).is_none() {
+                outcome.fault.get_or_insert(NO_ROOM.into());
                 fail(request, &mut filling, outcome);
                 return Some(filling);
-            };
-            buffer.copy_from_slice(&copy[part.place.start as usize..part.place.end as usize]);
+            }
             filling.at += bytes.next_multiple_of(Transfer::ALIGNMENT);
             filling.transfer(&batch[index], part, at, left, outcome);
         }

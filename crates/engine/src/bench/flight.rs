@@ -5,7 +5,6 @@ use crate::bench::path::{Path, Stop};
 use crate::session::{Frame, Session};
 use anyhow::Result;
 use esker_points::Task;
-use esker_render::Picture;
 use esker_stream::Status;
 use std::time::{Duration, Instant};
 
@@ -71,7 +70,7 @@ pub struct TransitionFigures {
     pub points: f64,
 }
 
-/// Flies; `seen` is given each view once it is complete, and its picture.
+/// Flies; `seen` is called for each view once it is complete and drawn.
 ///
 /// # Errors
 /// Where a frame cannot be drawn, on request, and those of `seen`.
@@ -79,7 +78,7 @@ pub fn fly(
     session: &mut Session,
     path: &Path,
     task: &dyn Task,
-    seen: &mut dyn FnMut(&Stop, &Picture) -> Result<()>,
+    seen: &mut dyn FnMut(&Stop, &mut Session) -> Result<()>,
 ) -> Result<Flight> {
     let mut flight = Flight::default();
     for (i, stop) in path.views.iter().enumerate() {
@@ -88,7 +87,8 @@ pub fn fly(
             flight.transitions.push(transition);
         }
         let figures = flight.stay(session, stop, task)?;
-        seen(stop, session.frame(&stop.view)?.picture)?;
+        session.frame(&stop.view)?;
+        seen(stop, session)?;
         flight.views.push(figures);
     }
     flight.status = session.status();
@@ -117,7 +117,7 @@ impl Flight {
             }
             let frame = session.frame(&path.between(to, share))?;
             self.note(&frame);
-            points += frame.picture.stats.points_drawn;
+            points += frame.stats.points_drawn;
             figures.frame_ms.push(frame.times.total_ms);
         }
         figures.points = points as f64 / figures.frame_ms.len().max(1) as f64;
@@ -151,11 +151,11 @@ impl Flight {
             let frame = session.frame(&stop.view)?;
             self.note(&frame);
             choice(&frame);
-            render_ms.push(frame.picture.stats.stages.total_ms);
+            render_ms.push(frame.stats.stages.total_ms);
             frame_ms.push(frame.times.total_ms);
             let counters = &frame.cut.counters;
             figures.nodes = frame.cut.nodes.len() as u64;
-            figures.points = frame.picture.stats.points_drawn;
+            figures.points = frame.stats.points_drawn;
             figures.occluded = counters.occluded + counters.contour_occluded;
             figures.resident_bytes = frame.status.drawing_bytes;
         }

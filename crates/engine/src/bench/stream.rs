@@ -143,8 +143,11 @@ impl Run<'_> {
         let options = Options { occlusion, ..self.options.clone() };
         let mut session = Session::open(self.file.clone(), options)?;
         let folder = self.request.pictures.as_ref().filter(|_| depth_test);
-        fly(&mut session, &self.way, self.task, &mut |stop, drawn| match folder {
-            Some(folder) => picture::write_png(drawn, &folder.join(format!("{}.png", stop.name))),
+        fly(&mut session, &self.way, self.task, &mut |stop, session| match folder {
+            Some(folder) => {
+                let picture = session.picture()?;
+                picture::write_png(&picture, &folder.join(format!("{}.png", stop.name)))
+            }
             None => Ok(()),
         })
     }

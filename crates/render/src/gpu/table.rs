@@ -20,7 +20,7 @@ pub const COLOUR_RGBA: u32 = 1;
 pub const COLOUR_SCALAR: u32 = 2;
 
 /// A place in drawing memory: one range of addresses from 0, cut into pages that no plane straddles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlaneAt {
     /// Its first byte, a multiple of 4.
     pub offset: u64,

@@ -2,6 +2,7 @@
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_stream::{Landing, Run, Transfer};
+use std::ops::Range;
 use std::time::Duration;
 
 /// Bytes of a run.
@@ -11,8 +12,8 @@ pub const RUN_BYTES: usize = 1 << 20;
 pub struct Plain(Vec<u8>);
 
 impl Run for Plain {
-    fn bytes(&mut self) -> &mut [u8] {
-        &mut self.0
+    fn fill<T>(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8]) -> T) -> Option<T> {
+        self.0.get_mut(range).map(write)
     }
 }
 

@@ -8,6 +8,7 @@ use esker_lod::{OrientedBox, Projection};
 use esker_stream::{Cut, Landing, Run, Slot, Streamer, Transfer};
 use glam::DVec2;
 use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::Duration;
@@ -32,8 +33,8 @@ impl Default for Habits {
 pub struct GpuRun(Vec<u8>);
 
 impl Run for GpuRun {
-    fn bytes(&mut self) -> &mut [u8] {
-        &mut self.0
+    fn fill<T>(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8]) -> T) -> Option<T> {
+        self.0.get_mut(range).map(write)
     }
 }
 
