@@ -76,7 +76,7 @@ impl Runs {
         let mut runs = vec![(first, colours[at(first)])];
         for pair in ends.windows(2) {
             let (mut from, to) = (pair[0], pair[1]);
-            while at(from) != at(to) {
+            while at(from) != at(to) && runs.len() < RUNS_MAX {
                 // The first value that has another entry than `from`.
                 let (mut same, mut other) = (from, to);
                 while other - same > 1 {
@@ -87,7 +87,6 @@ impl Runs {
                 from = other;
             }
         }
-        runs.truncate(RUNS_MAX);
         Self { runs, no_number: colours[no_number] }
     }
 }

@@ -35,9 +35,9 @@ pub struct Won<'a> {
     pub size: [u32; 2],
     /// Point number and bits of the depth a pixel.
     pub hits: &'a Buffer,
-    /// Rows of [`super::table::Draw`].
+    /// Rows of [`super::table::Draw`]; room for one at least.
     pub draws: &'a Buffer,
-    /// Rows of [`super::table::Chunk`].
+    /// Rows of [`super::table::Chunk`]; room for one at least.
     pub chunks: &'a Buffer,
     /// The pages that planes of these draws lie in; what lies in others is not seen.
     pub pages: &'a [(u32, &'a Buffer)],

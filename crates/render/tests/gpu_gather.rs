@@ -1,0 +1,346 @@
+//! Gather, resolve and tiles on the GPU give what their twins give, on every adapter of this machine, as it is
+//! and with the least that WebGPU promises. The twins' own hits go in, so that only these passes are told apart.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+#[path = "gpu_gather/rig.rs"]
+mod rig;
+
+use esker_lod::{CompactOctree, Drawn, View, tiles_of};
+use esker_points::{AttrType, Cell, Node, NodeTable};
+use esker_render::gpu::pyramid::GpuPyramid;
+use esker_render::{
+    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
+};
+use glam::{DVec3, Vec4};
+use rig::{Rig, gpus};
+use scene::{Dice, Scene, SceneNode, sheet, sphere};
+
+/// Steps of lattices on which nodes drop no bits, up to ten, and more.
+const STEPS: [f64; 3] = [1e-4, 3e-6, 2e-9];
+
+/// A ball before a wall, in nodes of at most 700 points.
+fn ball_and_wall(step: f64) -> Scene {
+    let mut dice = Dice(7);
+    let mut points = sphere(&mut dice, DVec3::ZERO, 1.0, 4000, [200, 40, 90]);
+    let corner = DVec3::new(-1.5, 1.2, -1.5);
+    points.extend(sheet(&mut dice, corner, DVec3::X * 3.0, DVec3::Z * 3.0, 60, [20, 130, 220]));
+    for p in &mut points {
+        p.colour = p.colour.map(|c| c.wrapping_add(dice.bits() as u8 % 50));
+    }
+    Scene::new(&points, step, 0.05, 0.04, 700)
+}
+
+fn view(width: u32, height: u32) -> View {
+    View::look_at(DVec3::new(1.0, -3.0, 0.8), DVec3::ZERO, DVec3::Z, 0.9, width, height)
+}
+
+/// The cells of the nodes, and some below them that are drawn finer.
+fn octree(scene: &Scene) -> CompactOctree {
+    let mut dice = Dice(11);
+    let whole = scene.nodes.iter().map(|n| n.node);
+    let record = |cell: Cell, parent| {
+        let mut node: Node = bytemuck::Zeroable::zeroed();
+        (node.corner, node.cell_log2, node.parent) = (cell.corner, cell.log2, parent);
+        node
+    };
+    let mut nodes = vec![record(Cell::containing([0; 3], 32), u32::MAX)];
+    nodes.extend(whole.map(|n| record(n.cell(), 0)));
+    for parent in 1..400 {
+        let Some(cell) = nodes.get(parent).map(Node::cell).filter(|c| c.log2 > 2) else { break };
+        let at = cell.corner.map(|c| c + (dice.bits() as u32 >> (32 - cell.log2)));
+        nodes.push(record(Cell::containing(at, cell.log2 - 1), parent as u32));
+        nodes.push(record(Cell::containing(cell.corner, cell.log2 - 2), parent as u32));
+    }
+    let table = NodeTable { nodes };
+    let drawn: Vec<_> = (1..table.nodes.len() as u32)
+        .map(|node| Drawn { node, prefix: 1, effective_spacing: 0.01 + dice.unit() as f32 * 0.05 })
+        .collect();
+    CompactOctree::new(&table, &drawn)
+}
+
+fn map(low: f64, high: f64) -> ColourMap {
+    ColourMap { low, high, palette: Palette::Viridis }
+}
+
+/// Whether two numbers are the same but for rounding.
+fn near(a: f32, b: f32) -> bool {
+    a == b || (a - b).abs() <= 1e-4 * a.abs().max(b.abs()).max(1e-3)
+}
+
+fn near_all(a: Vec4, b: Vec4) -> bool {
+    a.to_array().iter().zip(b.to_array()).all(|(&a, b)| near(a, b))
+}
+
+/// Level 0 as the twin fills it; at most a thousandth of the pixels may stand on a decision's other side.
+fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
+    let cpu = rig::cpu(frame);
+    let mut pyramid = GpuPyramid::default();
+    let [width, height] = [frame.view.width, frame.view.height];
+    pyramid.fit(&rig.gpu, width, height, frame.draws.iter().any(|d| d.normal.is_some())).unwrap();
+    let (gpu, count) = rig.gather(frame, &cpu.hits, &pyramid);
+    let (valid, twin) = cpu.gather();
+    assert_eq!((u64::from(count), valid > 100), (valid, true), "{what}: pixels won");
+    let mut off = 0;
+    for i in 0..(width * height) as usize {
+        assert_eq!(gpu.is_valid(i), twin.is_valid(i), "{what}: pixel {i}");
+        if !twin.is_valid(i) {
+            assert_eq!(gpu.front[i], twin.front[i], "{what}: an invalid pixel");
+            continue;
+        }
+        assert_eq!(gpu.depth[i], twin.depth[i], "{what}: depth of pixel {i}");
+        let normal =
+            |l: &esker_render::pyramid::Level| l.normal.get(i).copied().unwrap_or_default();
+        let same = near_all(gpu.front[i], twin.front[i])
+            && near_all(gpu.tint[i], twin.tint[i])
+            && near_all(normal(&gpu), normal(&twin));
+        off += u64::from(!same);
+    }
+    assert!(off * 1000 <= valid, "{what}: {off} of {valid} pixels are off");
+    assert_eq!(rig.gpu.fault(), None, "{what}");
+}
+
+/// The picture without surfaces as the twin draws it, within a byte.
+fn assert_resolves(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
+    let cpu = rig::cpu(frame);
+    let (rgba, depth, [won, shown]) = rig.resolve(frame, &cpu.hits);
+    let (covered, picture) = cpu.resolve();
+    assert_eq!([u64::from(won), u64::from(shown)], [covered; 2], "{what}: pixels covered");
+    assert_eq!(depth, picture.depth, "{what}: depths");
+    let far = rgba.iter().zip(&picture.rgba).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+    assert_eq!(far, 0, "{what}: bytes off by more than one");
+    assert_eq!(rig.gpu.fault(), None, "{what}");
+}
+
+#[test]
+fn level_0_is_the_twins_with_and_without_normals_octree_and_dropped_bits() {
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        let view = view(150, 110);
+        for step in STEPS {
+            let scene = ball_and_wall(step);
+            let octree = octree(&scene);
+            // All of them where positions have dropped bits of one word, a few elsewhere.
+            for case in (0..16).filter(|c| step == STEPS[1] || c % 5 == 0) {
+                let has = |bit: u32| case >> bit & 1 == 1;
+                let mut draws = scene.draws(has(0), true, has(1));
+                for (i, draw) in draws.iter_mut().enumerate() {
+                    (draw.entry, draw.prefix) = (i, 650);
+                }
+                if let Some(last) = draws.last_mut() {
+                    (last.entry, last.normal) = (usize::MAX, None);
+                }
+                let mut frame = scene.frame(&view, &draws);
+                frame.octree = has(2).then_some(&octree);
+                frame.cull_back_faces = has(3);
+                assert_gathers(&mut rig, &frame, &format!("step {step}, case {case:04b}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn points_have_the_twins_colours_whatever_gives_them() {
+    let scene = ball_and_wall(STEPS[1]);
+    let view = view(120, 90);
+    let ways = [
+        ColourBy::Plain,
+        ColourBy::Rgb,
+        ColourBy::Scalar(map(0.0, 255.0)),
+        ColourBy::Classification,
+        ColourBy::Elevation(map(-1.0, 1.0)),
+        ColourBy::Elevation(map(1.0, -1.0)),
+        ColourBy::EyeDepth(map(2.0, 4.5)),
+        ColourBy::EyeDepth(map(2.0, f64::NAN)),
+        ColourBy::Cell,
+        ColourBy::Normal,
+    ];
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        for colour in ways {
+            for plane in 0..3 {
+                let mut draws = scene.draws(true, plane > 0, true);
+                for (draw, node) in draws.iter_mut().zip(&scene.nodes).filter(|_| plane == 2) {
+                    draw.colour = Scene::scalar(node, AttrType::U8);
+                }
+                draws[0].normal = None;
+                let what = format!("{colour:?}, plane {plane}");
+                let mut frame = scene.frame(&view, &draws);
+                frame.colour = colour;
+                assert_gathers(&mut rig, &frame, &what);
+                frame.method = Method::Points;
+                frame.background = match plane {
+                    0 => Background::Plain([1, 2, 3, 0]),
+                    _ => Background::Gradient([10, 200, 30], [250, 20, 90]),
+                };
+                assert_resolves(&mut rig, &frame, &what);
+            }
+        }
+    }
+}
+
+/// Values of a type that are hard to map, in planes for all points.
+fn values(ty: AttrType, points: usize) -> (Vec<u8>, ColourMap) {
+    let mut dice = Dice(5);
+    let mut bytes = Vec::new();
+    // A range of which `f32` could tell no value apart from the next.
+    let (low, span) = match ty {
+        AttrType::U8 => (3.0, 200.0),
+        AttrType::I8 => (-100.0, 180.0),
+        AttrType::U16 => (500.0, 60_000.0),
+        AttrType::I16 => (-30_000.0, 50_000.0),
+        AttrType::U32 => (4.294_967_0e9, 290.0),
+        AttrType::I32 => (-2.147_483_6e9, 300.0),
+        AttrType::U64 => (1.0e19, 1e6),
+        AttrType::I64 => (-9.0e18, 1e6),
+        AttrType::F32 => (1e5, 20.0),
+        AttrType::F64 => (3.0e8, 7.0),
+    };
+    for i in 0..points {
+        let at = low + span * (dice.unit() * 1.2 - 0.1);
+        let bits = dice.bits();
+        match (ty, i % 16) {
+            // Any bits, those of no number among them.
+            (_, 0) => bytes.extend(&bits.to_le_bytes()[..ty.size()]),
+            (AttrType::F32, 1) => bytes.extend(f32::NAN.to_le_bytes()),
+            (AttrType::F64, 1) => bytes.extend(f64::NEG_INFINITY.to_le_bytes()),
+            (AttrType::F32, 2) => bytes.extend((bits as u32 & 0x807f_ffff).to_le_bytes()),
+            (AttrType::U8, _) => bytes.push(at as u8),
+            (AttrType::I8, _) => bytes.extend((at as i8).to_le_bytes()),
+            (AttrType::U16, _) => bytes.extend((at as u16).to_le_bytes()),
+            (AttrType::I16, _) => bytes.extend((at as i16).to_le_bytes()),
+            (AttrType::U32, _) => bytes.extend((at as u32).to_le_bytes()),
+            (AttrType::I32, _) => bytes.extend((at as i32).to_le_bytes()),
+            // Below the steps of `f64`, where it rounds.
+            (AttrType::U64, _) => bytes.extend((at as u64).wrapping_add(bits % 4096).to_le_bytes()),
+            (AttrType::I64, _) => bytes.extend((at as i64 + (bits % 4096) as i64).to_le_bytes()),
+            (AttrType::F32, _) => bytes.extend((at as f32).to_le_bytes()),
+            (AttrType::F64, _) => bytes.extend(at.to_le_bytes()),
+        }
+    }
+    (bytes, map(low, low + span))
+}
+
+const TYPES: [AttrType; 10] = [
+    AttrType::U8,
+    AttrType::I8,
+    AttrType::U16,
+    AttrType::I16,
+    AttrType::U32,
+    AttrType::I32,
+    AttrType::U64,
+    AttrType::I64,
+    AttrType::F32,
+    AttrType::F64,
+];
+
+#[test]
+fn values_of_every_type_have_the_twins_colour_bit_by_bit() {
+    let scene = ball_and_wall(STEPS[0]);
+    let view = view(120, 90);
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        for ty in TYPES {
+            let (bytes, wide) = values(ty, 700);
+            let mut draws = scene.draws(true, false, false);
+            draws.iter_mut().for_each(|d| d.colour = ColourPlane::Scalar { bytes: &bytes, ty });
+            let narrow = map(wide.low, wide.low + (wide.high - wide.low) * 1e-3);
+            let maps = [wide, narrow, map(wide.high, wide.low), map(0.0, 0.0)];
+            let ways = maps.map(ColourBy::Scalar).into_iter().chain([ColourBy::Classification]);
+            for colour in ways {
+                let mut frame = scene.frame(&view, &draws);
+                frame.colour = colour;
+                let cpu = rig::cpu(&frame);
+                let mut pyramid = GpuPyramid::default();
+                pyramid.fit(&rig.gpu, view.width, view.height, false).unwrap();
+                let (level, _) = rig.gather(&frame, &cpu.hits, &pyramid);
+                let (_, twin) = cpu.gather();
+                for i in (0..twin.front.len()).filter(|&i| twin.is_valid(i)) {
+                    let colours = [&level, &twin].map(|l| l.tint[i].truncate());
+                    assert_eq!(colours[0], colours[1], "{ty:?} by {colour:?}, pixel {i}");
+                }
+                assert_eq!(rig.gpu.fault(), None);
+            }
+        }
+    }
+}
+
+/// A node whose planes end too early, each node's in another way.
+fn cut(i: usize, node: &SceneNode) -> DrawNode<'_> {
+    let part = |plane: &'_ [u8], share: usize| plane.len() * share / 4 + 3 * (share % 2);
+    let within = |plane: &'_ [u8], share: usize| part(plane, share).min(plane.len());
+    DrawNode {
+        position: &node.position[..within(&node.position, i % 5)],
+        residual: Some(&node.residual[..within(&node.residual, 4 - i % 3)]),
+        colour: match i % 3 {
+            0 => ColourPlane::Rgba(&node.colour[..within(&node.colour, 2)]),
+            1 => ColourPlane::Scalar { bytes: &node.colour[..331], ty: AttrType::U16 },
+            _ => ColourPlane::None,
+        },
+        normal: (!i.is_multiple_of(3)).then_some(&node.normal[..within(&node.normal, 1 + i % 3)]),
+        ..node.draw(true, true, true)
+    }
+}
+
+#[test]
+fn planes_that_are_too_short_serve_as_far_as_they_go() {
+    let view = view(120, 90);
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        for step in STEPS {
+            let scene = ball_and_wall(step);
+            let draws: Vec<_> = scene.nodes.iter().enumerate().map(|(i, n)| cut(i, n)).collect();
+            let ways = [ColourBy::Rgb, ColourBy::Scalar(map(0.0, 65535.0)), ColourBy::Normal];
+            for colour in ways {
+                let mut frame = scene.frame(&view, &draws);
+                (frame.colour, frame.cull_back_faces) = (colour, false);
+                let what = format!("short planes, step {step}, {colour:?}");
+                assert_gathers(&mut rig, &frame, &what);
+                frame.method = Method::Points;
+                assert_resolves(&mut rig, &frame, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_frame_of_nothing_is_invalid_and_background() {
+    let view = view(64, 48);
+    let scene = ball_and_wall(STEPS[0]);
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        let mut frame = scene.frame(&view, &[]);
+        let cpu = rig::cpu(&frame);
+        let mut pyramid = GpuPyramid::default();
+        pyramid.fit(&rig.gpu, view.width, view.height, false).unwrap();
+        let (level, count) = rig.gather(&frame, &cpu.hits, &pyramid);
+        assert!(count == 0 && (0..level.front.len()).all(|i| !level.is_valid(i)));
+        frame.method = Method::Points;
+        assert_resolves(&mut rig, &frame, "nothing");
+    }
+}
+
+#[test]
+fn tiles_are_the_twins_for_pictures_of_any_size() {
+    let mut dice = Dice(3);
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        for (width, height) in [(1, 1), (17, 301), (128, 128), (333, 129), (640, 360)] {
+            let depth: Vec<f32> = (0..width * height)
+                .map(|_| match dice.bits() % 64 {
+                    0 => f32::INFINITY,
+                    1 => f32::NAN,
+                    2 => -1.0,
+                    3 => 0.0,
+                    4 => 1e-40,
+                    _ => dice.unit() as f32 * 100.0,
+                })
+                .collect();
+            let twin = tiles_of(&depth, width as usize, height as usize);
+            assert!(rig.tiles(&depth, width, height) == twin, "{width} x {height}");
+            assert_eq!(rig.gpu.fault(), None);
+        }
+    }
+}

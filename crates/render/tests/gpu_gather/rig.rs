@@ -1,0 +1,293 @@
+//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same hits and planes on
+//! a GPU, with the planes of a node spread over small pages.
+
+use crate::scene::Dice;
+use esker_lod::{DepthTile, View};
+use esker_points::Lattice;
+use esker_render::camera::Camera;
+use esker_render::gather::{Lookup, gather};
+use esker_render::gpu::frame::FrameUniform;
+use esker_render::gpu::gather::Gather;
+use esker_render::gpu::lookup::{GpuLookup, Won};
+use esker_render::gpu::picture::GpuPicture;
+use esker_render::gpu::pyramid::GpuPyramid;
+use esker_render::gpu::readback::read;
+use esker_render::gpu::resolve::Resolve;
+use esker_render::gpu::table::{CHUNK_POINTS, Chunk, Draw};
+use esker_render::gpu::tiles::{TILES_BYTES, Tiles, tiles_from};
+use esker_render::gpu::{Gpu, NodePool, PlaneAt, Request, wgpu};
+use esker_render::project::{DrawList, EMPTY, project, unpack};
+use esker_render::pyramid::Level;
+use esker_render::resolve::resolve;
+use esker_render::{ColourPlane, DrawNode, Frame, Picture};
+use glam::{DVec3, Vec4};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use wgpu::{Backends, BufferUsages};
+
+/// Bytes of a page of planes.
+const PAGE_BYTES: u64 = 32 << 10;
+/// Pages that planes are spread over.
+const PAGES: u64 = 10;
+
+/// A device of each kind that the machine has; says so where it has none.
+pub fn gpus() -> Vec<Gpu> {
+    let request =
+        |backends, is_minimal| Request { backends, allow_software: true, is_minimal, path: None };
+    let all = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
+    let requests = all.into_iter().flat_map(|b| [request(b, false), request(b, true)]);
+    let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
+    if gpus.is_empty() {
+        eprintln!("no adapter");
+    }
+    gpus
+}
+
+/// A frame of the twin's, projected.
+pub struct Cpu<'a> {
+    frame: &'a Frame<'a>,
+    camera: Camera,
+    list: DrawList,
+    target: Vec<AtomicU64>,
+    /// The hits in chunks' numbers.
+    pub hits: Vec<[u32; 2]>,
+}
+
+/// First chunks of the draws.
+fn chunks_of(list: &DrawList, draws: usize) -> Vec<u32> {
+    let counts = (0..draws).map(|d| (list.len(d) as u32).div_ceil(CHUNK_POINTS));
+    let first = counts.scan(0, |next, count| {
+        *next += count;
+        Some(*next - count)
+    });
+    first.collect()
+}
+
+/// Projects a frame.
+pub fn cpu<'a>(frame: &'a Frame<'a>) -> Cpu<'a> {
+    let camera = Camera::new(frame.view, frame.lattice).unwrap();
+    let pixels = (frame.view.width * frame.view.height) as usize;
+    let target: Vec<_> = (0..pixels).map(|_| AtomicU64::new(EMPTY)).collect();
+    let list = DrawList::new(frame.draws);
+    project(frame, &camera, &list, &target);
+    let first = chunks_of(&list, frame.draws.len());
+    let mut last = 0;
+    let hits = target
+        .iter()
+        .map(|value| match value.load(Relaxed) {
+            EMPTY => [u32::MAX; 2],
+            value => {
+                let (depth, point) = unpack(value);
+                let (draw, index) = list.find(point, &mut last);
+                [first[draw] * CHUNK_POINTS + index as u32, depth.to_bits()]
+            }
+        })
+        .collect();
+    Cpu { frame, camera, list, target, hits }
+}
+
+impl Cpu<'_> {
+    /// Valid pixels and level 0.
+    pub fn gather(&self) -> (u64, Level) {
+        let lookup = Lookup::new(self.frame, &self.camera, &self.list);
+        let [width, height] = self.camera.size.map(|s| s as usize);
+        let mut pyramid = esker_render::pyramid::Pyramid::default();
+        pyramid.fit(width, height, lookup.has_normals());
+        let mut base = pyramid.levels.swap_remove(0);
+        (gather(&lookup, &self.target, &mut base), base)
+    }
+
+    /// Covered pixels and the picture without surfaces.
+    pub fn resolve(&self) -> (u64, Picture) {
+        let lookup = Lookup::new(self.frame, &self.camera, &self.list);
+        let [width, height] = self.camera.size;
+        let mut picture = Picture { width, height, ..Picture::default() };
+        picture.rgba.resize(self.target.len() * 4, 0);
+        picture.depth.resize(self.target.len(), 0.0);
+        let covered = resolve(&lookup, &self.target, self.frame.background, &mut picture);
+        (covered, picture)
+    }
+}
+
+/// The passes on one device.
+pub struct Rig {
+    pub gpu: Gpu,
+    lookup: GpuLookup,
+    gather: Gather,
+    resolve: Resolve,
+    tiles: Tiles,
+}
+
+/// A frame's buffers.
+struct Buffers {
+    pool: NodePool,
+    buffers: [esker_render::gpu::device::Counted; 5],
+}
+
+impl Rig {
+    pub fn new(gpu: Gpu) -> Self {
+        Self {
+            lookup: GpuLookup::new(&gpu).unwrap(),
+            gather: Gather::default(),
+            resolve: Resolve::new(&gpu).unwrap(),
+            tiles: Tiles::new(&gpu).unwrap(),
+            gpu,
+        }
+    }
+
+    /// At least a row of a table, which is what can be bound.
+    fn buffer(&self, bytes: &[u8], usage: BufferUsages) -> esker_render::gpu::device::Counted {
+        let usage = usage | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let buffer =
+            self.gpu.buffer("test", bytes.len().max(size_of::<Draw>()) as u64, usage).unwrap();
+        self.gpu.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    /// Planes and tables of a frame, and the lookup made for it.
+    fn upload(&mut self, frame: &Frame<'_>, hits: &[[u32; 2]]) -> Buffers {
+        let camera = Camera::new(frame.view, frame.lattice).unwrap();
+        let mut pool = NodePool::with_pages(&self.gpu, PAGES * PAGE_BYTES, PAGE_BYTES);
+        let mut ends = vec![0; PAGES as usize];
+        let mut dice = Dice(99);
+        let mut put = |bytes: &[u8]| {
+            let taken = (bytes.len() as u64).next_multiple_of(16).max(16);
+            let mut page = dice.bits() % PAGES;
+            while ends[page as usize] + taken > PAGE_BYTES {
+                page = (page + 1) % PAGES;
+            }
+            let offset = page * PAGE_BYTES + ends[page as usize];
+            ends[page as usize] += taken;
+            pool.write(&self.gpu, offset, bytes).unwrap();
+            PlaneAt { offset, bytes: bytes.len() as u64 }
+        };
+        let placed = frame.draws.iter().map(|d| DrawNode {
+            node: d.node,
+            entry: d.entry,
+            prefix: d.prefix,
+            position: put(d.position),
+            residual: d.residual.map(&mut put),
+            colour: match d.colour {
+                ColourPlane::None => ColourPlane::None,
+                ColourPlane::Rgba(plane) => ColourPlane::Rgba(put(plane)),
+                ColourPlane::Scalar { bytes, ty } => ColourPlane::Scalar { bytes: put(bytes), ty },
+            },
+            normal: d.normal.map(&mut put),
+        });
+        let placed: Vec<_> = placed.collect();
+        let list = DrawList::new(frame.draws);
+        let first = chunks_of(&list, frame.draws.len());
+        let mut chunks = Vec::new();
+        let rows: Vec<Draw> = placed
+            .iter()
+            .enumerate()
+            .map(|(i, d)| {
+                let row = Draw::of(d, &camera, first[i], |plane| pool.place(plane));
+                assert_eq!(row.points as usize, list.len(i), "points of draw {i}");
+                chunks.extend((0..row.points).step_by(CHUNK_POINTS as usize).map(|first| Chunk {
+                    draw: i as u32,
+                    first,
+                    points: CHUNK_POINTS.min(row.points - first),
+                    unused: 0,
+                }));
+                row
+            })
+            .collect();
+        let uniform = FrameUniform::new(frame, &camera);
+        let buffers = [
+            self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
+            self.buffer(bytemuck::cast_slice(hits), BufferUsages::STORAGE),
+            self.buffer(bytemuck::cast_slice(&rows), BufferUsages::STORAGE),
+            self.buffer(bytemuck::cast_slice(&chunks), BufferUsages::STORAGE),
+            self.buffer(&[0; 8], BufferUsages::STORAGE),
+        ];
+        self.lookup.set(&self.gpu, frame).unwrap();
+        Buffers { pool, buffers }
+    }
+
+    /// Level 0 from these hits, and the pixels that a point won.
+    pub fn gather(
+        &mut self,
+        frame: &Frame<'_>,
+        hits: &[[u32; 2]],
+        pyramid: &GpuPyramid,
+    ) -> (Level, u32) {
+        let made = self.upload(frame, hits);
+        let pages = made.pages();
+        let won = made.won(frame, &pages);
+        let (gpu, lookup, gather) = (&self.gpu, &mut self.lookup, &mut self.gather);
+        run(gpu, |pass| gather.encode(gpu, pass, lookup, &won, pyramid).unwrap());
+        let level = &pyramid.levels[0];
+        let planes = [&level.front, &level.tint, &level.depth, &level.normal, &made.buffers[4]];
+        let planes = planes.map(|p| (&**p, p.size()));
+        let [front, tint, depth, normal, counts] = read(gpu, &planes).unwrap().try_into().unwrap();
+        let pixels = hits.len();
+        let wide = |bytes: &[u8]| -> Vec<Vec4> {
+            let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes[..pixels * 16]);
+            values.into_iter().map(Vec4::from_array).collect()
+        };
+        let level = Level {
+            width: frame.view.width as usize,
+            height: frame.view.height as usize,
+            edge_px: 1.0,
+            front: wide(&front),
+            tint: wide(&tint),
+            depth: bytemuck::pod_collect_to_vec(&depth[..pixels * 4]),
+            normal: if pyramid.has_normals { wide(&normal) } else { Vec::new() },
+        };
+        (level, u32::from_le_bytes([0, 1, 2, 3].map(|i| counts[i])))
+    }
+
+    /// The picture without surfaces from these hits, and its counts.
+    pub fn resolve(
+        &mut self,
+        frame: &Frame<'_>,
+        hits: &[[u32; 2]],
+    ) -> (Vec<u8>, Vec<f32>, [u32; 2]) {
+        let made = self.upload(frame, hits);
+        let pages = made.pages();
+        let won = made.won(frame, &pages);
+        let gpu = &self.gpu;
+        let picture = GpuPicture::new(gpu, frame.view.width, frame.view.height).unwrap();
+        let (lookup, resolve) = (&mut self.lookup, &mut self.resolve);
+        run(gpu, |pass| resolve.encode(gpu, pass, lookup, &won, &picture).unwrap());
+        let bytes = hits.len() as u64 * 4;
+        let sources = [(&*picture.rgba, bytes), (&*picture.depth, bytes), (&*made.buffers[4], 8)];
+        let [rgba, depth, counts] = read(gpu, &sources).unwrap().try_into().unwrap();
+        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&counts);
+        (rgba, bytemuck::pod_collect_to_vec(&depth), [counts[0], counts[1]])
+    }
+
+    /// The tiles of a depth picture.
+    pub fn tiles(&mut self, depth: &[f32], width: u32, height: u32) -> Vec<DepthTile> {
+        let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, width, height);
+        let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
+        let scene = crate::Scene { lattice, nodes: Vec::new() };
+        let frame = scene.frame(&view, &[]);
+        let camera = Camera::new(&view, &lattice).unwrap();
+        let uniform = FrameUniform::new(&frame, &camera);
+        let uniform = self.buffer(bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
+        let depth = self.buffer(bytemuck::cast_slice(depth), BufferUsages::STORAGE);
+        let (gpu, tiles) = (&self.gpu, &self.tiles);
+        run(gpu, |pass| tiles.encode(gpu, pass, &uniform, &depth));
+        tiles_from(&read(gpu, &[(tiles.buffer(), TILES_BYTES)]).unwrap()[0])
+    }
+}
+
+impl Buffers {
+    fn pages(&self) -> Vec<(u32, &wgpu::Buffer)> {
+        let pages = 0..self.pool.pages();
+        pages.filter_map(|i| Some((i as u32, self.pool.page(i)?))).collect()
+    }
+
+    fn won<'a>(&'a self, frame: &Frame<'_>, pages: &'a [(u32, &'a wgpu::Buffer)]) -> Won<'a> {
+        let [uniform, hits, draws, chunks, counts] = self.buffers.each_ref();
+        let size = [frame.view.width, frame.view.height];
+        Won { uniform, size, hits, draws, chunks, pages, counts }
+    }
+}
+
+fn run(gpu: &Gpu, passes: impl FnOnce(&mut wgpu::ComputePass<'_>)) {
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    passes(&mut encoder.begin_compute_pass(&Default::default()));
+    gpu.queue.submit([encoder.finish()]);
+}
