@@ -1,13 +1,13 @@
 //! The frame from first pass to last, and the memory that the passes keep from frame to frame (fresh
-//! pages cost more than the passes that fill them). Projection first; then either the surface (gather,
-//! pull, push, mend, trim, shade, soften) or the points as they are (resolve).
+//! pages cost more than the passes that fill them). Which passes run, the frame's plan says.
 
 use crate::camera::Camera;
 use crate::edges::edges;
 use crate::error::RenderError;
-use crate::frame::{Frame, Method, Picture, Stats, ms};
+use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
 use crate::mend::mend;
+use crate::plan::{FramePlan, Pass};
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push;
@@ -90,39 +90,40 @@ impl Renderer {
             nodes_drawn: (0..frame.draws.len()).filter(|&d| list.len(d) > 0).count() as u32,
             ..Stats::default()
         };
-        let mut clock = Clock(start);
-        project(frame, &camera, &list, &self.target);
-        stats.stages.project_ms = clock.lap();
+        let plan = FramePlan::new(frame);
         let lookup = Lookup::new(frame, &camera, &list);
-        if frame.method == Method::Points {
-            stats.pixels_covered = resolve(&lookup, &self.target, frame.background, picture);
-            stats.pixels_projected = stats.pixels_covered;
-            stats.stages.shade_ms = clock.lap();
-        } else {
-            self.pyramid.fit(width, height, lookup.has_normals());
-            let base = &mut self.pyramid.levels[0];
-            stats.pixels_projected = gather(&lookup, &self.target, base);
-            stats.stages.gather_ms = clock.lap();
-            pull(&mut self.pyramid);
-            stats.stages.pull_ms = clock.lap();
-            push(&mut self.pyramid);
-            stats.stages.push_ms = clock.lap();
-            let base = &mut self.pyramid.levels[0];
-            let edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
-            stats.stages.mend_ms = clock.lap();
-            let (pyramid, scratch) = (&self.pyramid, &mut self.scratch);
-            let shaded = shade(&camera, pyramid, frame.background, scratch, picture);
-            stats.pixels_covered = shaded.covered;
-            stats.stages.shade_ms = clock.lap();
-            soften(
-                &picture.depth,
-                width,
-                camera.focal_px,
-                &edges,
-                &shaded.creases,
-                &mut picture.rgba,
-            );
-            stats.stages.soften_ms = clock.lap();
+        let Self { target, pyramid, scratch } = self;
+        if plan.passes.contains(&Pass::Gather) {
+            pyramid.fit(width, height, plan.carries_normals);
+        }
+        let (mut edges, mut creases) = (Vec::new(), Vec::new());
+        let mut clock = Clock(start);
+        for &pass in plan.passes {
+            match pass {
+                Pass::Project => project(frame, &camera, &list, target),
+                Pass::Resolve => {
+                    stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
+                    stats.pixels_projected = stats.pixels_covered;
+                }
+                Pass::Gather => {
+                    stats.pixels_projected = gather(&lookup, target, &mut pyramid.levels[0]);
+                }
+                Pass::Pull => pull(pyramid),
+                Pass::Push => push(pyramid),
+                Pass::Mend => {
+                    let base = &mut pyramid.levels[0];
+                    edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
+                }
+                Pass::Shade => {
+                    let shaded = shade(&camera, pyramid, frame.background, scratch, picture);
+                    (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
+                }
+                Pass::Soften => {
+                    let (depth, focal_px) = (&picture.depth, camera.focal_px);
+                    soften(depth, width, focal_px, &edges, &creases, &mut picture.rgba);
+                }
+            }
+            stats.stages.add(pass, clock.lap());
         }
         stats.stages.total_ms = ms(start.elapsed());
         picture.stats = stats;
