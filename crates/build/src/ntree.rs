@@ -59,8 +59,8 @@ impl NTree {
     /// In a volume the lattice's own axes serve: it has none of its own worth following, and differences
     /// of lattice coordinates need no rounding.
     fn key_along_cell(&mut self, rows: &Rows<'_>, points: &[u32], cell: &Cell, scale: f64) {
-        let log2 = u32::from(cell.log2);
-        self.edge = cell.edge() as f64 * scale;
+        let (corner, log2) = self.frame_along_cell(rows, points, cell);
+        self.edge = (1u64 << log2) as f64 * scale;
         let place = |c: u32, corner: u32| {
             let within = c - corner;
             if log2 >= self.bits {
@@ -73,10 +73,30 @@ impl NTree {
             .iter()
             .map(|&row| {
                 let p = rows.position(row);
-                let q = [0, 1, 2].map(|i| place(p[i], cell.corner[i]));
+                let q = [0, 1, 2].map(|i| place(p[i], corner[i]));
                 Entry { key: morton::encode3_21(q), q, row, turn: LAST_TURN }
             })
             .collect();
+    }
+
+    /// Where keys begin, and the log2 of the edge that they divide: the cell's, or where keys would be coarser
+    /// than the lattice, the points' own. Points on both sides of the lattice's middle have all of it for a
+    /// cell, however near to one another they are.
+    fn frame_along_cell(&self, rows: &Rows<'_>, points: &[u32], cell: &Cell) -> ([u32; 3], u32) {
+        let log2 = u32::from(cell.log2);
+        if log2 <= self.bits {
+            return (cell.corner, log2);
+        }
+        let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+        for p in points.iter().map(|&row| rows.position(row)) {
+            for i in 0..3 {
+                low[i] = low[i].min(p[i]);
+                high[i] = high[i].max(p[i]);
+            }
+        }
+        let extent = (0..3).map(|i| high[i].saturating_sub(low[i])).fold(0, u32::max);
+        let own_log2 = (u32::BITS - extent.leading_zeros()).max(1);
+        if own_log2 < log2 { (low, own_log2) } else { (cell.corner, log2) }
     }
 
     /// Along a line or in a plane, keys have one or two coordinates, distances all three: ground that slopes
@@ -296,7 +316,15 @@ pub(crate) mod tests {
             .map(|i| [i % 32 * 100, i / 32 % 32 * 100, i / 1024 * 100])
             .collect();
         let line: Vec<_> = (0..4096u32).map(|i| [i * 100, 0, 0]).collect();
-        for (points, name) in [(plane, "plane"), (volume, "volume"), (line, "line")] {
+        let around_middle = |p: &[u32; 3]| p.map(|c| (1 << 31) - 1600 + c);
+        let middle: Vec<_> = volume.iter().map(around_middle).collect();
+        let samples = [
+            (plane, "plane"),
+            (volume, "volume"),
+            (middle, "volume around the lattice's middle"),
+            (line, "line"),
+        ];
+        for (points, name) in samples {
             let bytes = rows_of(&points);
             let tree = tree_of(&points, &bytes, [0.01; 3]);
             let spacing = tree.spacing(&tree.occupied(), points.len());

@@ -19,12 +19,15 @@ const POINTS_MIN: usize = 100;
 /// Positions of a cloud's points in millimetres, by a seed and an index.
 type Position = fn(u64, u64) -> [i32; 3];
 
-const CLOUDS: [(&str, Position); 4] = [
+const CLOUDS: [(&str, Position); 5] = [
     ("plane", |seed, i| {
         let (u, v) = (below(seed ^ (3 * i), 40_000), below(seed ^ (3 * i + 1), 30_000));
         [u, v, u / 3 + v / 5]
     }),
     ("volume", |seed, i| [0, 1, 2].map(|axis| below(seed ^ (3 * i + axis), 30_000))),
+    ("volume around the origin", |seed, i| {
+        [0, 1, 2].map(|axis| below(seed ^ (3 * i + axis), 3_000) - 1_500)
+    }),
     ("line", |seed, i| {
         let t = below(seed ^ i, 4_000_000);
         [t, t / 2, t / 4]

@@ -205,3 +205,12 @@ fn no_arriving_node_takes_the_picture_away_from_full_density() {
     let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
     assert_only_sharpens(&scan, 8192);
 }
+
+#[test]
+fn no_arriving_node_takes_the_picture_of_rooms_around_the_origin_away_from_full_density() {
+    let Some(data) = std::env::var_os("ESKER_DATA") else {
+        println!("skipped: ESKER_DATA is not set");
+        return;
+    };
+    assert_only_sharpens(&Path::new(&data).join("laz/indoor.laz"), 8192);
+}
