@@ -28,7 +28,8 @@ fn main(
         if !is_inside(seen) {
             continue;
         }
-        let pixel = u32(seen.at.y) * frame.width + u32(seen.at.x);
+        let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
+        let pixel = at.y * frame.width + at.x;
         let value = (u64(bitcast<u32>(seen.depth)) << 32u) | u64(number * CHUNK_POINTS + i);
         if value >= atomicLoad(&hits[pixel]) {
             continue;

@@ -6,11 +6,12 @@ mod gpu;
 mod scene;
 
 use esker_lod::View;
+use esker_points::{Lattice, Node};
 use esker_render::camera::Camera;
 use esker_render::gpu::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer};
 use esker_render::project::{DrawList, EMPTY, project, unpack};
-use esker_render::{DrawNode, Frame};
+use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
 use gpu::{gpus, laid_frame, lay, name};
 use scene::{Dice, Scene, sheet, sphere};
@@ -32,11 +33,7 @@ fn on_cpu(frame: &Frame<'_>) -> Winners {
     target.iter().map(value).map(|v| (v != EMPTY).then(|| unpack(v))).collect()
 }
 
-fn on_gpu(gpu: &Gpu, frame: &Frame<'_>) -> Winners {
-    let laid = lay(gpu, frame.draws, PAGE_BYTES);
-    let frame = laid_frame(frame, &laid.draws);
-    let mut renderer = GpuRenderer::new(gpu).unwrap();
-    renderer.render(&frame, &laid.pool).unwrap();
+fn winners(gpu: &Gpu, frame: &Frame<'_>, renderer: &GpuRenderer) -> Winners {
     let (hits, cut) = renderer.hits();
     let buffer = hits.buffer().unwrap();
     let bytes = read(gpu, &[(buffer, buffer.size())]).unwrap().remove(0);
@@ -65,30 +62,43 @@ fn on_gpu(gpu: &Gpu, frame: &Frame<'_>) -> Winners {
         .collect()
 }
 
-/// Draws a frame on both; both must show something.
-fn same_points_win(what: &str, frame: &Frame<'_>) {
-    let cpu = on_cpu(frame);
+/// How many pixels differ.
+fn differing(a: &Winners, b: &Winners) -> usize {
+    a.iter().zip(b).filter(|(a, b)| a.map(|a| a.1) != b.map(|b| b.1)).count()
+}
+
+/// Draws frames on the CPU and on each device, by one renderer; all must show something.
+fn same_points_win(frames: &[(&str, Frame<'_>)]) {
+    let cpu: Vec<_> = frames.iter().map(|(_, frame)| on_cpu(frame)).collect();
+    for gpu in gpus() {
+        let (before, on) = (gpu.bytes(), name(&gpu));
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        for ((what, frame), cpu) in frames.iter().zip(&cpu) {
+            let laid = lay(&gpu, frame.draws, PAGE_BYTES);
+            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            assert!(renderer.hits().1.work.len() > 1, "{what}: all planes lie in one page");
+            are_the_same(&format!("{what}, {on}"), cpu, &winners(&gpu, frame, &renderer));
+        }
+        drop(renderer);
+        assert_eq!(gpu.fault(), None, "{on}");
+        assert_eq!(gpu.bytes(), before, "buffers are left on {on}");
+    }
+}
+
+fn are_the_same(what: &str, cpu: &Winners, gpu: &Winners) {
     let covered = cpu.iter().flatten().count();
     assert!(covered * 50 > cpu.len(), "{what}: {covered} pixels are no picture");
-    for gpu in gpus() {
-        let before = gpu.bytes();
-        let other = on_gpu(&gpu, frame);
-        assert_eq!(other.len(), cpu.len());
-        let mut differing = 0;
-        for (&a, &b) in cpu.iter().zip(&other) {
-            match (a, b) {
-                (Some((depth, a)), Some((other, b))) if a == b => {
-                    assert!((depth - other).abs() <= 1e-4 * depth, "{what}: {depth} and {other}");
-                }
-                (a, b) => differing += usize::from(a != b),
-            }
+    assert_eq!(cpu.len(), gpu.len());
+    for (&a, &b) in cpu.iter().zip(gpu) {
+        if let (Some((depth, a)), Some((other, b))) = (a, b)
+            && a == b
+        {
+            assert!((depth - other).abs() <= 1e-4 * depth, "{what}: {depth} and {other}");
         }
-        let gpu_name = name(&gpu);
-        eprintln!("{what}: {differing} of {} pixels by {gpu_name}", cpu.len());
-        assert!(differing * 1000 <= cpu.len(), "{what}: {differing} pixels differ on {gpu_name}");
-        assert_eq!(gpu.fault(), None, "{what}: {gpu_name}");
-        assert_eq!(gpu.bytes(), before, "{what}: buffers are left on {gpu_name}");
     }
+    let differing = differing(cpu, gpu);
+    eprintln!("{what}: {differing} of {} pixels", cpu.len());
+    assert!(differing * 1000 <= cpu.len(), "{what}: {differing} pixels have other points");
 }
 
 /// A ball above a floor of several nodes.
@@ -109,24 +119,29 @@ fn view(extent: f64, width: u32, height: u32) -> View {
 fn the_same_points_win_with_and_without_the_test_of_normals() {
     let scene = ball_and_floor(1e-3, 1.0, 3000);
     let (view, draws) = (view(1.0, 203, 151), scene.draws(true, true, true));
-    for cull_back_faces in [true, false] {
-        let frame = Frame { cull_back_faces, ..scene.frame(&view, &draws) };
-        same_points_win(&format!("culling: {cull_back_faces}"), &frame);
-    }
+    let with = Frame { cull_back_faces: true, ..scene.frame(&view, &draws) };
+    let without = Frame { cull_back_faces: false, ..with };
+    same_points_win(&[("culling", with), ("not culling", without)]);
 }
 
 #[test]
 fn residuals_of_no_four_and_six_bytes_are_read_alike() {
-    for (step, shifts) in [(1e-3, 0..=0), (1e-6, 1..=10), (1e-9, 11..=16)] {
+    let scenes = [(1e-3, 0..=0), (1e-6, 1..=10), (1e-9, 11..=16)].map(|(step, shifts)| {
         let scene = ball_and_floor(step, 1.0, 5001);
         assert!(scene.nodes.iter().any(|n| shifts.contains(&n.node.hot_shift)), "{step}");
-        let view = view(1.0, 200, 150);
-        for residual in [true, false] {
-            let draws = scene.draws(residual, false, false);
-            let frame = scene.frame(&view, &draws);
-            same_points_win(&format!("step {step}, residuals {residual}"), &frame);
-        }
-    }
+        scene
+    });
+    let view = view(1.0, 200, 150);
+    let draws = scenes.each_ref().map(|s| [true, false].map(|r| s.draws(r, false, false)));
+    let frame = |scene: usize, bare: usize| scenes[scene].frame(&view, &draws[scene][bare]);
+    same_points_win(&[
+        ("none", frame(0, 0)),
+        ("none, no plane", frame(0, 1)),
+        ("four bytes", frame(1, 0)),
+        ("four bytes, no plane", frame(1, 1)),
+        ("six bytes", frame(2, 0)),
+        ("six bytes, no plane", frame(2, 1)),
+    ]);
 }
 
 #[test]
@@ -139,8 +154,8 @@ fn far_coordinates_and_points_behind_the_near_plane_are_no_other() {
     let look = |eye: DVec3, target| View::look_at(eye + far, target + far, DVec3::Z, 1.4, 200, 150);
     let inside = look(DVec3::new(0.2, 0.1, 0.4), DVec3::new(1.0, 0.3, 0.1));
     let moved = View { eye: outside.eye + far, ..outside };
-    same_points_win("far", &scene.frame(&moved, &draws));
-    same_points_win("inside", &Frame { cull_back_faces: false, ..scene.frame(&inside, &draws) });
+    let inside = Frame { cull_back_faces: false, ..scene.frame(&inside, &draws) };
+    same_points_win(&[("far", scene.frame(&moved, &draws)), ("inside", inside)]);
 }
 
 #[test]
@@ -159,5 +174,73 @@ fn planes_shorter_than_the_prefix_end_it() {
             _ => DrawNode { prefix: 1777, ..d },
         })
         .collect();
-    same_points_win("short planes", &scene.frame(&view, &draws));
+    same_points_win(&[("short planes", scene.frame(&view, &draws))]);
+}
+
+#[test]
+fn many_nodes_of_few_points_are_drawn_by_a_renderer_that_drew_few() {
+    let scene = ball_and_floor(1e-4, 1.0, 24);
+    let (small, large) = (view(1.0, 64, 48), view(1.0, 200, 150));
+    let draws = scene.draws(true, false, true);
+    assert!(draws.len() > 1000);
+    let few = scene.frame(&small, &draws[..draws.len() / 4]);
+    let many = scene.frame(&large, &draws);
+    let cpu = [few, many, few].map(|f| on_cpu(&f));
+    for gpu in gpus() {
+        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        for (frame, cpu) in [few, many, few].iter().zip(&cpu) {
+            let draws = &laid.draws[..frame.draws.len()];
+            renderer.render(&laid_frame(frame, draws), &laid.pool).unwrap();
+            are_the_same(&name(&gpu), cpu, &winners(&gpu, frame, &renderer));
+        }
+    }
+}
+
+#[test]
+fn any_bits_are_a_harmless_picture() {
+    let mut dice = Dice(99);
+    let mut bytes = |count: usize| (0..count).map(|_| dice.bits() as u8).collect::<Vec<u8>>();
+    let gpus = gpus();
+    let mut renderers: Vec<_> = gpus.iter().map(|g| GpuRenderer::new(g).unwrap()).collect();
+    for (round, scale) in [1e-3, 1e-300, 1e300, 1e-9].into_iter().cycle().take(8).enumerate() {
+        let planes: Vec<_> = [800, 600, 400, 300].map(&mut bytes).to_vec();
+        let mut nodes: Vec<Node> =
+            (0..5).map(|_| bytemuck::pod_read_unaligned(&bytes(size_of::<Node>()))).collect();
+        // Where the camera looks, so that points do reach the picture.
+        (nodes[0].box_min, nodes[0].hot_shift) = ([1 << 31; 3], 0);
+        let draws: Vec<_> = nodes
+            .iter()
+            .map(|node| DrawNode {
+                node,
+                entry: round * 1_000_000,
+                prefix: usize::MAX >> (round * 5),
+                position: &planes[0][..],
+                residual: (round % 2 == 0).then_some(&planes[1][..]),
+                colour: ColourPlane::Rgba(&planes[2][..]),
+                normal: (round % 3 > 0).then_some(&planes[3][..]),
+            })
+            .collect();
+        let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };
+        let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);
+        let view = View::look_at(target * 3.0, target, DVec3::Z, 1.0, 40, 30);
+        let frame = Frame {
+            view: &view,
+            lattice: &lattice,
+            draws: &draws,
+            octree: None,
+            method: Method::Points,
+            colour: ColourBy::Rgb,
+            cull_back_faces: true,
+            background: Background::default(),
+        };
+        for (gpu, renderer) in gpus.iter().zip(&mut renderers) {
+            let laid = lay(gpu, &draws, PAGE_BYTES);
+            renderer.render(&laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
+            for (depth, _) in winners(gpu, &frame, renderer).into_iter().flatten() {
+                assert!(depth > 0.0 && depth < f32::INFINITY, "{depth} on {}", name(gpu));
+            }
+            assert_eq!(gpu.fault(), None, "{}", name(gpu));
+        }
+    }
 }
