@@ -1,7 +1,8 @@
-//! Where a session's main memory goes, before any of it is taken: what cannot be less, and how much of
-//! the rest is lent to the loaders. `--budget-ram` bounds the sum; `--budget-gpu` bounds the drawing
-//! slots by itself.
+//! Where a session's memory goes, before any of it is taken: what cannot be less, and how much of the rest is
+//! lent to the loaders. `--budget-ram` bounds main memory; `--budget-gpu` the drawing slots where these lie in
+//! main memory, and on a GPU all of its buffers.
 
+use crate::options::Options;
 use crate::quantity::readable_bytes;
 use crate::staging::RUN_BYTES;
 use anyhow::{Result, ensure};
@@ -71,6 +72,61 @@ impl Shares {
     /// Runs of staging.
     pub fn runs(&self) -> usize {
         (self.staging_bytes / RUN_BYTES as u64) as usize
+    }
+}
+
+/// Bytes a pixel of the GPU renderer's buffers and textures: frame buffer 8, pyramid with normals 70, picture
+/// with depth 12, targets of point primitives 12, edges and relief 20.
+const GPU_PIXEL_BYTES: u64 = 128;
+/// Bytes a drawn node: its rows in the tables of draws, of chunks and of the octree, which grow by doubling.
+const GPU_NODE_BYTES: u64 = 512;
+/// Uniforms, colour maps, timestamps, depth tiles on their way back.
+const GPU_FIXED_BYTES: u64 = 1 << 20;
+/// Node planes at least: the root and what makes it finer.
+const POOL_BYTES_MIN: u64 = 1 << 20;
+/// Runs of upload memory at most: two for each of eight loaders.
+const GPU_RUNS_MAX: u64 = 16;
+
+/// The shares of GPU memory, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GpuShares {
+    /// The renderer's buffers for the largest picture and cut.
+    pub picture_bytes: u64,
+    /// Mapped upload runs that are lent to loaders.
+    pub runs: usize,
+    /// What is left for node planes.
+    pub pool_bytes: u64,
+}
+
+impl GpuShares {
+    /// Of a session's budget for this file.
+    ///
+    /// # Errors
+    /// Where the budget is too small; the least that works is in the message.
+    pub fn of(file: &EskerFile, options: &Options) -> Result<Self> {
+        let [width, height] = options.size.map(u64::from);
+        let nodes = file.footer().nodes.min(options.nodes_max as u64);
+        let picture_bytes =
+            width * height * GPU_PIXEL_BYTES + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
+        let budget_bytes = options.budget_gpu_bytes;
+        let run_bytes = RUN_BYTES as u64;
+        let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);
+        let least = picture_bytes + runs_min * run_bytes + POOL_BYTES_MIN;
+        ensure!(
+            budget_bytes >= least,
+            "{}: a budget of GPU memory of {} is too small: {} is the least (pictures of {width}x{height} {}); \
+             raise --budget-gpu, or draw smaller pictures",
+            file.path().display(),
+            readable_bytes(budget_bytes),
+            at_least(least),
+            readable_bytes(picture_bytes),
+        );
+        // A sixteenth of what is left goes to the runs.
+        let free = budget_bytes - picture_bytes;
+        let runs = options
+            .runs
+            .map_or((free / 16 / run_bytes).clamp(RUNS_MIN, GPU_RUNS_MAX), |r| r as u64);
+        Ok(Self { picture_bytes, runs: runs as usize, pool_bytes: free - runs * run_bytes })
     }
 }
 

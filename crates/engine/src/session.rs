@@ -13,7 +13,7 @@ use crate::backend::{Backend, Drawer};
 use crate::budget::Shares;
 use crate::colour::{Colouring, colouring};
 pub use crate::options::Options;
-use crate::painter::{CpuPainter, Painter, Scene};
+use crate::painter::{CpuPainter, GpuPainter, Painter, Scene};
 pub use crate::painter::{GpuBytes, Image};
 use crate::{info, system};
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -89,7 +89,8 @@ impl Session {
         let mut session =
             Self { file, options, colouring, shares, drawer, running: None, stalls: 0 };
         let started = match gpu {
-            Some(gpu) => Err(anyhow::anyhow!("{}: sessions are drawn by the CPU so far", gpu.name)),
+            Some(gpu) => GpuPainter::new(gpu, &session.file, &session.options)
+                .and_then(|painter| session.start(Box::new(painter))),
             None => session.start_on_cpu(),
         };
         started.or_else(|fault| session.fall_back(fault))?;

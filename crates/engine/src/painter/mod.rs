@@ -2,8 +2,10 @@
 //! one on a GPU; the session keeps the order of a frame (drain, cut, upload, draw), a painter does each step.
 
 mod cpu;
+mod gpu;
 
 pub(crate) use cpu::CpuPainter;
+pub(crate) use gpu::GpuPainter;
 
 use crate::colour::Colouring;
 use anyhow::Result;

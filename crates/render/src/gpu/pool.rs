@@ -41,6 +41,11 @@ impl NodePool {
         self.bytes
     }
 
+    /// Bytes of the pages that are there.
+    pub fn taken_bytes(&self) -> u64 {
+        self.pages.iter().flatten().map(|page| page.size()).sum()
+    }
+
     /// Bytes of a page, which no plane straddles; the last page may be shorter.
     pub fn page_bytes(&self) -> u64 {
         self.page_bytes
