@@ -1,0 +1,118 @@
+//! The command line of the window.
+
+use clap::{Parser, ValueEnum};
+use esker_engine::camera::Camera;
+use esker_engine::{Method, quantity};
+use std::path::PathBuf;
+
+/// Flies through an .esker file, or a scan, in a window.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "esker-view", version, about)]
+pub struct Args {
+    /// An .esker file; or scans, which are built first, into a temporary file.
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    /// What draws the scene: a GPU where there is one that is no software driver, else the CPU.
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: Backend,
+    /// What draws the window itself: a graphics driver where there is any, else the CPU.
+    #[arg(long, value_enum, default_value_t)]
+    pub window: WindowBy,
+    /// Width and height of the window, in points.
+    #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    /// Points alone, or closed surfaces.
+    #[arg(long, value_enum, default_value_t)]
+    pub method: MethodArg,
+    /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
+    #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
+    pub camera: Camera,
+    /// rgb, intensity, elevation, classification, normal, level, depth, plain, or any attribute's name.
+    #[arg(long, value_name = "WHAT")]
+    pub colour_by: Option<String>,
+    /// Drawing memory.
+    #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
+    pub budget_gpu: u64,
+    /// Main memory beside that: table, statistics, staging, the renderer's buffers.
+    #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
+    pub budget_ram: u64,
+    /// Points drawn at most; what the backend draws fluently where not said.
+    #[arg(long, value_name = "N")]
+    pub budget_points: Option<u64>,
+    /// Distance of neighbouring points on the picture that is fine enough, in pixels.
+    #[arg(long, value_name = "PX", default_value_t = 1.0, value_parser = parse_spacing)]
+    pub target_spacing: f64,
+    /// Draw what is hidden, too.
+    #[arg(long)]
+    pub no_occlusion: bool,
+    /// Memory that building from scans may use, such as 4GiB.
+    #[arg(long, value_name = "BYTES", value_parser = quantity::bytes)]
+    pub memory: Option<u64>,
+    /// Folder for what is built from scans; the system's temporary one where not said.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+    /// Do what this file says in place of a hand, write what came of it, and close.
+    #[arg(long, value_name = "SCRIPT.json")]
+    pub script: Option<PathBuf>,
+    /// Start without the panel.
+    #[arg(long)]
+    pub no_panel: bool,
+}
+
+/// What draws the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// A GPU that is no software driver, else the CPU.
+    #[default]
+    Auto,
+    /// A GPU, software drivers included.
+    Gpu,
+    /// The CPU renderer.
+    Cpu,
+}
+
+/// What draws the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum WindowBy {
+    /// A driver where there is any, else the CPU.
+    #[default]
+    Auto,
+    /// A graphics driver: Vulkan, Metal, Direct3D or OpenGL.
+    Driver,
+    /// A graphics driver: OpenGL.
+    Gl,
+    /// The CPU.
+    Cpu,
+}
+
+/// How points become a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MethodArg {
+    /// One pixel a point.
+    Points,
+    /// Surfaces closed by pull-push interpolation.
+    #[default]
+    PullPush,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Points => Self::Points,
+            MethodArg::PullPush => Self::PullPush,
+        }
+    }
+}
+
+fn parse_camera(text: &str) -> Result<Camera, String> {
+    Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+fn parse_spacing(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if (0.0..=1e6).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("{value} pixels are out of range"))
+    }
+}

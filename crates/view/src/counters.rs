@@ -1,0 +1,73 @@
+//! What the panel counts: taken from each frame and from the session's status, plain numbers.
+
+use esker_engine::{Cut, Status};
+
+/// Counts of the newest frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Counters {
+    /// Nodes drawn.
+    pub nodes: u64,
+    /// Points drawn.
+    pub points: u64,
+    /// Nodes that something hides.
+    pub occluded: u64,
+    /// Whether nothing more comes for this view.
+    pub settled: bool,
+    /// Milliseconds of the choice that was drawn.
+    pub lod_ms: f64,
+    /// Milliseconds of drawing.
+    pub draw_ms: f64,
+    /// What streaming is at.
+    pub status: Status,
+    /// Bytes read a second, over the last second.
+    pub read_rate: f64,
+    /// Calls that read a second, over the last second.
+    pub reads_rate: f64,
+    sample: Option<(f64, u64, u64)>,
+}
+
+impl Counters {
+    /// Takes a drawn frame.
+    pub fn take_frame(&mut self, cut: &Cut, points: u64, draw_ms: f64) {
+        self.nodes = cut.nodes.len() as u64;
+        self.points = points;
+        self.occluded = (cut.counters.occluded + cut.counters.contour_occluded) as u64;
+        self.settled = cut.settled;
+        self.lod_ms = cut.lod_ms;
+        self.draw_ms = draw_ms;
+    }
+
+    /// Takes the status at this time, seconds.
+    pub fn take_status(&mut self, status: Status, now_s: f64) {
+        let (then_s, bytes, reads) =
+            self.sample.unwrap_or((now_s, status.read_bytes, status.reads));
+        let seconds = now_s - then_s;
+        // A session that was opened again counts from zero.
+        let restarted = status.read_bytes < bytes || status.reads < reads;
+        if restarted || self.sample.is_none() {
+            self.sample = Some((now_s, status.read_bytes, status.reads));
+        } else if seconds >= 0.5 {
+            self.read_rate = (status.read_bytes - bytes) as f64 / seconds;
+            self.reads_rate = (status.reads - reads) as f64 / seconds;
+            self.sample = Some((now_s, status.read_bytes, status.reads));
+        }
+        self.status = status;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_of_the_last_half_second_and_survive_a_reopened_session() {
+        let mut counters = Counters::default();
+        let status = |read_bytes, reads| Status { read_bytes, reads, ..Status::default() };
+        counters.take_status(status(1000, 1), 10.0);
+        counters.take_status(status(3000, 5), 12.0);
+        assert_eq!((counters.read_rate, counters.reads_rate), (1000.0, 2.0));
+        counters.take_status(status(10, 1), 12.1);
+        counters.take_status(status(110, 2), 13.1);
+        assert_eq!(counters.read_rate, 100.0);
+    }
+}

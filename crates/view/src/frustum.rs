@@ -1,0 +1,90 @@
+//! The frustum of a frozen cut as lines, seen from outside: from its eye to the corners of a rectangle before it.
+
+use eframe::egui::{Color32, Painter, Pos2, Rect, Stroke, pos2};
+use esker_engine::View;
+use glam::DVec3;
+
+/// Share of the near plane's distance that lines are cut off beyond it.
+const NEARLY: f64 = 1.001;
+
+/// The corners of the view's picture at this eye depth, world, around it in order.
+pub fn corners(view: &View, depth: f64) -> [DVec3; 4] {
+    let tan = view.tan_half();
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+        view.eye + view.world_from_view * DVec3::new(x * tan.x * depth, y * tan.y * depth, -depth)
+    })
+}
+
+/// The edges of the frustum down to this depth, as lines between world points.
+pub fn edges(view: &View, depth: f64) -> Vec<[DVec3; 2]> {
+    let far = corners(view, depth);
+    (0..4).flat_map(|i| [[view.eye, far[i]], [far[i], far[(i + 1) % 4]]]).collect()
+}
+
+/// A line between world points on another view's picture, pixels: the part of it that lies before that eye.
+pub fn project(seen: &View, line: [DVec3; 2]) -> Option<[[f64; 2]; 2]> {
+    let [a, b] = line.map(|p| seen.to_view(p));
+    let near = seen.near * NEARLY;
+    let cut = |inside: DVec3, outside: DVec3| {
+        let share = (near + inside.z) / (inside.z - outside.z);
+        inside + (outside - inside) * share
+    };
+    let [a, b] = match [a, b].map(|p| -p.z >= near) {
+        [true, true] => [a, b],
+        [true, false] => [a, cut(a, b)],
+        [false, true] => [cut(b, a), b],
+        [false, false] => return None,
+    };
+    let on = [a, b].map(|p| {
+        let scale = seen.focal_px() / (-p.z).max(seen.near);
+        [f64::from(seen.width) * 0.5 + p.x * scale, f64::from(seen.height) * 0.5 - p.y * scale]
+    });
+    on.iter().flatten().all(|v| v.is_finite()).then_some(on)
+}
+
+/// Paints the frustum of `frozen` over a picture of `seen` shown at this place.
+pub fn paint(painter: &Painter, place: Rect, frozen: &View, seen: &View, depth: f64, ink: Color32) {
+    let size = [f64::from(seen.width), f64::from(seen.height)];
+    let at = |p: [f64; 2]| -> Pos2 {
+        let x = (p[0] / size[0]).clamp(-100.0, 100.0) as f32;
+        let y = (p[1] / size[1]).clamp(-100.0, 100.0) as f32;
+        pos2(place.left() + x * place.width(), place.top() + y * place.height())
+    };
+    for line in edges(frozen, depth) {
+        if let Some([a, b]) = project(seen, line) {
+            let line = [at(a), at(b)];
+            painter.line_segment(line, Stroke::new(3.0, Color32::from_black_alpha(140)));
+            painter.line_segment(line, Stroke::new(1.5, ink));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(eye: DVec3, target: DVec3) -> View {
+        esker_engine::camera::Camera { eye: Some(eye), target: Some(target), ..Default::default() }
+            .view([[0.0; 3], [1.0; 3]], [200, 100])
+    }
+
+    #[test]
+    fn corners_of_a_view_lie_at_the_corners_of_its_picture() {
+        let view = view(DVec3::new(1e7, 2e7, 50.0), DVec3::new(1e7 + 3.0, 2e7 + 4.0, 40.0));
+        let on = corners(&view, 10.0).map(|c| view.project(c).unwrap());
+        for (on, should) in on.iter().zip([[0.0, 100.0], [200.0, 100.0], [200.0, 0.0], [0.0, 0.0]])
+        {
+            assert!((on.x - should[0]).abs() < 1e-4 && (on.y - should[1]).abs() < 1e-4, "{on}");
+        }
+    }
+
+    #[test]
+    fn lines_are_cut_at_the_eye_and_left_out_behind_it() {
+        let seen = view(DVec3::ZERO, DVec3::Y);
+        assert_eq!(project(&seen, [-DVec3::Y, -DVec3::Y * 2.0]), None);
+        let [a, b] =
+            project(&seen, [DVec3::new(0.0, 5.0, 0.0), DVec3::new(0.1, -5.0, 0.0)]).unwrap();
+        assert_eq!(a, [100.0, 50.0]);
+        assert!(b[0] > 200.0, "it leaves the picture to the right");
+    }
+}

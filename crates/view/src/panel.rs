@@ -1,0 +1,253 @@
+//! The panel beside the picture: how long frames take, what is drawn and loaded, what it may cost, how it is drawn.
+//! Shows what it is given and says what the user asks for; does nothing itself.
+
+use crate::counters::Counters;
+use crate::plot;
+use crate::settings::Settings;
+use crate::theme;
+use crate::times::Times;
+use eframe::egui::{
+    Align, Button, CollapsingHeader, ComboBox, Grid, Label, Layout, ProgressBar, RichText,
+    ScrollArea, Slider, Ui,
+};
+use esker_engine::Method;
+use esker_engine::quantity::{grouped, readable_bytes};
+
+/// Points budgets that the slider offers.
+const POINTS: std::ops::RangeInclusive<u64> = 100_000..=200_000_000;
+/// Target spacings, pixels.
+const SPACING: std::ops::RangeInclusive<f64> = 0.5..=8.0;
+/// Drawing memory, MiB.
+const MEMORY_MIB: std::ops::RangeInclusive<u64> = 32..=32_768;
+
+/// What the panel shows.
+pub struct Facts<'a> {
+    /// The file's name.
+    pub name: &'a str,
+    /// What else there is to say of it.
+    pub about: &'a str,
+    /// The frames of the last seconds.
+    pub times: &'a Times,
+    /// Counts.
+    pub counters: &'a Counters,
+    /// Bytes of main memory that are this process's own; 0 where the system does not tell.
+    pub anon_bytes: u64,
+    /// What draws, and on which adapter.
+    pub backend: &'a str,
+    /// Where colours can come from.
+    pub sources: &'a [String],
+    /// Size of the picture, pixels.
+    pub picture: [u32; 2],
+    /// Speed of the camera in the file's unit a second.
+    pub speed: f64,
+    /// Whether the cut is frozen.
+    pub is_frozen: bool,
+    /// What went wrong, newest last.
+    pub faults: &'a [String],
+    /// What was done, such as where a screenshot lies.
+    pub said: Option<&'a str>,
+}
+
+/// What the user asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Asked {
+    /// To freeze the cut, or to let it go.
+    pub freeze: bool,
+    /// To write a picture.
+    pub screenshot: bool,
+    /// To go where the camera stood first.
+    pub home: bool,
+    /// To hide the panel.
+    pub hide: bool,
+}
+
+impl Asked {
+    /// What is asked for by either.
+    pub fn add(&mut self, other: Self) {
+        self.freeze |= other.freeze;
+        self.screenshot |= other.screenshot;
+        self.home |= other.home;
+        self.hide |= other.hide;
+    }
+}
+
+/// Shows the panel; changes `wanted` and `is_coarser_moving` as the user does.
+pub fn show(
+    ui: &mut Ui,
+    facts: &Facts<'_>,
+    wanted: &mut Settings,
+    is_coarser_moving: &mut bool,
+) -> Asked {
+    let mut asked = Asked::default();
+    ui.horizontal(|ui| {
+        ui.add(Label::new(RichText::new(facts.name).heading().strong()).truncate());
+    });
+    ui.add(Label::new(RichText::new(facts.about).color(theme::FAINT)).wrap());
+    ui.add_space(4.0);
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        plot::show(ui, facts.times);
+        counters(ui, facts, wanted);
+        section(ui, "Drawing");
+        drawing(ui, facts, wanted, is_coarser_moving);
+        section(ui, "Budgets");
+        budgets(ui, wanted);
+        ui.add_space(8.0);
+        actions(ui, facts, &mut asked);
+        messages(ui, facts);
+        help(ui);
+    });
+    asked
+}
+
+fn section(ui: &mut Ui, name: &str) {
+    ui.add_space(8.0);
+    ui.label(RichText::new(name).strong().color(theme::ACCENT));
+}
+
+fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
+    let (counters, status) = (facts.counters, &facts.counters.status);
+    ui.add_space(4.0);
+    let [width, height] = facts.picture;
+    let loading = status.requests_waiting + status.requests_in_flight;
+    let state = match (counters.settled, loading) {
+        (true, _) => "complete".to_owned(),
+        (false, 0) => "choosing".to_owned(),
+        (false, n) => format!("{n} requests"),
+    };
+    Grid::new("counters").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+        row(ui, "points", &grouped(counters.points));
+        row(ui, "nodes drawn", &grouped(counters.nodes));
+        row(ui, "hidden", &grouped(counters.occluded));
+        row(ui, "resident", &grouped(status.nodes_resident as u64));
+        row(ui, "loading", &state);
+        let rate = format!(
+            "{}/s, {:.0} reads/s",
+            readable_bytes(counters.read_rate as u64),
+            counters.reads_rate
+        );
+        row(ui, "read", &rate);
+        row(ui, "choose, draw", &format!("{:.1}, {:.1} ms", counters.lod_ms, counters.draw_ms));
+        row(ui, "picture", &format!("{width} x {height}"));
+        row(ui, "speed", &format!("{} a second", length(facts.speed)));
+    });
+    ui.add_space(4.0);
+    budget_bar(ui, "drawing memory", status.drawing_bytes, settings.budget_gpu_bytes);
+    if facts.anon_bytes > 0 {
+        let budget = settings.budget_ram_bytes + settings.budget_gpu_bytes;
+        budget_bar(ui, "main memory", facts.anon_bytes, budget);
+    }
+}
+
+/// A length in the file's unit, short.
+fn length(value: f64) -> String {
+    match value.abs() {
+        v if v >= 100.0 => format!("{value:.0}"),
+        v if v >= 1.0 => format!("{value:.1}"),
+        _ => format!("{value:.3}"),
+    }
+}
+
+fn row(ui: &mut Ui, name: &str, value: &str) {
+    ui.label(RichText::new(name).color(theme::FAINT));
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+        ui.label(RichText::new(value).monospace());
+    });
+    ui.end_row();
+}
+
+fn budget_bar(ui: &mut Ui, name: &str, bytes: u64, budget: u64) {
+    let share = bytes as f32 / budget.max(1) as f32;
+    let text = format!("{name}  {} of {}", readable_bytes(bytes), readable_bytes(budget));
+    let fill = if share > 1.0 { theme::FAULT } else { theme::COOL.gamma_multiply(0.55) };
+    let bar = ProgressBar::new(share.min(1.0)).fill(fill).corner_radius(3.0).desired_height(17.0);
+    ui.add(bar.text(RichText::new(text).size(11.0)));
+}
+
+fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
+    ui.horizontal(|ui| {
+        for (method, name) in [(Method::PullPush, "Surfaces"), (Method::Points, "Points")] {
+            ui.selectable_value(&mut wanted.method, method, name);
+        }
+    });
+    ui.horizontal(|ui| {
+        let shown = wanted.colour_by.as_deref().unwrap_or("best there is").to_owned();
+        ui.label(RichText::new("colours").color(theme::FAINT));
+        ComboBox::from_id_salt("colours").selected_text(shown).width(150.0).show_ui(ui, |ui| {
+            ui.selectable_value(&mut wanted.colour_by, None, "best there is");
+            for source in facts.sources {
+                let value = Some(source.clone());
+                ui.selectable_value(&mut wanted.colour_by, value, source);
+            }
+        });
+    });
+    ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
+    ui.checkbox(is_coarser_moving, "coarser while moving");
+}
+
+fn budgets(ui: &mut Ui, wanted: &mut Settings) {
+    let points = Slider::new(&mut wanted.points_budget, POINTS)
+        .logarithmic(true)
+        .custom_formatter(|n, _| format!("{:.1} M", n / 1e6))
+        .custom_parser(|text| {
+            text.trim().trim_end_matches(['M', ' ']).parse::<f64>().ok().map(|n| n * 1e6)
+        });
+    ui.label(RichText::new("points at most").color(theme::FAINT));
+    ui.add(points);
+    ui.label(RichText::new("distance of points, pixels").color(theme::FAINT));
+    ui.add(Slider::new(&mut wanted.target_spacing_px, SPACING).logarithmic(true).fixed_decimals(2));
+    let mut mib = wanted.budget_gpu_bytes >> 20;
+    ui.label(RichText::new("drawing memory, MiB").color(theme::FAINT));
+    if ui.add(Slider::new(&mut mib, MEMORY_MIB).logarithmic(true)).changed() {
+        wanted.budget_gpu_bytes = mib << 20;
+    }
+}
+
+fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
+    ui.horizontal_wrapped(|ui| {
+        let freeze = Button::selectable(facts.is_frozen, "Freeze the cut");
+        asked.freeze = ui.add(freeze).on_hover_text("Space: look at it from outside").clicked();
+        asked.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
+        asked.home = ui.button("Home").on_hover_text("F").clicked();
+        asked.hide = ui.button("Hide").on_hover_text("Tab").clicked();
+    });
+}
+
+fn messages(ui: &mut Ui, facts: &Facts<'_>) {
+    ui.add_space(6.0);
+    ui.add(Label::new(RichText::new(facts.backend).small().color(theme::FAINT)).wrap());
+    if let Some(said) = facts.said {
+        ui.add(Label::new(RichText::new(said).small().color(theme::COOL)).wrap());
+    }
+    for fault in facts.faults {
+        ui.add(Label::new(RichText::new(fault).color(theme::FAULT)).wrap());
+    }
+}
+
+/// Keys and buttons, and what they do.
+pub const HELP: [(&str, &str); 12] = [
+    ("W A S D", "fly"),
+    ("E  Q", "up, down"),
+    ("Shift  Alt", "faster, slower"),
+    ("left button", "orbit around the point"),
+    ("right button", "look around"),
+    ("middle, Shift+left", "move sideways"),
+    ("wheel", "zoom to the pointer"),
+    ("wheel while flying", "change the speed"),
+    ("double click", "fly there"),
+    ("F  Home", "back to the start"),
+    ("M  C  O", "method, colours, hiding"),
+    ("Space  P  Tab", "freeze, picture, panel"),
+];
+
+fn help(ui: &mut Ui) {
+    ui.add_space(4.0);
+    CollapsingHeader::new(RichText::new("Keys").color(theme::FAINT)).show(ui, |ui| {
+        Grid::new("keys").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
+            for (key, what) in HELP {
+                ui.label(RichText::new(key).monospace().size(11.0));
+                ui.label(RichText::new(what).color(theme::FAINT));
+                ui.end_row();
+            }
+        });
+    });
+}

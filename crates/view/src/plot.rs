@@ -1,0 +1,41 @@
+//! The plot of frame times: the last seconds, the middle frame and the 99th of a hundred.
+
+use crate::theme;
+use crate::times::Times;
+use eframe::egui::{RichText, Ui};
+use egui_plot::{HLine, Line, Plot, PlotPoints};
+
+/// Milliseconds that the plot shows at least.
+const MS_MIN: f64 = 20.0;
+
+/// Shows the frames.
+pub fn show(ui: &mut Ui, times: &Times) {
+    let [median, late] = [0.5, 0.99].map(|share| times.quantile_ms(share));
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("frames").color(theme::FAINT));
+        ui.label(RichText::new(format!("p50 {median:.1}")).monospace().color(theme::ACCENT));
+        ui.label(RichText::new(format!("p99 {late:.1} ms")).monospace().color(theme::COOL));
+    });
+    let last = times.frames().last().map_or(0.0, |f| f.at_s);
+    let points: PlotPoints<'_> = times.frames().map(|f| [f.at_s - last, f.interval_ms]).collect();
+    let work: PlotPoints<'_> = times.frames().map(|f| [f.at_s - last, f.work_ms]).collect();
+    Plot::new("frames")
+        .height(90.0)
+        .show_axes([false, true])
+        .y_axis_min_width(24.0)
+        .include_y(0.0)
+        .include_y(MS_MIN)
+        .include_x(-times.window_s())
+        .include_x(0.0)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .show_x(false)
+        .show_y(false)
+        .show(ui, |plot| {
+            plot.hline(HLine::new("p99", late).color(theme::COOL).width(1.0));
+            plot.line(Line::new("work", work).color(theme::FAINT).width(1.0));
+            plot.line(Line::new("frame", points).color(theme::ACCENT).width(1.4));
+        });
+}

@@ -1,0 +1,94 @@
+//! What is shown in place of the picture while there is none: how far opening and building are, or what went wrong.
+
+use crate::source::Opening;
+use crate::theme;
+use eframe::egui::{
+    Align2, Area, Color32, Frame, Id, Label, Margin, Order, ProgressBar, Rect, RichText, Ui, vec2,
+};
+use esker_engine::quantity::grouped;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Between two looks at the builder's progress.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Seconds after which opening a file is worth a word.
+const PATIENCE_S: f64 = 0.4;
+/// Width of the box, points.
+const WIDTH: f32 = 420.0;
+
+/// Shows how far opening and building are.
+pub fn show(ui: &mut Ui, opening: &Opening, inputs: &[PathBuf]) {
+    let progress = opening.progress();
+    ui.ctx().request_repaint_after(LOOK_EVERY);
+    if progress.phase.is_empty() && progress.seconds < PATIENCE_S {
+        return;
+    }
+    boxed(ui, |ui| {
+        let names: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
+        let what = if progress.phase.is_empty() { "Opening" } else { "Building" };
+        ui.label(RichText::new(format!("{what} {}", names.join(", "))).heading());
+        ui.add_space(6.0);
+        if progress.phase.is_empty() {
+            ui.spinner();
+            return;
+        }
+        let bar = ProgressBar::new(progress.share().unwrap_or(0.0))
+            .fill(theme::ACCENT.gamma_multiply(0.7));
+        let percent = progress.share().map_or(String::new(), |s| format!("{:.0} %", s * 100.0));
+        ui.add(bar.desired_width(WIDTH - 40.0).corner_radius(3.0).text(percent));
+        let left = progress.left_s().map_or(String::new(), |s| format!(", {s:.0} s left"));
+        let line = format!(
+            "{}: {} {}, {} a second{left}",
+            progress.phase,
+            grouped(progress.done),
+            progress.unit,
+            grouped(progress.rate() as u64)
+        );
+        ui.label(RichText::new(line).color(theme::FAINT));
+        if let Some(note) = &progress.note {
+            ui.add(Label::new(RichText::new(note).small().color(theme::FAINT)).wrap());
+        }
+        ui.add_space(6.0);
+        if ui.button("Cancel").clicked() {
+            opening.cancel();
+        }
+    });
+}
+
+/// Shows why there is nothing to see.
+pub fn failed(ui: &mut Ui, fault: &str) {
+    boxed(ui, |ui| {
+        ui.label(RichText::new("Nothing to see").heading().color(theme::FAULT));
+        ui.add(Label::new(fault).wrap().selectable(true));
+    });
+}
+
+/// Shows a fault over the picture.
+pub fn fault_over(ui: &Ui, place: Rect, fault: &str) {
+    let area = Area::new(Id::unique("fault")).order(Order::Foreground).interactable(false);
+    let pivot = place.center_bottom() - vec2(0.0, 16.0);
+    area.fixed_pos(pivot).pivot(Align2::CENTER_BOTTOM).show(ui.ctx(), |ui| {
+        framed().show(ui, |ui| {
+            ui.set_max_width(place.width() * 0.8);
+            ui.label(RichText::new(fault).color(theme::FAULT));
+        });
+    });
+}
+
+fn framed() -> Frame {
+    Frame::NONE.fill(Color32::from_black_alpha(190)).inner_margin(Margin::same(12)).corner_radius(6)
+}
+
+fn boxed(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+    let place = ui.max_rect();
+    let area = Area::new(Id::unique("progress")).order(Order::Middle);
+    area.fixed_pos(place.center()).pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        Frame::NONE.fill(theme::PANEL).inner_margin(Margin::same(20)).corner_radius(8).show(
+            ui,
+            |ui| {
+                ui.set_width(WIDTH);
+                add(ui);
+            },
+        );
+    });
+}

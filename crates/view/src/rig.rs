@@ -1,0 +1,123 @@
+//! A scripted run: the script, who flies by it, and what is recorded. The report is written when the window closes.
+
+use crate::pilot::{Order, Pilot, Sight};
+use crate::report::{Flight, Record};
+use crate::script::{Script, Step};
+use crate::times::FrameTime;
+use anyhow::{Context, Result};
+use eframe::egui::RawInput;
+use esker_engine::bench::path::Path;
+use esker_engine::{EskerFile, Value, info, system};
+use std::io::Write;
+
+/// A scripted run.
+pub struct Rig {
+    script: Script,
+    pilot: Option<Pilot>,
+    /// What is recorded.
+    pub record: Record,
+    is_over: bool,
+}
+
+impl Rig {
+    /// For a script.
+    pub fn new(script: Script) -> Self {
+        Self { script, pilot: None, record: Record::default(), is_over: false }
+    }
+
+    /// Whether pictures may be coarser while the camera moves.
+    pub fn is_coarser_moving(&self) -> bool {
+        self.script.coarser_moving
+    }
+
+    /// Whether closing the window is all that is to be done.
+    pub fn closes_at_once(&self) -> bool {
+        let script = &self.script;
+        let mut steps = script.before.iter().chain(&script.flight).chain(&script.after);
+        steps.next() == Some(&Step::Close)
+    }
+
+    /// Gets ready to fly through a file.
+    ///
+    /// # Errors
+    /// Where a camera path cannot be read, or the system does not forget the file.
+    pub fn board(&mut self, file: &EskerFile, size: [u32; 2]) -> Result<()> {
+        if self.pilot.is_some() {
+            return Ok(());
+        }
+        if self.script.cold {
+            let path = file.path();
+            let opened = std::fs::File::open(path);
+            opened
+                .and_then(|f| system::forget(&f))
+                .with_context(|| format!("{}: cannot be forgotten", path.display()))?;
+        }
+        let bounds = info::bounds(file.metadata());
+        let mut paths = Vec::new();
+        let script = &self.script;
+        for step in script.before.iter().chain(&script.flight).chain(&script.after) {
+            if let Step::Path { file: name, .. } = step {
+                let path = match name {
+                    Some(name) => Path::read(name, bounds, size)?,
+                    None => Path::of(file, size),
+                };
+                paths.push((name.clone(), path));
+            }
+        }
+        self.pilot = Some(Pilot::new(self.script.clone(), paths));
+        Ok(())
+    }
+
+    /// The input of the next frame, and what else is to be done.
+    pub fn fly(&mut self, raw: &mut RawInput, sight: &Sight<'_>) -> Vec<Order> {
+        let Some(pilot) = &mut self.pilot else { return Vec::new() };
+        let orders = pilot.fly(raw, sight);
+        for order in &orders {
+            let (now, read) = (sight.now_s, sight.read_bytes);
+            match order {
+                Order::Begin => {
+                    let flight =
+                        Flight { span_s: [now; 2], read_bytes: [read; 2], ..Flight::default() };
+                    self.record.flights.push(flight);
+                    self.record.is_flying = true;
+                }
+                Order::End => {
+                    if let Some(flight) = self.record.flight() {
+                        (flight.span_s[1], flight.read_bytes[1]) = (now, read);
+                    }
+                    self.record.is_flying = false;
+                }
+                _ => {}
+            }
+        }
+        orders
+    }
+
+    /// Records a frame with so many points.
+    pub fn frame(&mut self, frame: FrameTime, points: u64) {
+        if let Some(flight) = self.record.flight() {
+            flight.frames.push(frame);
+            flight.points += points;
+            flight.empty += u64::from(points == 0);
+        }
+    }
+
+    /// Writes the report with what else there is to say; once.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn report(&mut self, with: Value) -> Result<()> {
+        if std::mem::replace(&mut self.is_over, true) {
+            return Ok(());
+        }
+        let mut report = self.record.json();
+        if let (Some(report), Value::Object(with)) = (report.as_object_mut(), with) {
+            report.extend(with);
+        }
+        match &self.script.report {
+            Some(path) => std::fs::write(path, format!("{report}\n"))
+                .with_context(|| format!("{}: cannot write the report", path.display())),
+            None => writeln!(std::io::stdout().lock(), "{report}").context("no standard output"),
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What the user can change while looking: budgets, detail, method, colours. Compared as a whole: what the running
+//! session cannot change is reopened.
+
+use esker_engine::session::Options;
+use esker_engine::{EskerFile, Method};
+
+/// What a session costs and how it draws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Points alone, or surfaces.
+    pub method: Method,
+    /// Where colours come from; the best there is where not said.
+    pub colour_by: Option<String>,
+    /// Points drawn at most.
+    pub points_budget: u64,
+    /// Distance of neighbouring points on the picture that is fine enough, pixels.
+    pub target_spacing_px: f64,
+    /// Drawing memory, bytes.
+    pub budget_gpu_bytes: u64,
+    /// Main memory beside that, bytes.
+    pub budget_ram_bytes: u64,
+    /// Whether what is hidden is left out.
+    pub occlusion: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let options = Options::default();
+        Self {
+            method: options.method,
+            colour_by: options.colour_by,
+            points_budget: options.points_budget,
+            target_spacing_px: options.target_spacing_px,
+            budget_gpu_bytes: options.budget_gpu_bytes,
+            budget_ram_bytes: options.budget_ram_bytes,
+            occlusion: options.occlusion,
+        }
+    }
+}
+
+impl Settings {
+    /// Of a session for pictures of at most this size, but for what it draws on.
+    pub fn options(&self, size: [u32; 2]) -> Options {
+        Options {
+            budget_gpu_bytes: self.budget_gpu_bytes,
+            budget_ram_bytes: self.budget_ram_bytes,
+            size,
+            method: self.method,
+            colour_by: self.colour_by.clone(),
+            points_budget: self.points_budget,
+            target_spacing_px: self.target_spacing_px,
+            occlusion: self.occlusion,
+            ..Options::default()
+        }
+    }
+}
+
+impl Settings {
+    /// Takes the next of these sources of colours.
+    pub fn next_colour(&mut self, sources: &[String]) {
+        let at = |name: &String| sources.iter().position(|s| s == name);
+        let next = self.colour_by.as_ref().and_then(at).map_or(0, |i| i + 1);
+        self.colour_by = sources.get(next % sources.len().max(1)).cloned();
+    }
+}
+
+/// What colours can come from in this file, as [`Settings::colour_by`] names it: its own colours first, then what
+/// every file has, then its attributes.
+pub fn colour_sources(file: &EskerFile) -> Vec<String> {
+    let attributes = &file.metadata().schema.attributes;
+    let has = |name: &str| attributes.iter().any(|a| a.name == name);
+    let channels = ["red", "green", "blue"];
+    let mut sources = Vec::new();
+    if channels.iter().all(|c| has(c)) {
+        sources.push("rgb".to_owned());
+    }
+    for name in ["intensity", "classification"] {
+        if has(name) {
+            sources.push(name.to_owned());
+        }
+    }
+    sources.extend(["elevation", "normal", "level", "depth", "plain"].map(str::to_owned));
+    for attribute in attributes {
+        let is_new = !sources.contains(&attribute.name);
+        if is_new && !channels.contains(&attribute.name.as_str()) {
+            sources.push(attribute.name.clone());
+        }
+    }
+    sources
+}

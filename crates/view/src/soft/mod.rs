@@ -1,0 +1,204 @@
+//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU, softbuffer shows them.
+
+mod painter;
+
+use crate::app::App;
+use crate::device::ShownBy;
+use crate::theme;
+use anyhow::{Context as _, Result, anyhow};
+use eframe::egui::{
+    ColorImage, Context, FullOutput, ScreenshotCallback, ViewportBuilder, ViewportCommand,
+    ViewportId,
+};
+use painter::{Painter, Target};
+use softbuffer::Surface;
+use std::num::NonZeroU32;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHandle};
+use winit::window::{Window, WindowId};
+
+/// Shows the window until it is closed; what came of the app.
+///
+/// # Errors
+/// Where there is no display, and those of the app.
+pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
+    let event_loop = EventLoop::new().context("cannot open a window")?;
+    let mut shell = Shell { app, viewport, ctx: Context::default(), shown: None, outcome: Ok(()) };
+    event_loop.run_app(&mut shell).context("the window's events ended")?;
+    let Shell { mut app, shown, outcome, .. } = shell;
+    let ended = app.end();
+    drop(shown);
+    outcome.and(ended)
+}
+
+/// The app and its window.
+struct Shell {
+    app: App,
+    viewport: ViewportBuilder,
+    ctx: Context,
+    shown: Option<Shown>,
+    outcome: Result<()>,
+}
+
+/// A window that is open.
+struct Shown {
+    window: Rc<Window>,
+    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
+    state: egui_winit::State,
+    painter: Painter,
+    /// When the next pass is due.
+    due: Option<Instant>,
+}
+
+impl ApplicationHandler for Shell {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.shown.is_some() {
+            return;
+        }
+        match Shown::open(&self.ctx, event_loop, &self.viewport) {
+            Ok(shown) => {
+                let shown_by = ShownBy { name: "CPU".into(), painter: None };
+                self.app.show_by(&self.ctx, shown_by);
+                shown.window.request_redraw();
+                self.shown = Some(shown);
+            }
+            Err(error) => self.stop(event_loop, error),
+        }
+    }
+
+    fn new_events(&mut self, _event_loop: &ActiveEventLoop, _cause: StartCause) {
+        let Some(shown) = &mut self.shown else { return };
+        if shown.due.is_some_and(|due| due <= Instant::now()) {
+            shown.due = None;
+            shown.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {
+        let Some(shown) = &mut self.shown else { return };
+        match event {
+            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::RedrawRequested => {
+                if let Err(error) = self.pass(event_loop) {
+                    self.stop(event_loop, error);
+                }
+            }
+            event => {
+                if shown.state.on_window_event(&shown.window, &event).repaint {
+                    shown.window.request_redraw();
+                }
+            }
+        }
+    }
+}
+
+impl Shell {
+    fn stop(&mut self, event_loop: &ActiveEventLoop, error: anyhow::Error) {
+        self.outcome = Err(error);
+        event_loop.exit();
+    }
+
+    fn pass(&mut self, event_loop: &ActiveEventLoop) -> Result<()> {
+        let Some(shown) = &mut self.shown else { return Ok(()) };
+        let mut input = shown.state.take_egui_input(&shown.window);
+        self.app.input(&self.ctx, &mut input);
+        let app = &mut self.app;
+        let output = self.ctx.run_ui(input, |ui| app.pass(ui));
+        let mut shots = Vec::new();
+        for command in
+            output.viewport_output.get(&ViewportId::ROOT).iter().flat_map(|v| &v.commands)
+        {
+            match command {
+                ViewportCommand::Close => event_loop.exit(),
+                ViewportCommand::Screenshot(callback) => shots.push(callback.clone()),
+                _ => {}
+            }
+        }
+        let delay = output.viewport_output.get(&ViewportId::ROOT).map(|v| v.repaint_delay);
+        shown.paint(&self.ctx, output, shots)?;
+        shown.repaint_after(event_loop, delay.unwrap_or(Duration::MAX));
+        Ok(())
+    }
+}
+
+impl Shown {
+    fn open(
+        ctx: &Context,
+        event_loop: &ActiveEventLoop,
+        viewport: &ViewportBuilder,
+    ) -> Result<Self> {
+        let window =
+            egui_winit::create_window(ctx, event_loop, viewport).context("cannot open a window")?;
+        let window = Rc::new(window);
+        let fault = |e: softbuffer::SoftBufferError| anyhow!("cannot show pixels in a window: {e}");
+        let display = softbuffer::Context::new(event_loop.owned_display_handle()).map_err(fault)?;
+        let surface = Surface::new(&display, Rc::clone(&window)).map_err(fault)?;
+        let scale = window.scale_factor() as f32;
+        let state = egui_winit::State::new(
+            ctx.clone(),
+            ViewportId::ROOT,
+            event_loop,
+            Some(scale),
+            event_loop.system_theme(),
+            None,
+        );
+        Ok(Self { window, surface, state, painter: Painter::default(), due: None })
+    }
+
+    fn paint(
+        &mut self,
+        ctx: &Context,
+        output: FullOutput,
+        shots: Vec<ScreenshotCallback>,
+    ) -> Result<()> {
+        self.state.handle_platform_output(&self.window, output.platform_output);
+        let mut textures = output.textures_delta;
+        self.painter.take(&mut textures);
+        let scale = output.pixels_per_point;
+        let primitives = ctx.tessellate(output.shapes, scale);
+        let size = self.window.inner_size();
+        if let (Some(width), Some(height)) =
+            (NonZeroU32::new(size.width), NonZeroU32::new(size.height))
+        {
+            let fault =
+                |e: softbuffer::SoftBufferError| anyhow!("cannot show pixels in the window: {e}");
+            self.surface.resize(width, height).map_err(fault)?;
+            let mut buffer = self.surface.buffer_mut().map_err(fault)?;
+            let [r, g, b, _] = theme::GROUND.to_array().map(u32::from);
+            buffer.fill(r << 16 | g << 8 | b);
+            let [width, height] = [size.width as usize, size.height as usize];
+            self.painter.paint(
+                &primitives,
+                scale,
+                &mut Target { width, height, pixels: &mut buffer },
+            );
+            if !shots.is_empty() {
+                let image = Arc::new(image_of(&buffer, [width, height]));
+                shots.into_iter().for_each(|shot| shot.complete(Arc::clone(&image)));
+            }
+            buffer.present().map_err(fault)?;
+        }
+        self.painter.free(&mut textures);
+        Ok(())
+    }
+
+    /// Has the next pass made after a while.
+    fn repaint_after(&mut self, event_loop: &ActiveEventLoop, delay: Duration) {
+        if delay.is_zero() {
+            self.window.request_redraw();
+            return;
+        }
+        self.due = Instant::now().checked_add(delay);
+        event_loop.set_control_flow(self.due.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+    }
+}
+
+fn image_of(pixels: &[u32], size: [usize; 2]) -> ColorImage {
+    let rgb =
+        pixels.iter().flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8]).collect::<Vec<_>>();
+    ColorImage::from_rgb(size, &rgb)
+}

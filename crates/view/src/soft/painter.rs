@@ -1,0 +1,265 @@
+//! Paints egui's meshes on the CPU: triangles row by row, a texture times the vertices' colour, blended premultiplied
+//! in gamma space, as egui means them. For machines without any graphics driver.
+
+use eframe::egui::epaint::{ClippedPrimitive, ImageDelta, Mesh, Primitive, Vertex};
+use eframe::egui::{Color32, ImageData, Rect, TextureId, TexturesDelta};
+use std::collections::HashMap;
+
+/// A picture of 0RGB pixels, row by row.
+pub struct Target<'a> {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The pixels.
+    pub pixels: &'a mut [u32],
+}
+
+/// Textures, and what paints with them.
+#[derive(Default)]
+pub struct Painter {
+    textures: HashMap<TextureId, Texture>,
+}
+
+/// Colours, premultiplied, row by row.
+#[derive(Default)]
+struct Texture {
+    size: [usize; 2],
+    pixels: Vec<Color32>,
+}
+
+/// The part of the picture that may be painted, pixels.
+#[derive(Clone, Copy)]
+struct Clip {
+    x: [i64; 2],
+    y: [i64; 2],
+}
+
+/// What varies over a triangle: texture coordinates in texels, and colour, 0 to 255.
+#[derive(Clone, Copy, Default)]
+struct Varying([f32; 6]);
+
+impl Painter {
+    /// Takes new and changed textures.
+    pub fn take(&mut self, delta: &mut TexturesDelta) {
+        for (id, deltas) in delta.set.drain() {
+            let texture = self.textures.entry(id).or_default();
+            deltas.iter().for_each(|delta| texture.change(delta));
+        }
+    }
+
+    /// Forgets textures that are shown no more.
+    pub fn free(&mut self, delta: &mut TexturesDelta) {
+        for id in delta.free.drain() {
+            self.textures.remove(&id);
+        }
+    }
+
+    /// Paints over the picture.
+    pub fn paint(&self, primitives: &[ClippedPrimitive], scale: f32, target: &mut Target<'_>) {
+        for ClippedPrimitive { clip_rect, primitive } in primitives {
+            let Primitive::Mesh(mesh) = primitive else { continue };
+            let Some(texture) = self.textures.get(&mesh.texture_id) else { continue };
+            let clip = Clip::of(*clip_rect, scale, target);
+            if mesh.is_valid() && clip.x[0] < clip.x[1] && clip.y[0] < clip.y[1] {
+                paint_mesh(mesh, texture, scale, clip, target);
+            }
+        }
+    }
+}
+
+impl Texture {
+    fn change(&mut self, delta: &ImageDelta) {
+        let ImageData::Color(image) = &delta.image;
+        let Some([x, y]) = delta.pos else {
+            self.size = image.size;
+            self.pixels.clone_from(&image.pixels);
+            return;
+        };
+        let [width, height] = image.size;
+        if x + width > self.size[0] || y + height > self.size[1] {
+            return;
+        }
+        for row in 0..height {
+            let to = (y + row) * self.size[0] + x;
+            self.pixels[to..to + width].copy_from_slice(&image.pixels[row * width..][..width]);
+        }
+    }
+
+    /// The nearest texel.
+    fn at(&self, u: f32, v: f32) -> Color32 {
+        let texel = |t: f32, side: usize| (t.max(0.0) as usize).min(side.saturating_sub(1));
+        let at = texel(v, self.size[1]) * self.size[0] + texel(u, self.size[0]);
+        self.pixels.get(at).copied().unwrap_or_default()
+    }
+}
+
+impl Clip {
+    fn of(rect: Rect, scale: f32, target: &Target<'_>) -> Self {
+        let side = |from: f32, to: f32, most: usize| {
+            [from, to].map(|v| ((v * scale).round() as i64).clamp(0, most as i64))
+        };
+        Self {
+            x: side(rect.min.x, rect.max.x, target.width),
+            y: side(rect.min.y, rect.max.y, target.height),
+        }
+    }
+}
+
+impl Varying {
+    fn of(vertex: &Vertex, texture: &Texture) -> Self {
+        let [r, g, b, a] = vertex.color.to_array().map(f32::from);
+        let [width, height] = texture.size.map(|side| side as f32);
+        Self([vertex.uv.x * width, vertex.uv.y * height, r, g, b, a])
+    }
+
+    fn plus(self, other: Self, times: f32) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] + other.0[i] * times))
+    }
+}
+
+fn paint_mesh(mesh: &Mesh, texture: &Texture, scale: f32, clip: Clip, target: &mut Target<'_>) {
+    for triangle in mesh.triangles() {
+        let corners = triangle.map(|i| mesh.vertices[i as usize]);
+        let at = corners.map(|v| [v.pos.x * scale, v.pos.y * scale]);
+        if at.iter().flatten().all(|v| v.is_finite()) {
+            paint_triangle(at, corners.map(|v| Varying::of(&v, texture)), texture, clip, target);
+        }
+    }
+}
+
+/// Where an edge crosses a row. Taken from its upper end, whichever way it runs: triangles that share it agree on
+/// every pixel.
+fn crossing(a: [f32; 2], b: [f32; 2], y: f32) -> Option<f32> {
+    let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
+    (a[1] <= y && y < b[1]).then(|| a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]))
+}
+
+fn paint_triangle(
+    at: [[f32; 2]; 3],
+    varying: [Varying; 3],
+    texture: &Texture,
+    clip: Clip,
+    target: &mut Target<'_>,
+) {
+    let [a, b, c] = at;
+    let (ab, ac) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let area = ab[0] * ac[1] - ab[1] * ac[0];
+    if area.abs() < 1e-9 {
+        return;
+    }
+    let [to_b, to_c] = [1, 2].map(|i| varying[i].plus(varying[0], -1.0));
+    let along =
+        |b_share: f32, c_share: f32| Varying::default().plus(to_b, b_share).plus(to_c, c_share);
+    let by_x = along(ac[1] / area, -ab[1] / area);
+    let by_y = along(-ac[0] / area, ab[0] / area);
+    let is_plain = by_x.0.iter().all(|v| v.abs() < 1e-6) && by_y.0.iter().all(|v| v.abs() < 1e-6);
+    let [top, bottom] = [f32::min, f32::max].map(|pick| at.iter().map(|p| p[1]).reduce(pick));
+    let rows =
+        (pixel(top.unwrap_or(0.0)).max(clip.y[0]))..(pixel(bottom.unwrap_or(0.0)).min(clip.y[1]));
+    for row in rows {
+        let y = row as f32 + 0.5;
+        let edges = [(a, b), (b, c), (c, a)].map(|(p, q)| crossing(p, q, y));
+        let crossings = || edges.iter().flatten().copied();
+        let (Some(left), Some(right)) =
+            (crossings().reduce(f32::min), crossings().reduce(f32::max))
+        else {
+            continue;
+        };
+        let [from, to] = [pixel(left).max(clip.x[0]), pixel(right).min(clip.x[1])];
+        if from >= to {
+            continue;
+        }
+        let first = varying[0].plus(by_x, from as f32 + 0.5 - a[0]).plus(by_y, y - a[1]);
+        let start = row as usize * target.width;
+        let line = &mut target.pixels[start + from as usize..start + to as usize];
+        if is_plain {
+            fill(line, colour(first, texture));
+        } else {
+            let mut now = first;
+            for pixel in line {
+                *pixel = blend(*pixel, colour(now, texture));
+                now = now.plus(by_x, 1.0);
+            }
+        }
+    }
+}
+
+/// The first pixel whose middle is not left of this.
+fn pixel(v: f32) -> i64 {
+    (v - 0.5).ceil() as i64
+}
+
+fn colour(varying: Varying, texture: &Texture) -> [u32; 4] {
+    let [u, v, rest @ ..] = varying.0;
+    let texel = texture.at(u, v).to_array();
+    // Rounded up by half: a whole product of whole factors stays whole.
+    std::array::from_fn(|i| (rest[i].clamp(0.0, 255.0) + 0.5) as u32 * u32::from(texel[i]) / 255)
+}
+
+fn fill(line: &mut [u32], colour: [u32; 4]) {
+    if colour[3] == 255 {
+        line.fill(colour[0] << 16 | colour[1] << 8 | colour[2]);
+    } else if colour != [0; 4] {
+        line.iter_mut().for_each(|pixel| *pixel = blend(*pixel, colour));
+    }
+}
+
+fn blend(below: u32, [r, g, b, a]: [u32; 4]) -> u32 {
+    let left = 255 - a.min(255);
+    let mix = |colour: u32, shift: u32| {
+        let below = below >> shift & 255;
+        (colour + (below * left + 127) / 255).min(255) << shift
+    };
+    mix(r, 16) | mix(g, 8) | mix(b, 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eframe::egui::epaint::{Primitive, WHITE_UV};
+    use eframe::egui::{ColorImage, TextureOptions, pos2, vec2};
+    use std::sync::Arc;
+
+    fn white() -> Painter {
+        let mut painter = Painter::default();
+        let mut delta = TexturesDelta::default();
+        let image = ColorImage::filled([2, 2], Color32::WHITE);
+        let image = ImageDelta::full(ImageData::Color(Arc::new(image)), TextureOptions::NEAREST);
+        delta.push(TextureId::default(), image);
+        painter.take(&mut delta);
+        painter
+    }
+
+    fn paint(rect: Rect, clip: Rect, colour: Color32, below: u32) -> Vec<u32> {
+        let mut mesh = Mesh::default();
+        mesh.add_colored_rect(rect, colour);
+        let primitive = ClippedPrimitive { clip_rect: clip, primitive: Primitive::Mesh(mesh) };
+        let mut pixels = vec![below; 16 * 8];
+        let mut target = Target { width: 16, height: 8, pixels: &mut pixels };
+        white().paint(&[primitive], 1.0, &mut target);
+        pixels
+    }
+
+    #[test]
+    fn a_rectangle_of_two_triangles_covers_each_of_its_pixels_once() {
+        assert_eq!(WHITE_UV, pos2(0.0, 0.0));
+        let rect = Rect::from_min_size(pos2(3.0, 2.0), vec2(7.0, 4.0));
+        let half = Color32::from_rgba_premultiplied(100, 0, 0, 128);
+        let pixels = paint(rect, Rect::EVERYTHING, half, 0x0000_00ff);
+        for (i, &pixel) in pixels.iter().enumerate() {
+            let inside = (3..10).contains(&(i % 16)) && (2..6).contains(&(i / 16));
+            let once = 100 << 16 | 127;
+            assert_eq!(pixel, if inside { once } else { 0xff }, "pixel {i}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_painted_beyond_the_clip_or_the_picture() {
+        let rect = Rect::from_min_max(pos2(-1e6, -50.0), pos2(1e6, 50.0));
+        let clip = Rect::from_min_max(pos2(4.0, 1.0), pos2(6.0, 3.0));
+        let pixels = paint(rect, clip, Color32::WHITE, 0);
+        assert_eq!(pixels.iter().filter(|&&p| p == 0x00ff_ffff).count(), 4);
+        assert_eq!(pixels.iter().filter(|&&p| p == 0).count(), 16 * 8 - 4);
+    }
+}

@@ -1,0 +1,176 @@
+//! Who shows the window: eframe on the best graphics driver there is, Vulkan (or Metal, Direct3D) before OpenGL, real
+//! GPUs before software drivers; where there is no driver at all, the CPU. A machine without a display gets a message
+//! that says what to do.
+
+use crate::app::App;
+use crate::args::{Args, WindowBy};
+use crate::device::ShownBy;
+use crate::soft;
+use anyhow::{Context, Result, anyhow};
+use eframe::egui::{self, ViewportBuilder};
+use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use eframe::wgpu;
+use eframe::{CreationContext, NativeOptions};
+use std::process::{Command, ExitCode};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// The window's title.
+pub const TITLE: &str = "Esker";
+/// What to do where no window opens.
+const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
+    libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
+
+/// Shows the window until it is closed.
+///
+/// # Errors
+/// Where there is no display, or no driver and one was asked for; and those of the app.
+pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
+    let wanted = args.window;
+    if wanted == WindowBy::Cpu {
+        let viewport = viewport(&args);
+        soft::run(App::new(args, start)?, viewport).map_err(|e| e.context(NO_DISPLAY))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    match by_driver(args, start) {
+        Err(Fault::Driver(fault)) if wanted == WindowBy::Auto => {
+            eprintln!("note: {fault}; the window is painted by the CPU");
+            again_by_cpu()
+        }
+        Err(fault) => Err(fault.into()),
+        Ok(()) => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// The same command with a window that needs no driver, in a process of its own: a process has its connection to the
+/// display once.
+fn again_by_cpu() -> Result<ExitCode> {
+    let program = std::env::current_exe().context("cannot find the program itself")?;
+    let arguments = std::env::args_os().skip(1);
+    let status = Command::new(program).args(["--window", "cpu"]).args(arguments).status();
+    let status = status.context("cannot start the program again")?;
+    Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
+}
+
+/// Why there was no window, or what came of it.
+enum Fault {
+    /// No graphics driver can show it.
+    Driver(String),
+    /// Anything else.
+    Other(anyhow::Error),
+}
+
+/// Through eframe, on a driver.
+fn by_driver(args: Args, start: Instant) -> Result<(), Fault> {
+    let options = options(&args);
+    let app = App::new(args, start).map_err(Fault::Other)?;
+    // The window takes the app; what came of it is left here.
+    let verdict = Arc::new(Mutex::new(Ok(())));
+    let left = Arc::clone(&verdict);
+    let shell = |cc: &CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
+        Ok(Box::new(Shell::new(app, left, cc)) as Box<dyn eframe::App>)
+    };
+    eframe::run_native(TITLE, options, Box::new(shell))?;
+    let mut verdict = verdict.lock().unwrap_or_else(PoisonError::into_inner);
+    std::mem::replace(&mut *verdict, Ok(())).map_err(Fault::Other)
+}
+
+impl From<eframe::Error> for Fault {
+    fn from(error: eframe::Error) -> Self {
+        match error {
+            eframe::Error::Wgpu(error) => Self::Driver(format!("no graphics driver: {error}")),
+            error => Self::Other(anyhow!("{NO_DISPLAY}: {error}")),
+        }
+    }
+}
+
+impl From<Fault> for anyhow::Error {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::Driver(fault) => anyhow!(
+                "{fault}; install one (on Debian and Ubuntu: mesa-vulkan-drivers), or start with --window cpu"
+            ),
+            Fault::Other(error) => error,
+        }
+    }
+}
+
+fn viewport(args: &Args) -> ViewportBuilder {
+    let [width, height] = args.size.map(|s| s as f32);
+    ViewportBuilder::default()
+        .with_title(TITLE)
+        .with_app_id("esker-view")
+        .with_inner_size([width, height])
+        .with_min_inner_size([320.0, 240.0])
+}
+
+fn options(args: &Args) -> NativeOptions {
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    if args.window == WindowBy::Gl {
+        setup.instance_descriptor.backends = wgpu::Backends::GL;
+    }
+    setup.native_adapter_selector = Some(Arc::new(choose));
+    let wgpu_options = WgpuConfiguration {
+        surface: SurfaceConfig::LOW_LATENCY,
+        wgpu_setup: WgpuSetup::CreateNew(setup),
+        ..WgpuConfiguration::default()
+    };
+    NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
+}
+
+/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last.
+fn choose(
+    adapters: &[wgpu::Adapter],
+    surface: Option<&wgpu::Surface<'_>>,
+) -> Result<wgpu::Adapter, String> {
+    let fits = |a: &&wgpu::Adapter| surface.is_none_or(|s| a.is_surface_supported(s));
+    let rank = |a: &&wgpu::Adapter| {
+        let info = a.get_info();
+        let kind = match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        (kind, info.backend == wgpu::Backend::Gl)
+    };
+    let best = adapters.iter().filter(fits).min_by_key(rank);
+    best.cloned().ok_or_else(|| "no graphics driver can show a window".to_owned())
+}
+
+/// What came of the app.
+type Verdict = Arc<Mutex<Result<()>>>;
+
+/// The app as eframe runs it.
+struct Shell {
+    app: App,
+    verdict: Verdict,
+}
+
+impl Shell {
+    fn new(mut app: App, verdict: Verdict, cc: &CreationContext<'_>) -> Self {
+        let shown_by = cc.wgpu_render_state.as_ref().map(ShownBy::driver).unwrap_or_default();
+        app.show_by(&cc.egui_ctx, shown_by);
+        Self { app, verdict }
+    }
+}
+
+impl eframe::App for Shell {
+    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
+        self.app.pass(ui);
+    }
+
+    fn raw_input_hook(&mut self, ctx: &egui::Context, raw: &mut egui::RawInput) {
+        self.app.input(ctx, raw);
+    }
+
+    fn on_exit(&mut self) {
+        let verdict = self.app.end();
+        *self.verdict.lock().unwrap_or_else(PoisonError::into_inner) = verdict;
+    }
+
+    fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {
+        crate::theme::GROUND.to_normalized_gamma_f32()
+    }
+}

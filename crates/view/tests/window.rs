@@ -1,0 +1,288 @@
+//! Opens real windows and flies through them by scripts. Where there is no display the tests say so and pass: `cargo
+//! xtask view` runs them on a display in memory.
+
+use esker_engine::bench::path;
+use esker_engine::camera::Camera;
+use esker_engine::progress::{Progress, Style};
+use esker_engine::{EskerFile, Picture, Value, info, render};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+const SIZE: [u32; 2] = [640, 400];
+
+/// One window at a time: they share the processor with what draws them.
+static ONE: Mutex<()> = Mutex::new(());
+
+/// A folder of a test, with what it needs to open windows.
+struct Stand {
+    folder: tempfile::TempDir,
+    _one: MutexGuard<'static, ()>,
+}
+
+fn stand() -> Option<Stand> {
+    let has_display = cfg!(not(target_os = "linux"))
+        || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    if !has_display {
+        eprintln!("skipped: there is no display");
+        return None;
+    }
+    let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    Some(Stand { folder: tempfile::tempdir().unwrap(), _one: one })
+}
+
+impl Stand {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs the window on a file by a script in this folder; what it reports.
+    fn fly(&self, file: &Path, script: &str, options: &[&str]) -> Value {
+        let output = self.run(file, script, options);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{}: {said}", output.status);
+        assert!(!said.contains("panicked"), "{said}");
+        let report = String::from_utf8(output.stdout).unwrap();
+        let report: Value = serde_json::from_str(report.lines().last().unwrap()).unwrap();
+        assert_eq!(report["faults"].as_array().map(Vec::len), Some(0), "{report}");
+        report
+    }
+
+    fn run(&self, file: &Path, script: &str, options: &[&str]) -> Output {
+        let path = self.path("script.json");
+        std::fs::write(&path, script).unwrap();
+        let size = format!("{}x{}", SIZE[0], SIZE[1]);
+        Command::new(env!("CARGO_BIN_EXE_esker-view"))
+            .current_dir(self.folder.path())
+            .args(["--size", &size, "--script"])
+            .arg(path)
+            .args(options)
+            .arg(file)
+            .output()
+            .unwrap()
+    }
+}
+
+/// The sample scan, built once.
+fn sample() -> &'static Path {
+    static BUILT: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, built) = BUILT.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let built = folder.path().join("creek.esker");
+        let options = esker_engine::BuildOptions::default();
+        esker_engine::build::build(&[scan()], &built, &options, 0, &silent()).unwrap();
+        (folder, built)
+    });
+    built
+}
+
+fn silent() -> Progress {
+    Progress::new(Style::Silent, Default::default())
+}
+
+fn scan() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz")
+}
+
+fn read_png(path: &Path) -> Picture {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut rgba = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut rgba).unwrap();
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
+    Picture { width: info.width, height: info.height, rgba, ..Picture::default() }
+}
+
+/// Share of the pixels of two pictures of one size that differ by more than this in any channel.
+fn share_off(a: &Picture, b: &Picture, by: u8) -> f64 {
+    assert_eq!([a.width, a.height], [b.width, b.height]);
+    let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
+    let off = pairs.filter(|(p, q)| p.iter().zip(*q).any(|(x, y)| x.abs_diff(*y) > by)).count();
+    off as f64 / (a.rgba.len() / 4) as f64
+}
+
+/// What the engine itself draws from where the window starts, in this size.
+fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
+    let file = EskerFile::open(sample()).unwrap();
+    let view = Camera::default().view(info::bounds(file.metadata()), SIZE);
+    let camera = Camera {
+        eye: Some(view.eye),
+        target: Some(view.eye + view.forward() * 1000.0),
+        ..Camera::default()
+    };
+    let request = render::Request { size, camera, ..render::Request::default() };
+    render::draw(&file, &request, &silent()).unwrap().0
+}
+
+#[test]
+fn the_window_shows_what_the_engine_draws() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "scene.png"},
+                               {"do": "window", "path": "window.png"}]}"#;
+    let report = stand.fly(sample(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
+    let scene = read_png(&stand.path("scene.png"));
+    let engine = drawn_by_the_engine([scene.width, scene.height]);
+    let off = share_off(&scene, &engine, 8);
+    assert!(off <= 0.001, "{off} of the pixels are not what the engine draws");
+    let window = read_png(&stand.path("window.png"));
+    let off = share_off(&scene, &window, 12);
+    assert!(off <= 0.02, "{off} of the window's pixels are not the picture");
+    println!(
+        "window after {} ms, first frame after {} ms ({})",
+        report["window_ms"], report["first_frame_ms"], report["drawn_by"]
+    );
+}
+
+#[test]
+fn a_hand_flies_and_loading_is_compared_with_all_resident_in_the_same_run() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"cold": true,
+        "flight": [{"do": "hold", "keys": ["W"], "seconds": 0.4},
+                   {"do": "drag", "from": [0.4, 0.5], "to": [0.6, 0.45], "seconds": 0.4},
+                   {"do": "wheel", "at": [0.5, 0.6], "points": 150, "seconds": 0.3},
+                   {"do": "drag", "button": "middle", "from": [0.5, 0.5], "to": [0.4, 0.5], "seconds": 0.2}],
+        "after": [{"do": "picture", "path": "there.png"}, {"do": "double_click", "at": [0.5, 0.6]},
+                  {"do": "wait", "seconds": 1.0}, {"do": "picture", "path": "nearer.png"},
+                  {"do": "press", "key": "F"}, {"do": "wait", "seconds": 1.0},
+                  {"do": "settle", "seconds": 10}, {"do": "picture", "path": "home.png"}]}"#;
+    let report = stand.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
+    let [there, nearer, home] =
+        ["there.png", "nearer.png", "home.png"].map(|name| read_png(&stand.path(name)));
+    assert!(share_off(&there, &nearer, 8) > 0.3, "a double click has brought it nearer");
+    assert!(share_off(&there, &home, 8) > 0.3, "the flight went somewhere");
+    let engine = drawn_by_the_engine([home.width, home.height]);
+    assert!(share_off(&home, &engine, 8) <= 0.001, "and F leads back to where it started");
+    let flights = report["flights"].as_array().unwrap();
+    assert!(flights.len() >= 2 && report["last_is_resident"] == true, "{report}");
+    assert!(
+        flights.iter().all(|f| f["frames_empty"] == 0),
+        "no frame was without points: {report}"
+    );
+    let budget = report["budget_gpu_bytes"].as_u64().unwrap();
+    assert!(report["drawing_bytes_peak"].as_u64().unwrap() <= budget);
+    assert_eq!(report["stalls"], 0);
+    println!(
+        "p99 loading {} ms, resident {} ms, ratio {}",
+        flights[0]["interval_ms"]["p99"],
+        flights[flights.len() - 1]["interval_ms"]["p99"],
+        report["p99_loading_over_resident"]
+    );
+}
+
+#[test]
+fn a_camera_path_is_followed_by_keys_and_mouse() {
+    let Some(stand) = stand() else { return };
+    let path = r#"{"coordinates": "bounds", "views": [
+        {"name": "far", "eye": [0.5, -1.5, 3], "target": [0.5, 0.5, 0.5], "stay_s": 0.5},
+        {"name": "near", "eye": [0.4, 0.0, 1.5], "target": [0.5, 0.5, 0.5], "travel_s": 1.5, "stay_s": 0.5}]}"#;
+    std::fs::write(stand.path("path.json"), path).unwrap();
+    let script = r#"{"flights_max": 1, "flight": [{"do": "path", "file": "path.json"}],
+                     "after": [{"do": "settle", "seconds": 10}, {"do": "picture", "path": "near.png"}]}"#;
+    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
+    let seen = read_png(&stand.path("near.png"));
+    // It ends near the path's end: what fills the picture there fills it here.
+    let file = EskerFile::open(sample()).unwrap();
+    let size = [seen.width, seen.height];
+    let stops = path::Path::parse(path, info::bounds(file.metadata()), size).unwrap().views;
+    let (view, target) = (stops[1].view, stops[1].target);
+    let camera = Camera { eye: Some(view.eye), target: Some(target), ..Camera::default() };
+    let request = render::Request { size, camera, ..render::Request::default() };
+    let (end, _) = render::draw(&file, &request, &silent()).unwrap();
+    let mean = |picture: &Picture| {
+        let sum: u64 = picture.rgba.iter().map(|&v| u64::from(v)).sum();
+        sum as f64 / picture.rgba.len() as f64
+    };
+    let [seen, end] = [mean(&seen), mean(&end)];
+    assert!((seen - end).abs() < 20.0, "mean brightness {seen}, at the path's end {end}");
+}
+
+#[test]
+fn it_closes_cleanly_while_it_loads() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"cold": true, "flight": [{"do": "hold", "keys": ["W"], "seconds": 0.05}, {"do": "close"}]}"#;
+    stand.fly(sample(), script, &["--backend", "cpu"]);
+    // While scans are still being built, too.
+    let script = r#"{"before": [{"do": "close"}]}"#;
+    stand.fly(&scan(), script, &["--backend", "cpu"]);
+}
+
+#[test]
+fn a_scan_is_built_and_shown() {
+    let Some(stand) = stand() else { return };
+    let script =
+        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "scene.png"}]}"#;
+    stand.fly(&scan(), script, &["--no-occlusion", "--no-panel", "--backend", "cpu"]);
+    let scene = read_png(&stand.path("scene.png"));
+    let engine = drawn_by_the_engine([scene.width, scene.height]);
+    assert!(share_off(&scene, &engine, 8) <= 0.001);
+}
+
+#[test]
+fn every_way_to_show_a_window_shows_the_picture() {
+    let Some(stand) = stand() else { return };
+    let script =
+        r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "window", "path": "window.png"}]}"#;
+    for window in ["driver", "gl", "cpu"] {
+        let options = ["--window", window, "--no-occlusion", "--no-panel", "--backend", "cpu"];
+        if window != "cpu" && !stand.run(sample(), script, &options).status.success() {
+            eprintln!("skipped: no driver shows a window by `{window}`");
+            continue;
+        }
+        let report = stand.fly(sample(), script, &options);
+        let shown = read_png(&stand.path("window.png"));
+        let engine = drawn_by_the_engine([shown.width, shown.height]);
+        let off = share_off(&shown, &engine, 12);
+        assert!(off <= 0.02, "{window}: {off} of the window's pixels are not the picture");
+        println!("{window}: first frame after {} ms", report["first_frame_ms"]);
+    }
+}
+
+#[test]
+fn settings_change_while_it_runs_and_the_view_stays() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
+        {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "points.png"},
+        {"do": "press", "key": "M"}, {"do": "press", "key": "O"},
+        {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "surface.png"},
+        {"do": "press", "key": "Space"}, {"do": "hold", "keys": ["S"], "seconds": 0.5},
+        {"do": "settle", "seconds": 5}, {"do": "picture", "path": "frozen.png"}]}"#;
+    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
+    let [points, surface, frozen] =
+        ["points.png", "surface.png", "frozen.png"].map(|name| read_png(&stand.path(name)));
+    assert!(share_off(&points, &surface, 8) > 0.05, "points are not surfaces");
+    let engine = drawn_by_the_engine([surface.width, surface.height]);
+    assert!(share_off(&surface, &engine, 8) <= 0.001, "the view is the one before the changes");
+    assert!(share_off(&frozen, &surface, 8) > 0.05, "a frozen cut is seen from elsewhere");
+}
+
+#[test]
+fn what_cannot_be_shown_is_said_in_one_line_and_by_the_exit_code() {
+    let Some(stand) = stand() else { return };
+    let nothing = stand.path("nothing.esker");
+    let output = stand.run(&nothing, r#"{"after": []}"#, &[]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("nothing.esker"), "{said}");
+    let output = stand.run(
+        sample(),
+        r#"{"after": [{"do": "settle", "seconds": 9}]}"#,
+        &["--budget-ram", "1MiB"],
+    );
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("--budget-ram"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn without_a_display_it_says_what_to_do() {
+    let output = Command::new(env!("CARGO_BIN_EXE_esker-view"))
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .arg(sample())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("esker render"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+}
