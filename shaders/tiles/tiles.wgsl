@@ -29,15 +29,19 @@ fn main(
     let size = vec2<u32>(frame.width, frame.height);
     let first = tile.xy * size / TILES;
     let end = ((tile.xy + 1u) * size + TILES - 1u) / TILES;
+    var least = INFINITE_BITS;
+    var greatest = 0u;
     for (var y = first.y + local.y; y < end.y; y += 8u) {
         for (var x = first.x + local.x; x < end.x; x += 8u) {
             let bits = depths[y * frame.width + x];
             // What is no depth is nothing.
             let depth = select(INFINITE_BITS, bits, bits - 1u < INFINITE_BITS);
-            atomicMin(&nearest, depth);
-            atomicMax(&farthest, depth);
+            least = min(least, depth);
+            greatest = max(greatest, depth);
         }
     }
+    atomicMin(&nearest, least);
+    atomicMax(&farthest, greatest);
     workgroupBarrier();
     if lane == 0u {
         tiles[tile.y * TILES + tile.x] = vec2<u32>(atomicLoad(&nearest), atomicLoad(&farthest));

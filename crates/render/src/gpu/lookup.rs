@@ -23,6 +23,8 @@ use wgpu::{Buffer, BufferUsages, ComputePass};
 
 /// Pages that one dispatch looks into: with the tables as many buffers as WebGPU's default limits allow.
 pub const PAGES_AT_ONCE: usize = 3;
+/// Numbers of pages that are kept for the next frames: these are few, but not the same in all frames.
+const PAGES_KEPT: usize = 256;
 /// A page that no plane lies in.
 const NO_SUCH_PAGE: u32 = u32::MAX - 1;
 
@@ -179,6 +181,9 @@ impl GpuLookup {
     ) -> Result<(), GpuError> {
         let values = [wanted.geometry, wanted.colours, wanted.normals].map(u32::from);
         let kernel = self.kernels.get(gpu, values)?;
+        if self.pages.len() > PAGES_KEPT {
+            self.pages.clear();
+        }
         // Without any page there is still the first dispatch.
         let rounds = won.pages.len().div_ceil(PAGES_AT_ONCE).max(1);
         for round in 0..rounds {

@@ -37,7 +37,8 @@ impl Resolve {
         })
     }
 
-    /// Fills a picture, which has the size of what was won. Adds to both counts.
+    /// Fills colours and depths of a picture, which has the size of what was won, but not its texture. Adds to
+    /// both counts.
     ///
     /// # Errors
     /// Where a shader or memory is refused.
