@@ -29,6 +29,8 @@ fn ball_and_wall(step: f64) -> Scene {
     points.extend(sheet(&mut dice, corner, DVec3::X * 3.0, DVec3::Z * 3.0, 60, [20, 130, 220]));
     for p in &mut points {
         p.colour = p.colour.map(|c| c.wrapping_add(dice.bits() as u8 % 50));
+        // A third of them look away.
+        p.normal *= if dice.bits().is_multiple_of(3) { -1.0 } else { 1.0 };
     }
     Scene::new(&points, step, 0.05, 0.04, 700)
 }
@@ -142,6 +144,36 @@ fn level_0_is_the_twins_with_and_without_normals_octree_and_dropped_bits() {
 }
 
 #[test]
+fn heights_have_their_dropped_bits() {
+    // A floor that rises by three steps of the hot positions, seen from above, in colours of its height.
+    let floor = |step: f64, rise: f64| {
+        let (u, v) = (DVec3::new(3.0, 0.0, rise * 0.5), DVec3::new(0.0, 3.0, rise * 0.5));
+        let points = sheet(&mut Dice(2), DVec3::ZERO, u, v, 80, [9, 99, 199]);
+        Scene::new(&points, step, 0.05, 0.04, 700)
+    };
+    let (eye, middle) = (DVec3::new(1.5, 1.4, 3.0), DVec3::new(1.5, 1.5, 0.0));
+    let view = View::look_at(eye, middle, DVec3::Y, 1.0, 100, 100);
+    for gpu in gpus() {
+        let mut rig = Rig::new(gpu);
+        for step in &STEPS[1..] {
+            let shift = floor(*step, 0.0).nodes[0].node.hot_shift;
+            assert!(shift > 0);
+            let rise = 3.0 * step * f64::from(1 << shift);
+            let scene = floor(*step, rise);
+            for residual in [true, false] {
+                let draws = scene.draws(residual, false, true);
+                let mut frame = scene.frame(&view, &draws);
+                frame.colour = ColourBy::Elevation(map(0.0, rise));
+                let what = format!("shift {shift}, residual {residual}");
+                assert_gathers(&mut rig, &frame, &what);
+                frame.method = Method::Points;
+                assert_resolves(&mut rig, &frame, &what);
+            }
+        }
+    }
+}
+
+#[test]
 fn points_have_the_twins_colours_whatever_gives_them() {
     let scene = ball_and_wall(STEPS[1]);
     let view = view(120, 90);
@@ -247,7 +279,8 @@ fn values_of_every_type_have_the_twins_colour_bit_by_bit() {
             let mut draws = scene.draws(true, false, false);
             draws.iter_mut().for_each(|d| d.colour = ColourPlane::Scalar { bytes: &bytes, ty });
             let narrow = map(wide.low, wide.low + (wide.high - wide.low) * 1e-3);
-            let maps = [wide, narrow, map(wide.high, wide.low), map(0.0, 0.0)];
+            let denormal = map(-1e-38, 1e-38);
+            let maps = [wide, narrow, map(wide.high, wide.low), map(0.0, 0.0), denormal];
             let ways = maps.map(ColourBy::Scalar).into_iter().chain([ColourBy::Classification]);
             for colour in ways {
                 let mut frame = scene.frame(&view, &draws);
