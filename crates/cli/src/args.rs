@@ -1,6 +1,7 @@
 //! The command line.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
@@ -21,10 +22,16 @@ pub enum Command {
     /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV; or generated ones,
     /// synthetic:SCENE:POINTS[:SEED]).
     Build(Build),
-    /// Say what an .esker file, or a scan, holds.
+    /// Say what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {
         /// The file.
-        file: PathBuf,
+        #[arg(required_unless_present = "system")]
+        file: Option<PathBuf>,
+        /// Say which graphics adapters there are, which one would draw, and why.
+        #[arg(long, conflicts_with = "file")]
+        system: bool,
+        #[command(flatten)]
+        with: DrawWithArgs,
         /// Print one JSON object.
         #[arg(long)]
         json: bool,
@@ -33,6 +40,8 @@ pub enum Command {
     Verify(Verify),
     /// Draw a picture of an .esker file, or of scans (which are built first, into a temporary file).
     Render(Render),
+    /// Fly through an .esker file, or scans, in a window.
+    View(crate::view::View),
     /// Build, verify and draw the sample scan of the project.
     Demo {
         /// Folder for the file and the picture.
@@ -68,9 +77,8 @@ pub struct Stream {
     /// Main memory beside that: table, statistics, staging, the renderer's buffers.
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
     pub budget_ram: u64,
-    /// What draws.
-    #[arg(long, value_enum, default_value_t)]
-    pub backend: Backend,
+    #[command(flatten)]
+    pub with: DrawWithArgs,
     /// Draw what is hidden, too. Else the flight without the depth test is measured beside the one with.
     #[arg(long)]
     pub no_occlusion: bool,
@@ -103,11 +111,72 @@ pub struct Stream {
     pub progress: ProgressArg,
 }
 
+/// What draws.
+#[derive(ClapArgs)]
+pub struct DrawWithArgs {
+    /// What draws: a GPU where there is a real one, else the CPU (auto); a GPU or nothing; the CPU.
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// How a GPU makes pixels of points; the best that it has where not said.
+    #[arg(long, value_enum, hide = true)]
+    pub gpu_path: Option<PathArg>,
+    /// The interface that a GPU is driven by.
+    #[arg(long, value_enum, hide = true)]
+    pub gpu_api: Option<ApiArg>,
+    /// A driver on the CPU counts as a GPU, too.
+    #[arg(long, hide = true)]
+    pub gpu_software: bool,
+}
+
 #[derive(Clone, Copy, Default, ValueEnum)]
-pub enum Backend {
-    /// The CPU renderer.
+pub enum BackendArg {
+    /// A GPU where there is a real one, else the CPU.
     #[default]
+    Auto,
+    /// A GPU or an error.
+    Gpu,
+    /// The CPU renderer.
     Cpu,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum PathArg {
+    /// One 64-bit atomic minimum a point.
+    Atomics,
+    /// Point primitives.
+    Primitives,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ApiArg {
+    Vulkan,
+    Gl,
+    Metal,
+    Dx12,
+}
+
+impl From<&DrawWithArgs> for DrawWith {
+    fn from(args: &DrawWithArgs) -> Self {
+        let backend = match args.backend {
+            BackendArg::Auto => Backend::Auto,
+            BackendArg::Gpu => Backend::Gpu,
+            BackendArg::Cpu => Backend::Cpu,
+        };
+        let path = args.gpu_path.map(|path| match path {
+            PathArg::Atomics => ProjectPath::Atomics,
+            PathArg::Primitives => ProjectPath::Primitives,
+        });
+        let api = args.gpu_api.map(|api| match api {
+            ApiArg::Vulkan => Api::Vulkan,
+            ApiArg::Gl => Api::Gl,
+            ApiArg::Metal => Api::Metal,
+            ApiArg::Dx12 => Api::Dx12,
+        });
+        let default = GpuRequest::default();
+        let backends = api.map_or(default.backends, Api::backends);
+        let allow_software = args.gpu_software;
+        Self { backend, gpu: GpuRequest { backends, allow_software, path, ..default } }
+    }
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -215,6 +284,8 @@ pub struct Render {
     /// rgb, intensity, elevation, classification, normal, level, depth, plain, or any attribute's name.
     #[arg(long, value_name = "WHAT")]
     pub colour_by: Option<String>,
+    #[command(flatten)]
+    pub with: DrawWithArgs,
     #[command(flatten)]
     pub how: BuildHow,
     /// Print one JSON object, as the last line of standard output.

@@ -1,24 +1,34 @@
 //! Each command: from its arguments to a call of the engine, and what that returns to standard output.
 
 use crate::args::{Benchmark, Build, BuildHow, Command, Render, Stream, Verify};
+use crate::view;
 use anyhow::{Context, Result};
 use esker_engine::progress::{Progress, Style};
-use esker_engine::{BuildOptions, Value, bench, build, demo, info, quantity, render, verify};
+use esker_engine::{
+    BuildOptions, Value, bench, build, demo, devices, info, quantity, render, verify,
+};
 use std::io::Write;
 use std::path::Path;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Runs a command; `stop` is set when the user wants to stop.
-pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<()> {
-    match command {
+/// Runs a command; `stop` is set when the user wants to stop. The exit code where it worked: that of the window, where
+/// that is what was run.
+pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
+    let done = match command {
         Command::Build(args) => run_build(args, stop),
-        Command::Info { file, json } => {
+        Command::Info { file: Some(file), json, .. } => {
             let report = info::info(&file, &Progress::new(Style::None, stop))?;
             print(json, &report, || info::text(&report))
         }
+        Command::Info { file: None, with, json, .. } => {
+            let report = devices::system(&(&with).into());
+            print(json, &report, || devices::text(&report))
+        }
         Command::Verify(args) => run_verify(args, stop),
         Command::Render(args) => run_render(args, stop),
+        Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
             let lines = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;
             write(&lines.join("\n"))
@@ -28,7 +38,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<()> {
             let line = |(name, what)| format!("esker bench {name:<8} {what}");
             write(&bench::BENCHMARKS.map(line).join("\n"))
         }
-    }
+    };
+    done.map(|()| ExitCode::SUCCESS)
 }
 
 fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
@@ -66,6 +77,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,
         colour_by: args.colour_by,
+        with: (&args.with).into(),
         threads: args.how.threads,
         build: options(&args.how),
     };
@@ -79,6 +91,7 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
     let plan = bench::process::Plan {
         request: bench::stream::Request {
             path: args.path,
+            with: (&args.with).into(),
             budget_gpu_bytes: args.budget_gpu,
             budget_ram_bytes: args.budget_ram,
             size: args.size,

@@ -3,6 +3,7 @@
 
 mod args;
 mod commands;
+mod view;
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -23,7 +24,7 @@ fn main() -> ExitCode {
         eprintln!("note: Ctrl-C cannot be handled: {error}");
     }
     match commands::run(args.command.unwrap_or(args::Command::Demo { out: "out".into() }), stop) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             let message = one_line(&error);
             eprintln!("error: {message}");

@@ -1,0 +1,76 @@
+//! `esker view`: starts the window, a program of its own that lies beside this one, so that this one links no window.
+//! Its arguments and its exit code are passed on.
+
+use anyhow::{Context, Result, anyhow};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+/// The window's program.
+const PROGRAM: &str = "esker-view";
+
+/// What is passed on.
+#[derive(clap::Args)]
+#[command(disable_help_flag = true)]
+pub struct View {
+    /// What `esker-view` takes: a file or scans, and its options; `esker view --help` lists them.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "FILE AND OPTIONS")]
+    arguments: Vec<OsString>,
+}
+
+/// Shows the window until it is closed; its exit code.
+///
+/// # Errors
+/// Where its program is not there, with the command that builds it, or cannot be started.
+pub fn run(view: &View) -> Result<ExitCode> {
+    let own = std::env::current_exe().context("cannot find the program itself")?;
+    let program = own.with_file_name(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX));
+    if !program.is_file() {
+        let command = build_command(&own, &project());
+        return Err(anyhow!(
+            "{}: the window is not built; build it with: {command}",
+            program.display()
+        ));
+    }
+    let status = Command::new(&program).args(&view.arguments).status();
+    let status = status.with_context(|| format!("{}: cannot be started", program.display()))?;
+    // What was ended by a signal has no code.
+    Ok(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1).into())
+}
+
+/// Where the program was built from.
+fn project() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(".")).to_owned()
+}
+
+/// The command that puts the window's program beside `own`.
+fn build_command(own: &Path, project: &Path) -> String {
+    let folder = own.parent().unwrap_or(Path::new("."));
+    let is_built = folder.file_name().is_some_and(|name| name == "release" || name == "debug");
+    if !is_built {
+        return format!("cargo install --path {}", project.join("crates/view").display());
+    }
+    let release = if folder.ends_with("release") { " --release" } else { "" };
+    let manifest = project.join("Cargo.toml");
+    let target = folder.parent().unwrap_or(folder);
+    let mut command =
+        format!("cargo build{release} -p {PROGRAM} --manifest-path {}", manifest.display());
+    if target != project.join("target") {
+        command += &format!(" --target-dir {}", target.display());
+    }
+    command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_puts_the_program_beside_the_one_that_was_started() {
+        let command = |own: &str| build_command(Path::new(own), Path::new("/src/esker"));
+        let build = "cargo build --release -p esker-view --manifest-path /src/esker/Cargo.toml";
+        assert_eq!(command("/src/esker/target/release/esker"), build);
+        assert_eq!(command("/cache/release/esker"), format!("{build} --target-dir /cache"));
+        assert_eq!(command("/usr/bin/esker"), "cargo install --path /src/esker/crates/view");
+    }
+}
