@@ -1,10 +1,15 @@
-//! Clippy, with the lints of the workspace, over everything that a newcomer builds and the tools;
+//! Clippy, with the lints of the workspace, over everything that a newcomer builds, the window and the tools;
 //! a warning is an error.
 
 use crate::shell::run_cargo;
 
-/// Checks the default members of the workspace, then the tools.
+/// What is no default member of the workspace.
+const OTHERS: [&str; 2] = ["esker-view", "xtask"];
+
+/// Checks the default members of the workspace, then the others.
 pub fn check() -> anyhow::Result<()> {
     run_cargo(&["clippy", "--release", "--all-targets", "--", "-D", "warnings"])?;
-    run_cargo(&["clippy", "--release", "-p", "xtask", "--all-targets", "--", "-D", "warnings"])
+    OTHERS.iter().try_for_each(|package| {
+        run_cargo(&["clippy", "--release", "-p", package, "--all-targets", "--", "-D", "warnings"])
+    })
 }

@@ -9,6 +9,7 @@ mod readme;
 mod shaders;
 mod shell;
 mod tally;
+mod view;
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -21,13 +22,14 @@ struct Step {
     run: fn(&mut Tally) -> anyhow::Result<()>,
 }
 
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 8] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
     Step { name: "lint", about: "clippy, warnings are errors", run: |_| lint::check() },
     Step { name: "deps", about: "directions of dependencies", run: |_| deps::check() },
     Step { name: "shaders", about: "validation of shaders", run: |_| shaders::check() },
     Step { name: "house", about: "house rules of files", run: |_| house::check() },
     Step { name: "test", about: "the README's test command", run: readme::test },
+    Step { name: "view", about: "the viewer's tests, on a display or under Xvfb", run: view::test },
     Step { name: "demo", about: "the README's run command", run: |_| readme::demo() },
 ];
 

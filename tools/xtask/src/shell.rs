@@ -43,16 +43,20 @@ pub fn output(program: &OsString, args: &[&str]) -> Result<String> {
 /// Runs a command line of plain words, passing on what it prints and collecting it line by line.
 /// Its lines, and whether it succeeded.
 pub fn follow(line: &str, environment: &[(&str, &str)]) -> Result<(Vec<String>, bool)> {
-    let mut words = line.split_whitespace();
-    let program = words.next().context("an empty command")?;
+    follow_words(&line.split_whitespace().collect::<Vec<_>>(), environment)
+}
+
+/// As [`follow`], from words that may have spaces.
+pub fn follow_words(words: &[&str], environment: &[(&str, &str)]) -> Result<(Vec<String>, bool)> {
+    let (program, arguments) = words.split_first().context("an empty command")?;
     let mut child = Command::new(program)
-        .args(words)
+        .args(arguments)
         .envs(environment.iter().copied())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .with_context(|| format!("`{line}` cannot be run"))?;
+        .with_context(|| format!("`{}` cannot be run", words.join(" ")))?;
     let stdout = child.stdout.take().context("no standard output")?;
     let stderr = child.stderr.take().context("no standard error")?;
     // Both are read at once: a full pipe would stop the child.
