@@ -4,6 +4,7 @@
 use anyhow::Result;
 use esker_render::gpu::Gpu;
 pub use esker_render::gpu::{ProjectPath, Request as GpuRequest, wgpu};
+use serde_json::{Value, json};
 
 /// What the user wants drawn with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +16,80 @@ pub enum Backend {
     Gpu,
     /// The CPU.
     Cpu,
+}
+
+/// What the user wants drawn with, and on which GPU.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DrawWith {
+    /// CPU or GPU.
+    pub backend: Backend,
+    /// Which GPU, and how it draws points.
+    pub gpu: GpuRequest,
+}
+
+impl DrawWith {
+    /// As [`Backend::choose`].
+    ///
+    /// # Errors
+    /// As [`Backend::choose`].
+    pub fn choose(&self, device: Option<&Gpu>) -> Result<(Option<Gpu>, Drawer)> {
+        self.backend.choose(&self.gpu, device)
+    }
+
+    /// The command line that gives it.
+    pub fn arguments(&self) -> Vec<String> {
+        let mut arguments = vec![format!("--backend={}", self.backend.name())];
+        arguments.extend(self.gpu.path.map(|path| format!("--gpu-path={}", name_of(path))));
+        let api = Api::ALL.into_iter().find(|api| api.backends() == self.gpu.backends);
+        arguments.extend(api.map(|api| format!("--gpu-api={}", api.name())));
+        arguments.extend(self.gpu.allow_software.then(|| "--gpu-software".to_owned()));
+        arguments
+    }
+}
+
+/// The interface that a GPU is driven by, where it is not for the program to choose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Api {
+    /// Vulkan.
+    Vulkan,
+    /// OpenGL.
+    Gl,
+    /// Metal.
+    Metal,
+    /// Direct3D 12.
+    Dx12,
+}
+
+impl Api {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Vulkan, Self::Gl, Self::Metal, Self::Dx12];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vulkan => "vulkan",
+            Self::Gl => "gl",
+            Self::Metal => "metal",
+            Self::Dx12 => "dx12",
+        }
+    }
+
+    /// As the device library calls it.
+    pub fn backends(self) -> wgpu::Backends {
+        match self {
+            Self::Vulkan => wgpu::Backends::VULKAN,
+            Self::Gl => wgpu::Backends::GL,
+            Self::Metal => wgpu::Backends::METAL,
+            Self::Dx12 => wgpu::Backends::DX12,
+        }
+    }
+}
+
+fn name_of(path: ProjectPath) -> &'static str {
+    match path {
+        ProjectPath::Atomics => "atomics",
+        ProjectPath::Primitives => "primitives",
+    }
 }
 
 /// What draws.
@@ -83,6 +158,13 @@ impl Drawer {
         Self { note: Some(why), ..Self::default() }
     }
 
+    /// What reports say of it.
+    pub fn report(&self) -> Value {
+        json!({
+            "backend": self.backend(), "adapter": self.adapter, "path": self.path_name(), "note": self.note,
+        })
+    }
+
     /// `gpu` or `cpu`.
     pub fn backend(&self) -> &'static str {
         if self.adapter.is_some() { "gpu" } else { "cpu" }
@@ -90,10 +172,6 @@ impl Drawer {
 
     /// The path's name on the command line; `cpu` where the CPU draws.
     pub fn path_name(&self) -> &'static str {
-        match self.path {
-            None => "cpu",
-            Some(ProjectPath::Atomics) => "atomics",
-            Some(ProjectPath::Primitives) => "primitives",
-        }
+        self.path.map_or("cpu", name_of)
     }
 }

@@ -9,6 +9,7 @@ pub mod build;
 pub mod camera;
 pub mod colour;
 pub mod demo;
+pub mod devices;
 pub mod drawing;
 pub mod info;
 pub mod options;
@@ -24,6 +25,7 @@ pub mod slots;
 pub mod staging;
 pub mod system;
 pub mod verify;
+mod whole;
 
 pub use esker_build::memory;
 pub use esker_build::{Options as BuildOptions, Report as BuildReport};

@@ -1,10 +1,11 @@
 //! Drawing as a call: opens a file (or builds one from scans first), chooses what the view needs, reads
 //! just the planes that the frame asks for, draws, and writes the picture.
 
+use crate::backend::{Backend, DrawWith, Drawer};
 use crate::camera::Camera;
 use crate::colour::{Colouring, colouring};
 use crate::drawing::{draw_node, frame};
-use crate::{info, output, picture, pool};
+use crate::{info, output, picture, pool, whole};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{EskerFile, PlaneKind, Planes};
@@ -31,6 +32,8 @@ pub struct Request {
     pub target_spacing_px: f64,
     /// Where colours come from; the best there is where not said.
     pub colour_by: Option<String>,
+    /// What draws.
+    pub with: DrawWith,
     /// Threads; 0 is one a core.
     pub threads: usize,
     /// How scans are built that are given in place of a file.
@@ -47,6 +50,7 @@ impl Default for Request {
             budget_points: lod.points_budget,
             target_spacing_px: lod.target_spacing_px,
             colour_by: None,
+            with: DrawWith::default(),
             threads: 0,
             build: esker_build::Options::default(),
         }
@@ -128,7 +132,9 @@ pub struct Scene {
     pub selection: Selection,
     /// The planes of each drawn node, in the selection's order.
     pub planes: Vec<Planes>,
-    colouring: Colouring,
+    pub(crate) colouring: Colouring,
+    /// The kinds of planes that any node has been read for.
+    pub(crate) kinds: Vec<PlaneKind>,
     select_ms: f64,
     read_ms: f64,
 }
@@ -153,7 +159,9 @@ impl Scene {
         let select_ms = ms(start);
         let start = Instant::now();
         let planes = read(file, &view, &selection, &colouring, task)?;
-        Ok(Self { view, selection, planes, colouring, select_ms, read_ms: ms(start) })
+        let mut kinds = vec![PlaneKind::Position, PlaneKind::Normal, PlaneKind::Residual];
+        kinds.extend(colouring.plane.map(|(kind, _)| kind));
+        Ok(Self { view, selection, planes, colouring, kinds, select_ms, read_ms: ms(start) })
     }
 
     /// What the renderer is given.
@@ -171,14 +179,28 @@ impl Scene {
 /// Draws an opened file; the picture and what it took.
 ///
 /// # Errors
-/// Where planes cannot be read.
+/// Where planes cannot be read, or a GPU is asked for and there is none, or it fails.
 pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
+    let (gpu, mut drawer) = request.with.choose(None)?;
     let scene = Scene::read(file, request, task)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
-    let draws = scene.draws(file);
-    let frame = frame(file, &scene.view, &draws, &octree, &scene.colouring, request.method);
-    let picture = Renderer::default().render(&frame)?;
-    let report = report(&picture, &scene);
+    let start = Instant::now();
+    let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree, request.method));
+    let picture = match drawn {
+        Some(Ok(picture)) => picture,
+        Some(Err(fault)) if request.with.backend != Backend::Auto => return Err(fault.into()),
+        fault => {
+            if let Some(Err(fault)) = fault {
+                drawer = Drawer::cpu(fault.to_string());
+            }
+            let draws = scene.draws(file);
+            let frame = frame(file, &scene.view, &draws, &octree, &scene.colouring, request.method);
+            Renderer::default().render(&frame)?
+        }
+    };
+    let mut report = report(&picture, &scene);
+    report["drawn_by"] = drawer.report();
+    report["stages_ms"]["all_drawing"] = json!(ms(start));
     Ok((picture, report))
 }
 
@@ -239,7 +261,7 @@ pub fn text(report: &Value) -> String {
     let stage = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     format!(
-        "{}: {} points of {} nodes, {} of {} pixels covered\n\
+        "{}: {} points of {} nodes, {} of {} pixels covered{}\n\
          choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
          shade {:.1}, soften {:.1}",
         report["picture"].as_str().unwrap_or("?"),
@@ -249,6 +271,7 @@ pub fn text(report: &Value) -> String {
         crate::quantity::grouped(
             report["width"].as_u64().unwrap_or(0) * report["height"].as_u64().unwrap_or(0)
         ),
+        report["drawn_by"]["adapter"].as_str().map_or(String::new(), |name| format!(", by {name}")),
         stage("select"),
         stage("read"),
         stage("project"),

@@ -1,10 +1,12 @@
 //! Flies a session along a path, frame by frame, and notes what each frame did: for each view until it is
 //! complete and then for as long as the path stays there; for each transition on the way.
 
+use crate::backend::Drawer;
 use crate::bench::path::{Path, Stop};
-use crate::session::{Frame, Session};
+use crate::session::{Frame, GpuBytes, Session};
 use anyhow::Result;
 use esker_points::Task;
+use esker_render::Stages;
 use esker_stream::Status;
 use std::time::{Duration, Instant};
 
@@ -30,6 +32,10 @@ pub struct Flight {
     pub status: Status,
     /// Waits of the render thread.
     pub stalls: u64,
+    /// What drew in the end.
+    pub drawer: Drawer,
+    /// Bytes of GPU buffers in the end.
+    pub gpu_bytes: Option<GpuBytes>,
 }
 
 /// A view of the path, figures as in table 3 of kanzok2015.
@@ -45,6 +51,8 @@ pub struct ViewFigures {
     pub lod_ms: f64,
     /// Median of drawing, milliseconds.
     pub render_ms: f64,
+    /// Median of each pass, milliseconds: by the GPU's own clock, where it draws.
+    pub passes_ms: Passes,
     /// Median of whole frames, milliseconds.
     pub frame_ms: f64,
     /// From arriving at it until all that it wants was drawn.
@@ -93,6 +101,8 @@ pub fn fly(
     }
     flight.status = session.status();
     flight.stalls = session.stalls();
+    flight.drawer = session.drawer().clone();
+    flight.gpu_bytes = session.gpu_bytes();
     Ok(flight)
 }
 
@@ -144,14 +154,14 @@ impl Flight {
             figures.is_complete = frame.cut.settled && frame.cut.view == stop.view;
         }
         figures.complete_ms = arrived.elapsed().as_secs_f64() * 1e3;
-        let (mut render_ms, mut frame_ms) = (Vec::new(), Vec::new());
+        let (mut stages, mut frame_ms) = (Vec::new(), Vec::new());
         let complete = Instant::now();
         while frame_ms.len() < FRAMES_MIN || complete.elapsed().as_secs_f64() < stop.stay_s {
             task.check()?;
             let frame = session.frame(&stop.view)?;
             self.note(&frame);
             choice(&frame);
-            render_ms.push(frame.stats.stages.total_ms);
+            stages.push(frame.stats.stages);
             frame_ms.push(frame.times.total_ms);
             let counters = &frame.cut.counters;
             figures.nodes = frame.cut.nodes.len() as u64;
@@ -160,7 +170,8 @@ impl Flight {
             figures.resident_bytes = frame.status.drawing_bytes;
         }
         figures.lod_ms = quantile(&lod_ms, 0.5);
-        figures.render_ms = quantile(&render_ms, 0.5);
+        figures.passes_ms = passes(&stages);
+        figures.render_ms = figures.passes_ms.last().map_or(0.0, |p| p.1);
         figures.frame_ms = quantile(&frame_ms, 0.5);
         Ok(figures)
     }
@@ -175,6 +186,27 @@ impl Flight {
             self.loading_s += ms / 1e3;
         }
     }
+}
+
+/// Names of passes and their times, milliseconds; all of them together last.
+pub type Passes = Vec<(&'static str, f64)>;
+
+/// Medians of each pass.
+fn passes(stages: &[Stages]) -> Passes {
+    type Pass = (&'static str, fn(&Stages) -> f64);
+    const PASSES: [Pass; 8] = [
+        ("project", |s| s.project_ms),
+        ("gather", |s| s.gather_ms),
+        ("pull", |s| s.pull_ms),
+        ("push", |s| s.push_ms),
+        ("mend", |s| s.mend_ms),
+        ("shade", |s| s.shade_ms),
+        ("soften", |s| s.soften_ms),
+        ("all", |s| s.total_ms),
+    ];
+    let median =
+        |time: fn(&Stages) -> f64| quantile(&stages.iter().map(time).collect::<Vec<_>>(), 0.5);
+    PASSES.map(|(name, time)| (name, median(time))).to_vec()
 }
 
 /// The value that a share, 0 to 1, of the values does not pass; 0 of none.

@@ -151,6 +151,7 @@ fn arguments(request: &Request) -> Vec<OsString> {
         format!("--threads={}", request.threads).into(),
         format!("--settings={}", request.settings.name()).into(),
     ];
+    arguments.extend(request.with.arguments().into_iter().map(OsString::from));
     for (name, path) in [("--path", &request.path), ("--pictures", &request.pictures)] {
         arguments.extend(path.iter().flat_map(|p| [name.into(), p.clone().into_os_string()]));
     }

@@ -110,6 +110,7 @@ fn details(run: &Value) -> Vec<String> {
             run["table_bytes_a_node"],
             bytes(&run["file_bytes"]),
         ),
+        format!("  drawn    by {}, {}", drawn_by(run), passes(run)),
         format!(
             "  frames   {}; p50 {:.1} ms, p99 {:.1}, longest {:.1}; {} waits of the render thread; {:.0} % within 100 ms",
             run["frames"],
@@ -171,6 +172,22 @@ fn details(run: &Value) -> Vec<String> {
         lines.push(format!("  fault    {fault}"));
     }
     lines
+}
+
+fn drawn_by(run: &Value) -> String {
+    match (run["adapter"].as_str(), run["backend_note"].as_str()) {
+        (Some(adapter), _) => format!("{adapter}, {}", run["gpu_path"].as_str().unwrap_or("?")),
+        (None, Some(note)) => format!("the CPU ({note})"),
+        (None, None) => "the CPU".into(),
+    }
+}
+
+/// Times of the passes of the last view.
+fn passes(run: &Value) -> String {
+    let last = list(&run["views"]).last().map_or(&Value::Null, |v| &v["passes_ms"]);
+    let passes = ["project", "gather", "pull", "push", "mend", "shade", "soften", "all"];
+    let times = passes.map(|name| format!("{name} {:.1}", number(&last[name])));
+    format!("last view, ms: {}", times.join(" "))
 }
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 //! without the depth test, against plain reads of the same file in the same run. Measures the process
 //! that it runs in, so each file gets one of its own ([`crate::bench::process`]).
 
+use crate::backend::{Backend, DrawWith, Drawer};
 use crate::bench::disk;
-use crate::bench::flight::{Flight, fly, quantile};
+use crate::bench::flight::{Flight, Passes, fly, quantile};
 use crate::bench::path::Path;
 use crate::session::{Options, Session};
 use crate::{info, picture, system};
@@ -29,7 +30,9 @@ const MARGIN: f64 = 1.05;
 pub struct Request {
     /// The camera's path; derived from the scan where not said.
     pub path: Option<PathBuf>,
-    /// Bytes of drawing memory.
+    /// What draws.
+    pub with: DrawWith,
+    /// Bytes of drawing memory; on a GPU of all its buffers.
     pub budget_gpu_bytes: u64,
     /// Bytes of main memory.
     pub budget_ram_bytes: u64,
@@ -69,6 +72,8 @@ impl Settings {
 
     fn options(self, request: &Request) -> Options {
         let own = Options {
+            backend: request.with.backend,
+            gpu: request.with.gpu,
             budget_gpu_bytes: request.budget_gpu_bytes,
             budget_ram_bytes: request.budget_ram_bytes,
             size: request.size,
@@ -102,8 +107,15 @@ pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Re
         Some(way) => Path::read(way, info::bounds(file.metadata()), request.size)?,
         None => Path::of(&file, request.size),
     };
-    let options = request.settings.options(request);
-    let run = Run { path, file, way, options, request, task };
+    let mut options = request.settings.options(request);
+    let (device, drawer) = request.with.choose(None)?;
+    // One device for all sessions of the run; its driver's own memory is nobody's budget.
+    if device.is_none() {
+        options.backend = Backend::Cpu;
+    }
+    options.device = device;
+    let driver_rss_bytes = usage().rss_peak_bytes.saturating_sub(empty_rss_bytes);
+    let run = Run { path, file, way, options, request, task, drawer, driver_rss_bytes };
     run.chill()?;
     let sequential = disk::sequential_rate(path, task)?;
     let flight = run.flight(true)?;
@@ -123,6 +135,9 @@ struct Run<'a> {
     options: Options,
     request: &'a Request,
     task: &'a dyn Task,
+    /// What was chosen to draw.
+    drawer: Drawer,
+    driver_rss_bytes: u64,
 }
 
 impl Run<'_> {
@@ -191,9 +206,17 @@ impl Run<'_> {
         let (request, footer) = (self.request, self.file.footer());
         let status = &flight.status;
         let flights = || [Some(flight), without].into_iter().flatten();
-        let peak_gpu = flights().map(|f| f.status.drawing_bytes_peak).max().unwrap_or(0);
+        let gpu = flight.gpu_bytes;
+        let slots = flights().map(|f| f.status.drawing_bytes_peak).max().unwrap_or(0);
+        let peak_gpu = gpu.map_or(slots, |gpu| gpu.peak_bytes);
+        // A GPU that failed was left for the CPU.
+        let drawer = if gpu.is_some() { &self.drawer } else { &flight.drawer };
+        let drawer = if self.options.device.is_some() { drawer } else { &self.drawer };
         let peak_rss = usage().rss_peak_bytes;
-        let budgets = request.budget_gpu_bytes + request.budget_ram_bytes + empty_rss_bytes;
+        let budgets = request.budget_gpu_bytes
+            + request.budget_ram_bytes
+            + empty_rss_bytes
+            + self.driver_rss_bytes;
         let exceeded =
             peak_gpu > request.budget_gpu_bytes || peak_rss as f64 > budgets as f64 * MARGIN;
         let frames = |share| quantile(&flight.frame_ms, share);
@@ -206,15 +229,20 @@ impl Run<'_> {
             "structure_bytes": footer.table.bytes,
             "table_bytes_a_node": size_of::<Node>(),
             "file_bytes": footer.file_bytes,
-            "backend": "cpu",
+            "backend": drawer.backend(),
+            "adapter": drawer.adapter,
+            "gpu_path": drawer.path_name(),
+            "backend_note": drawer.note,
             "size": request.size,
             "settings": request.settings.name(),
             "depth_test": request.occlusion,
             "cold": request.cold,
             "peak_rss_bytes": peak_rss,
             "empty_rss_bytes": empty_rss_bytes,
+            "driver_rss_bytes": self.driver_rss_bytes,
             "budget_ram_bytes": request.budget_ram_bytes,
             "peak_gpu_bytes": peak_gpu,
+            "fixed_gpu_bytes": gpu.map(|gpu| gpu.fixed_bytes),
             "budget_gpu_bytes": request.budget_gpu_bytes,
             "budget_exceeded": exceeded,
             "render_stalls": flights().map(|f| f.stalls).sum::<u64>(),
@@ -258,7 +286,7 @@ fn views(flight: &Flight, without: Option<&Flight>) -> Vec<Value> {
         flight.views.get(i).map(|v| {
             json!({
                 "name": v.name, "nodes": v.nodes, "points": v.points, "lod_ms": v.lod_ms,
-                "render_ms": v.render_ms, "complete_ms": v.complete_ms, "complete": v.is_complete,
+                "render_ms": v.render_ms, "passes_ms": passes(&v.passes_ms), "complete_ms": v.complete_ms, "complete": v.is_complete,
                 "frame_ms": v.frame_ms, "fps": 1e3 / v.frame_ms.max(1e-9),
                 "nodes_occluded": v.occluded, "resident_bytes": v.resident_bytes,
             })
@@ -271,6 +299,10 @@ fn views(flight: &Flight, without: Option<&Flight>) -> Vec<Value> {
             Some(view)
         })
         .collect()
+}
+
+fn passes(passes: &Passes) -> Value {
+    passes.iter().map(|&(name, ms)| (name.to_owned(), json!(ms))).collect()
 }
 
 fn transitions(flight: &Flight) -> Vec<Value> {

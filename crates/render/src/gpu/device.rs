@@ -35,12 +35,21 @@ pub struct Request {
 impl Default for Request {
     fn default() -> Self {
         Self {
-            backends: Backends::PRIMARY | Backends::GL,
+            backends: interfaces(),
             allow_software: false,
             path: None,
             is_minimal: false,
         }
     }
+}
+
+/// The interfaces that are looked at where nobody says which: OpenGL on Linux only with a display, since its
+/// libraries write complaints to standard error without one.
+fn interfaces() -> Backends {
+    let has_display =
+        ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    let looks_at_gl = !cfg!(target_os = "linux") || has_display;
+    if looks_at_gl { Backends::PRIMARY | Backends::GL } else { Backends::PRIMARY }
 }
 
 /// What a device has.

@@ -1,0 +1,84 @@
+//! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent through its queue,
+//! drawn once and read back.
+
+use crate::drawing::{draw_node, frame};
+use crate::render::Scene;
+use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_lod::CompactOctree;
+use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
+use esker_render::{Method, Picture};
+use std::collections::HashMap;
+
+/// What places are multiples of: what GPUs ask of bound ranges.
+const ALIGNMENT: u64 = 256;
+/// Bytes that are sent before the queue is told to take them: it keeps a copy until then.
+const SENT_MAX: u64 = 64 << 20;
+
+/// Places of planes in drawing memory.
+#[derive(Default)]
+struct Places {
+    /// By node of the selection and kind.
+    at: HashMap<(usize, PlaneKind), PlaneAt>,
+    end: u64,
+}
+
+/// Draws a scene.
+///
+/// # Errors
+/// Where the GPU refuses memory, or fails.
+pub(crate) fn draw(
+    gpu: &Gpu,
+    file: &EskerFile,
+    scene: &Scene,
+    octree: &CompactOctree,
+    method: Method,
+) -> Result<Picture, GpuError> {
+    let mut renderer = GpuRenderer::new(gpu)?;
+    let places = Places::of(scene, gpu.tier.page_bytes_max)?;
+    let mut pool = NodePool::new(gpu, places.end);
+    let mut sent = 0;
+    for ((index, kind), at) in &places.at {
+        let bytes = bytes_of(&scene.planes[*index], *kind);
+        pool.write(gpu, at.offset, bytes)?;
+        sent += at.bytes;
+        if sent > SENT_MAX {
+            gpu.queue.submit([]);
+            sent = 0;
+        }
+    }
+    let nodes = scene.selection.drawn.iter().enumerate();
+    let draws: Vec<_> = nodes
+        .map(|(entry, drawn)| {
+            let node = &file.table().nodes[drawn.node as usize];
+            let at = |kind| places.at.get(&(entry, kind)).copied();
+            draw_node(node, entry, drawn.prefix, &scene.colouring, at)
+        })
+        .collect();
+    let frame = frame(file, &scene.view, &draws, octree, &scene.colouring, method);
+    renderer.render(&frame, &pool)?;
+    renderer.read()
+}
+
+fn bytes_of(planes: &Planes, kind: PlaneKind) -> &[u8] {
+    planes.get(kind).unwrap_or_default()
+}
+
+impl Places {
+    /// One after another; none straddles a page.
+    fn of(scene: &Scene, page_bytes: u64) -> Result<Self, GpuError> {
+        let mut places = Self::default();
+        for (index, planes) in scene.planes.iter().enumerate() {
+            for &kind in scene.kinds.iter().filter(|&&kind| planes.get(kind).is_some()) {
+                let bytes = bytes_of(planes, kind).len() as u64;
+                if bytes > page_bytes {
+                    return Err(GpuError::Memory { what: "a plane of a node".into(), bytes });
+                }
+                let left = page_bytes - places.end % page_bytes;
+                let offset = if bytes > left { places.end + left } else { places.end };
+                places.at.insert((index, kind), PlaneAt { offset, bytes });
+                places.end = (offset + bytes).next_multiple_of(ALIGNMENT);
+            }
+        }
+        Ok(places)
+    }
+}
