@@ -9,7 +9,7 @@ use esker_lod::View;
 use esker_points::{Lattice, Node};
 use esker_render::camera::Camera;
 use esker_render::gpu::readback::read;
-use esker_render::gpu::{Gpu, GpuRenderer};
+use esker_render::gpu::{Gpu, GpuError, GpuRenderer, PlaneAt};
 use esker_render::project::{DrawList, EMPTY, project, unpack};
 use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
@@ -62,6 +62,11 @@ fn winners(gpu: &Gpu, frame: &Frame<'_>, renderer: &GpuRenderer) -> Winners {
         .collect()
 }
 
+/// The frame with its planes in drawing memory; points alone, without the passes of surfaces.
+fn points_of<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
+    Frame { method: Method::Points, ..laid_frame(frame, draws) }
+}
+
 /// How many pixels differ.
 fn differing(a: &Winners, b: &Winners) -> usize {
     a.iter().zip(b).filter(|(a, b)| a.map(|a| a.1) != b.map(|b| b.1)).count()
@@ -75,7 +80,7 @@ fn same_points_win(frames: &[(&str, Frame<'_>)]) {
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for ((what, frame), cpu) in frames.iter().zip(&cpu) {
             let laid = lay(&gpu, frame.draws, PAGE_BYTES);
-            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            renderer.render(&points_of(frame, &laid.draws), &laid.pool).unwrap();
             assert!(renderer.hits().1.work.len() > 1, "{what}: all planes lie in one page");
             are_the_same(&format!("{what}, {on}"), cpu, &winners(&gpu, frame, &renderer));
         }
@@ -191,9 +196,32 @@ fn many_nodes_of_few_points_are_drawn_by_a_renderer_that_drew_few() {
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for (frame, cpu) in [few, many, few].iter().zip(&cpu) {
             let draws = &laid.draws[..frame.draws.len()];
-            renderer.render(&laid_frame(frame, draws), &laid.pool).unwrap();
+            renderer.render(&points_of(frame, draws), &laid.pool).unwrap();
             are_the_same(&name(&gpu), cpu, &winners(&gpu, frame, &renderer));
         }
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_and_the_next_frame_is_drawn() {
+    let scene = ball_and_floor(1e-3, 1.0, 3000);
+    let draws = scene.draws(false, false, false);
+    let good = view(1.0, 40, 30);
+    let cpu = on_cpu(&scene.frame(&good, &draws));
+    for gpu in gpus() {
+        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        let side_max = gpu.device.limits().max_texture_dimension_2d;
+        let bad = [View { eye: DVec3::NAN, ..good }, View { width: side_max + 1, ..good }];
+        for bad in &bad {
+            let frame = scene.frame(bad, &draws);
+            let refused = renderer.render(&points_of(&frame, &laid.draws), &laid.pool);
+            assert!(matches!(refused, Err(GpuError::View(_) | GpuError::Size { .. })));
+            let frame = scene.frame(&good, &draws);
+            renderer.render(&points_of(&frame, &laid.draws), &laid.pool).unwrap();
+            are_the_same(&name(&gpu), &cpu, &winners(&gpu, &frame, &renderer));
+        }
+        assert_eq!(gpu.fault(), None, "{}", name(&gpu));
     }
 }
 
@@ -236,7 +264,7 @@ fn any_bits_are_a_harmless_picture() {
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {
             let laid = lay(gpu, &draws, PAGE_BYTES);
-            renderer.render(&laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
+            renderer.render(&points_of(&frame, &laid.draws), &laid.pool).unwrap();
             for (depth, _) in winners(gpu, &frame, renderer).into_iter().flatten() {
                 assert!(depth > 0.0 && depth < f32::INFINITY, "{depth} on {}", name(gpu));
             }

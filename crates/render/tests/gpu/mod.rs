@@ -3,16 +3,28 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+pub mod flip;
+
 use esker_render::gpu::wgpu::Backends;
 use esker_render::gpu::{Gpu, NodePool, PlaneAt, ProjectPath, Request};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
 /// A device for each adapter and path, also with the least that WebGPU promises; says so where there is none.
 pub fn gpus() -> Vec<Gpu> {
+    open(&[Some(ProjectPath::Atomics), Some(ProjectPath::Primitives), None])
+}
+
+/// One device for each path of an adapter, the one of point primitives with the least that WebGPU promises: for
+/// tests whose many kernels take software drivers seconds to compile.
+pub fn few_gpus() -> Vec<Gpu> {
+    open(&[Some(ProjectPath::Atomics), None])
+}
+
+/// Devices by these paths; the least that there is where none is named.
+fn open(paths: &[Option<ProjectPath>]) -> Vec<Gpu> {
     let backends = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
-    let paths = [Some(ProjectPath::Atomics), Some(ProjectPath::Primitives), None];
     let requests = backends.into_iter().flat_map(|backends| {
-        paths.map(|path| Request {
+        paths.iter().map(move |&path| Request {
             backends,
             allow_software: true,
             path,
