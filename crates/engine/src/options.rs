@@ -2,7 +2,8 @@
 
 use crate::backend::{Backend, GpuRequest};
 use esker_render::Method;
-use esker_render::gpu::Gpu;
+pub use esker_render::gpu::Gpu;
+pub use esker_render::gpu::device::descriptor;
 use esker_stream::Priority;
 
 /// What a session may cost and how it draws.

@@ -18,10 +18,11 @@ pub use crate::painter::{GpuBytes, Image};
 use crate::{info, system};
 use anyhow::{Context, Error, Result, bail, ensure};
 use esker_format::{EskerFile, PlaneKind};
-use esker_lod::View;
+use esker_lod::{DepthFeedback, View};
 use esker_render::camera::Camera;
-use esker_render::{Picture, Stats};
+use esker_render::{Method, Picture, Stats};
 use esker_stream::{Cut, Needs, Status, Streamer};
+use glam::DVec2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -72,6 +73,8 @@ pub struct Session {
     drawer: Drawer,
     /// `None` only while it is dropped or changes its backend.
     running: Option<Running>,
+    /// Of the newest finished frame.
+    depth: Option<DepthFeedback>,
     stalls: u64,
 }
 
@@ -86,8 +89,16 @@ impl Session {
         let colouring =
             colouring(&file, options.colour_by.as_deref(), info::bounds(file.metadata()))?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
-        let mut session =
-            Self { file, options, colouring, shares, drawer, running: None, stalls: 0 };
+        let mut session = Self {
+            file,
+            options,
+            colouring,
+            shares,
+            drawer,
+            running: None,
+            depth: None,
+            stalls: 0,
+        };
         let started = match gpu {
             Some(gpu) => GpuPainter::new(gpu, &session.file, &session.options)
                 .and_then(|painter| session.start(Box::new(painter))),
@@ -182,13 +193,22 @@ impl Session {
     /// Where the view is no usable camera, or a larger picture than the budget was made for; where a GPU
     /// fails that the user insists on.
     pub fn frame(&mut self, view: &View) -> Result<Frame<'_>> {
-        self.check(view)?;
+        self.frame_from(view, view)
+    }
+
+    /// As [`Session::frame`], but seen from elsewhere than it was chosen for: a cut looked at from outside.
+    ///
+    /// # Errors
+    /// As [`Session::frame`].
+    pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<Frame<'_>> {
+        self.check(chosen)?;
+        self.check(seen)?;
         let start = Instant::now();
-        let drawn = match self.draw(view) {
+        let drawn = match self.draw(chosen, seen) {
             Ok(drawn) => drawn,
             Err(fault) => {
                 self.fall_back(fault)?;
-                self.draw(view)?
+                self.draw(chosen, seen)?
             }
         };
         let Exchange { cut, uploaded_bytes, mut times } = drawn;
@@ -197,6 +217,18 @@ impl Session {
         let painter = &self.running.as_ref().context(ENDED)?.painter;
         let image = painter.image().context("nothing was drawn")?;
         Ok(Frame { image, cut, stats: painter.stats(), status, times, uploaded_bytes })
+    }
+
+    /// Draws points alone, or surfaces, from the next frame on.
+    pub fn set_method(&mut self, method: Method) {
+        self.options.method = method;
+    }
+
+    /// Eye depth of the nearest thing about a place of the picture (0 to 1 from its top left corner), from the depth
+    /// of the newest finished frame, coarsely; never waits. `None` where nothing is, and on the CPU where nothing that
+    /// is hidden is left out: its pictures have their depth.
+    pub fn depth_at(&self, place: DVec2) -> Option<f64> {
+        self.depth.as_ref()?.nearest_at(place)
     }
 
     /// The picture of the last frame, in main memory; waits until it is finished. For screenshots.
@@ -275,18 +307,22 @@ impl Session {
     }
 
     /// A whole frame.
-    fn draw(&mut self, view: &View) -> Result<Exchange> {
-        let mut exchange = self.exchange(Some(view))?;
+    fn draw(&mut self, chosen: &View, seen: &View) -> Result<Exchange> {
+        let mut exchange = self.exchange(Some(chosen))?;
         let drawing = Instant::now();
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
         painter.draw(&Scene {
             file: &self.file,
-            view,
+            view: seen,
             cut: &exchange.cut,
             colouring: &self.colouring,
             method: self.options.method,
         })?;
-        let depth = self.options.occlusion.then(|| painter.feedback()).flatten();
+        let is_asked = self.options.occlusion || self.drawer.adapter.is_some();
+        let depth = is_asked.then(|| painter.feedback()).flatten();
+        self.depth = depth.clone().or(self.depth.take());
+        // What is seen from elsewhere hides nothing from the eye of the choice.
+        let depth = depth.filter(|_| self.options.occlusion && chosen == seen);
         exchange.times.draw_ms = ms(drawing);
         let mut talk = Talk::default();
         talk.time(|| {

@@ -97,6 +97,14 @@ impl DepthFeedback {
         Self { new, parallax, ..self.clone() }
     }
 
+    /// The nearest depth of the tile at a place of that frame's picture (0 to 1 from its top left corner); `None` where
+    /// the tile shows nothing.
+    pub fn nearest_at(&self, place: DVec2) -> Option<f64> {
+        let at = place * self.grid.size_px();
+        let [nearest, _] = self.range_within(at, at);
+        (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
+    }
+
     /// What of the box can be on the new picture, as an outline on the old one and its least depth there.
     fn in_old_picture(&self, b: &OrientedBox) -> Option<(Polygon, f64)> {
         let size = self.new.size_px();
