@@ -230,6 +230,7 @@ impl App {
             record.anon_bytes_peak = record.anon_bytes_peak.max(self.anon_bytes.1);
             let status = &self.counters.status;
             record.drawing_bytes_peak = record.drawing_bytes_peak.max(status.drawing_bytes_peak);
+            record.gpu_bytes_peak = self.counters.gpu_bytes.map(|gpu| gpu.peak_bytes);
             status.fault.iter().for_each(|fault| record.fault(fault));
         }
     }

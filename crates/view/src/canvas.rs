@@ -43,9 +43,9 @@ impl Canvas {
         self.size = [picture.width, picture.height];
     }
 
-    /// Takes the renderer's own texture, of this size.
-    pub fn show(&mut self, view: &wgpu::TextureView, size: [u32; 2]) {
-        let Some(painter) = &self.painter else { return };
+    /// Takes the renderer's own texture, of this size; false where the window is not painted by a graphics driver.
+    pub fn show(&mut self, view: &wgpu::TextureView, size: [u32; 2]) -> bool {
+        let Some(painter) = &self.painter else { return false };
         let filter = wgpu::FilterMode::Linear;
         let id = match &self.native {
             Some((last, id)) if last == view => *id,
@@ -62,6 +62,7 @@ impl Canvas {
         self.native = Some((view.clone(), id));
         self.shown = Some(id);
         self.size = size;
+        true
     }
 
     /// Size of the picture, pixels; zeros where there is none yet.

@@ -1,5 +1,6 @@
 //! What the panel counts: taken from each frame and from the session's status, plain numbers.
 
+use esker_engine::session::GpuBytes;
 use esker_engine::{Cut, Status};
 
 /// Counts of the newest frame.
@@ -19,6 +20,8 @@ pub struct Counters {
     pub draw_ms: f64,
     /// What streaming is at.
     pub status: Status,
+    /// Bytes of GPU buffers, where a GPU draws.
+    pub gpu_bytes: Option<GpuBytes>,
     /// Bytes read a second, over the last second.
     pub read_rate: f64,
     /// Calls that read a second, over the last second.

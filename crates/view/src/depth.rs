@@ -41,17 +41,21 @@ impl Depths<'_> {
         })
     }
 
-    /// How far away the scene is: the lower quartile of the depths, so that what is near counts more than
-    /// the horizon. `None` where nothing is seen.
-    pub fn typical(&self) -> Option<f64> {
-        let (width, height) = (self.width, self.height());
-        let cells = (0..SAMPLES * SAMPLES).map(|i| [i % SAMPLES, i / SAMPLES]);
-        let centre = |cell: usize, side: usize| ((2 * cell + 1) * side / (2 * SAMPLES)) as i64;
-        let mut depths: Vec<f64> =
-            cells.filter_map(|[i, j]| self.at(centre(i, width), centre(j, height))).collect();
-        depths.sort_by(f64::total_cmp);
-        depths.get(depths.len() / 4).copied()
+    /// The depth at a place of the picture, and no other.
+    pub fn exactly(&self, place: DVec2) -> Option<f64> {
+        self.at((place.x * self.width as f64) as i64, (place.y * self.height() as f64) as i64)
     }
+}
+
+/// How far away a scene is whose picture has these depths: their lower quartile, so that what is near counts more than
+/// the horizon. `None` where nothing is seen.
+pub fn typical(at: impl Fn(DVec2) -> Option<f64>) -> Option<f64> {
+    let middle = |cell: usize| (cell as f64 + 0.5) / SAMPLES as f64;
+    let cells =
+        (0..SAMPLES * SAMPLES).map(|i| DVec2::new(middle(i % SAMPLES), middle(i / SAMPLES)));
+    let mut depths: Vec<f64> = cells.filter_map(at).collect();
+    depths.sort_by(f64::total_cmp);
+    depths.get(depths.len() / 4).copied()
 }
 
 #[cfg(test)]
@@ -76,8 +80,8 @@ mod tests {
     fn the_scene_is_as_far_as_its_near_quarter() {
         let depth: Vec<f32> =
             (0..100 * 100).map(|i| if i < 5000 { 1000.0 } else { 10.0 }).collect();
-        assert_eq!(Depths { width: 100, depth: &depth }.typical(), Some(10.0));
-        let nothing = vec![f32::INFINITY; 64];
-        assert_eq!(Depths { width: 8, depth: &nothing }.typical(), None);
+        let depths = Depths { width: 100, depth: &depth };
+        assert_eq!(typical(|at| depths.exactly(at)), Some(10.0));
+        assert_eq!(typical(|_| None), None);
     }
 }

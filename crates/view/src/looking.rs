@@ -4,7 +4,7 @@ use crate::args::Args;
 use crate::camera::{Camera, Pose};
 use crate::canvas::Canvas;
 use crate::counters::Counters;
-use crate::depth::Depths;
+use crate::depth::{Depths, typical};
 use crate::device::{Device, ShownBy};
 use crate::gestures::Gestures;
 use crate::scene::{Look, Scene, Shown};
@@ -234,18 +234,30 @@ impl Looking {
             Shown::New(frame) => {
                 counters.take_frame(&frame.cut, frame.stats.points_drawn, frame.times.draw_ms);
                 let (start, drawn_ms) = (Instant::now(), frame.times.total_ms);
+                // What the newest finished frame took of the GPU, where it is one that draws.
+                let rendered_ms = frame.stats.stages.total_ms;
+                let (hand, camera) = (&mut self.gestures, &mut self.camera);
+                let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
                 match frame.image {
                     Image::Memory(picture) => {
                         self.canvas.upload(ctx, picture);
                         let depths =
                             Depths { width: picture.width as usize, depth: &picture.depth };
-                        let (hand, camera) = (&mut self.gestures, &mut self.camera);
-                        Self::told(hand, camera, self.size, &depths, drawn_ms);
+                        hand.told(camera, size, |at| depths.near(at));
+                        let far = typical(|at| depths.exactly(at));
+                        far.iter().for_each(|&far| camera.sees(far, drawn_ms / 1e3));
                     }
-                    Image::Texture(view) => self.canvas.show(view, self.size),
+                    Image::Texture(view) => {
+                        if !self.canvas.show(view, self.size) {
+                            self.canvas.upload(ctx, &scene.picture().ok()?);
+                        }
+                        hand.told(camera, size, |at| scene.depth_at(at));
+                        let far = typical(|at| scene.depth_at(at));
+                        far.iter().for_each(|&far| camera.sees(far, rendered_ms / 1e3));
+                    }
                 }
                 let work_ms = drawn_ms + start.elapsed().as_secs_f64() * 1e3;
-                self.sharpness.drew(work_ms, now_s);
+                self.sharpness.drew(work_ms.max(rendered_ms), now_s);
                 self.fault = None;
                 if shots.wants() {
                     shots.take(scene.picture());
@@ -259,22 +271,8 @@ impl Looking {
             }
         };
         counters.take_status(scene.status(), now_s);
+        counters.gpu_bytes = scene.gpu_bytes();
         drawn
-    }
-
-    /// Tells the hand and the camera how far away things are.
-    fn told(
-        gestures: &mut Gestures,
-        camera: &mut Camera,
-        size: [u32; 2],
-        depths: &Depths<'_>,
-        ms: f64,
-    ) {
-        let size = DVec2::new(f64::from(size[0]), f64::from(size[1]));
-        gestures.told(camera, size, |at| depths.near(at));
-        if let Some(depth) = depths.typical() {
-            camera.sees(depth, ms / 1e3);
-        }
     }
 
     /// Paints the picture and what lies over it.

@@ -114,7 +114,7 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
         (false, 0) => "choosing".to_owned(),
         (false, n) => format!("{n} requests"),
     };
-    Grid::new("counters").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
+    Grid::new("counters").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
         row(ui, "points", &grouped(counters.points));
         row(ui, "nodes drawn", &grouped(counters.nodes));
         row(ui, "hidden", &grouped(counters.occluded));
@@ -131,7 +131,12 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
         row(ui, "speed", &format!("{} a second", length(facts.speed)));
     });
     ui.add_space(4.0);
-    budget_bar(ui, "drawing memory", status.drawing_bytes, settings.budget_gpu_bytes);
+    match counters.gpu_bytes {
+        Some(gpu) => budget_bar(ui, "GPU memory", gpu.bytes, settings.budget_gpu_bytes),
+        None => {
+            budget_bar(ui, "drawing memory", status.drawing_bytes, settings.budget_gpu_bytes);
+        }
+    }
     if facts.anon_bytes > 0 {
         let budget = settings.budget_ram_bytes + settings.budget_gpu_bytes;
         budget_bar(ui, "main memory", facts.anon_bytes, budget);

@@ -20,7 +20,8 @@ pub fn show(ui: &mut Ui, times: &Times) {
     let points: PlotPoints<'_> = times.frames().map(|f| [f.at_s - last, f.interval_ms]).collect();
     let work: PlotPoints<'_> = times.frames().map(|f| [f.at_s - last, f.work_ms]).collect();
     Plot::new("frames")
-        .height(90.0)
+        .height(84.0)
+        .grid_color(theme::TEXT.gamma_multiply(0.18))
         .show_axes([false, true])
         .y_axis_min_width(24.0)
         .include_y(0.0)

@@ -53,6 +53,8 @@ pub struct Record {
     pub is_flying: bool,
     /// The most bytes of drawing memory in slots.
     pub drawing_bytes_peak: u64,
+    /// The most bytes of GPU buffers, where a GPU drew.
+    pub gpu_bytes_peak: Option<u64>,
     /// The most anonymous memory of the process, bytes.
     pub anon_bytes_peak: u64,
     /// Waits of the render thread.
@@ -90,6 +92,7 @@ impl Record {
             "last_is_resident": is_resident,
             "p99_loading_over_resident": ratio,
             "drawing_bytes_peak": self.drawing_bytes_peak,
+            "gpu_bytes_peak": self.gpu_bytes_peak,
             "anon_bytes_peak": self.anon_bytes_peak,
             "stalls": self.stalls,
             "faults": self.faults,

@@ -6,8 +6,10 @@ use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use esker_engine::backend::Drawer;
-use esker_engine::session::{Frame, GpuBytes, Options, Session};
+use esker_engine::options::Options;
+use esker_engine::session::{Frame, GpuBytes, Session};
 use esker_engine::{EskerFile, Picture, Status, View};
+use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
@@ -123,6 +125,14 @@ impl Scene {
         }
     }
 
+    /// Eye depth at a place of the newest finished frame's picture, coarsely; never waits.
+    pub fn depth_at(&self, place: DVec2) -> Option<f64> {
+        match &self.state {
+            State::Running(session) => session.depth_at(place),
+            _ => None,
+        }
+    }
+
     /// The last picture, in main memory; waits until it is finished.
     ///
     /// # Errors
@@ -149,8 +159,14 @@ impl Scene {
         if settings == self.settings {
             return;
         }
+        let is_method_alone =
+            Settings { method: settings.method, ..self.settings.clone() } == settings;
         self.settings = settings;
-        self.reopen();
+        self.at_rest = None;
+        match &mut self.state {
+            State::Running(session) if is_method_alone => session.set_method(self.settings.method),
+            _ => self.reopen(),
+        }
     }
 
     /// The largest picture is of this size from here on.
@@ -198,7 +214,7 @@ impl Scene {
         if self.at_rest == Some((look.chosen, look.seen)) {
             return Shown::Same;
         }
-        match session.frame(&look.seen) {
+        match session.frame_from(&look.chosen, &look.seen) {
             Ok(frame) => {
                 let rests = frame.cut.settled && frame.cut.view == look.chosen;
                 self.at_rest = rests.then_some((look.chosen, look.seen));

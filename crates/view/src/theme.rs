@@ -48,9 +48,9 @@ pub fn apply(ctx: &Context) {
     widgets.noninteractive.bg_stroke = Stroke::new(1.0, Color32::from_rgb(42, 46, 53));
     ctx.set_visuals_of(Theme::Dark, visuals);
     ctx.all_styles_mut(|style| {
-        style.spacing.item_spacing = vec2(8.0, 6.0);
+        style.spacing.item_spacing = vec2(8.0, 4.0);
         style.spacing.slider_width = 150.0;
-        style.spacing.interact_size.y = 20.0;
+        style.spacing.interact_size.y = 18.0;
         let sizes = [
             (TextStyle::Small, 10.5),
             (TextStyle::Body, 12.5),

@@ -4,7 +4,7 @@
 
 use crate::app::App;
 use crate::args::{Args, WindowBy};
-use crate::device::ShownBy;
+use crate::device::{ShownBy, device_of};
 use crate::soft;
 use anyhow::{Context, Result, anyhow};
 use eframe::egui::{self, ViewportBuilder};
@@ -109,6 +109,7 @@ fn options(args: &Args) -> NativeOptions {
     if args.window == WindowBy::Gl {
         setup.instance_descriptor.backends = wgpu::Backends::GL;
     }
+    setup.device_descriptor = Arc::new(device_of);
     setup.native_adapter_selector = Some(Arc::new(choose));
     let wgpu_options = WgpuConfiguration {
         surface: SurfaceConfig::LOW_LATENCY,
