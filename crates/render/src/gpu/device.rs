@@ -357,8 +357,9 @@ fn tier(
     path: Option<ProjectPath>,
 ) -> Result<Tier, GpuError> {
     let (features, limits) = (device.features(), device.limits());
-    let has_atomics =
-        features.contains(Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX);
+    let atomics = Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX;
+    // The pass reads a pixel before it writes it; Metal's 64-bit atomics have a minimum, but no read.
+    let has_atomics = features.contains(atomics) && info.backend != wgpu::Backend::Metal;
     let path = match path {
         Some(ProjectPath::Atomics) if !has_atomics => {
             let fault = format!("{}: has no 64-bit atomics; draw by point primitives", info.name);
