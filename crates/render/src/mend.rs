@@ -2,7 +2,8 @@
 //! which a farther one or the background is seen. They take the mean of what surrounds them (after the masks of
 //! Rosenthal and Linsen, Image-space point cloud rendering, 2008). Pull-push leaves such gaps where an
 //! ellipse that should cover a pixel is a mean that does not, and where a depth interval has grown so
-//! long that it takes in the surface behind.
+//! long that it takes in the surface behind. A gap takes nothing from other gaps: what is read in a round is not
+//! written in it, so that a GPU may close all of them at once, in place.
 
 use crate::pyramid::Level;
 use glam::Vec4;
@@ -23,12 +24,18 @@ struct Patch {
 }
 
 /// Closes gaps of `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::edges`].
+/// [`crate::edges`], in their order: all gaps are among them.
 pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) {
     let mut candidates = edges.to_vec();
     for _ in 0..ROUNDS {
-        let gaps = candidates.par_iter().with_min_len(1024);
-        let patches: Vec<Patch> = gaps.filter_map(|&p| patch(base, depth, focal_px, p)).collect();
+        let found = candidates.par_iter().with_min_len(1024);
+        let gaps = found.copied().filter(|&p| is_gap(base, depth, focal_px, p));
+        let mut gaps: Vec<usize> = gaps.collect();
+        gaps.sort_unstable();
+        gaps.dedup();
+        let patches = gaps.par_iter().with_min_len(256);
+        let patches: Vec<Patch> =
+            patches.filter_map(|&p| patch(base, depth, focal_px, &gaps, p)).collect();
         candidates.clear();
         for p in patches {
             depth[p.pixel] = p.depth;
@@ -38,8 +45,9 @@ pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
             if let Some(normal) = base.normal.get_mut(p.pixel) {
                 *normal = p.normal;
             }
-            // Only beside a gap that was closed may another have become surrounded.
-            candidates.extend(around(p.pixel, base.width));
+            // Only a gap that was closed, or another beside it, may be one still.
+            let beside = around(p.pixel, base.width).into_iter().chain([p.pixel]);
+            candidates.extend(beside.filter(|n| edges.binary_search(n).is_ok()));
         }
     }
 }
@@ -50,23 +58,36 @@ fn around(pixel: usize, width: usize) -> [usize; 8] {
     [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1]
 }
 
-/// What closes the gap at a pixel, where it is one: enough neighbours are in front by more than their
-/// radius.
-fn patch(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> Option<Patch> {
+/// Whether a pixel is a gap: enough neighbours are in front by more than their radius.
+fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let (x, y) = (pixel % base.width, pixel / base.width);
     if x == 0 || y == 0 || x + 1 == base.width || y + 1 == base.height {
-        return None;
+        return false;
     }
     let around = around(pixel, base.width);
-    let nearer = around.into_iter().filter(|&n| depth[n] < depth[pixel]).count();
-    if nearer < SURROUNDED {
-        return None;
-    }
+    // Most are none, which is seen without their radii.
+    around.into_iter().filter(|&n| depth[n] < depth[pixel]).count() >= SURROUNDED
+        && around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count()
+            >= SURROUNDED
+}
+
+fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: usize) -> bool {
+    depth[pixel] * (1.0 + base.tint[pixel].w / focal_px) < depth[behind]
+}
+
+/// What closes the gap at a pixel: the mean of those in front that are no gaps, if any.
+fn patch(
+    base: &Level,
+    depth: &[f32],
+    focal_px: f32,
+    gaps: &[usize],
+    pixel: usize,
+) -> Option<Patch> {
     let mut count = 0;
     let mut patch =
         Patch { pixel, front: Vec4::ZERO, tint: Vec4::ZERO, depth: 0.0, normal: Vec4::ZERO };
-    for n in around {
-        if depth[n] * (1.0 + base.tint[n].w / focal_px) < depth[pixel] {
+    for n in around(pixel, base.width) {
+        if is_before(base, depth, focal_px, n, pixel) && gaps.binary_search(&n).is_err() {
             count += 1;
             patch.front += base.front[n];
             patch.tint += base.tint[n];
@@ -79,7 +100,7 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> Option<Pat
     patch.tint *= share;
     patch.depth *= share;
     patch.normal *= share;
-    (count >= SURROUNDED).then_some(patch)
+    (count > 0).then_some(patch)
 }
 
 #[cfg(test)]
