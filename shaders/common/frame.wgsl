@@ -1,5 +1,7 @@
 // What all passes know of a frame (crates/render/src/gpu/frame.rs has the same structure).
 
+// include common/infinite.wgsl
+
 struct Frame {
     // Rows of the rotation from the world's axes to the view's.
     right: vec3<f32>,
@@ -23,11 +25,4 @@ struct Frame {
     // Whether points whose normal looks away are dropped.
     cull_back_faces: u32,
     unused: u32,
-}
-
-// A value that is no number, and the depth where there is nothing. WGSL has no literals for them.
-const INFINITE_BITS: u32 = 0x7f800000u;
-
-fn is_infinite(x: f32) -> bool {
-    return (bitcast<u32>(x) & 0x7fffffffu) >= INFINITE_BITS;
 }

@@ -25,7 +25,7 @@ const OVERHANG_MIN_PX: f32 = 1.5;
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
 /// only pictures of a few huge discs would change.
-const WAVES: u32 = 256;
+pub(crate) const WAVES: u32 = 256;
 /// Directions to the neighbours, around.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];

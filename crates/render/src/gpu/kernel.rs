@@ -12,6 +12,7 @@ pub struct Kernel {
     source: Source,
     entry: &'static str,
     constants: Vec<(&'static str, f64)>,
+    is_zeroed: bool,
     pipeline: wgpu::ComputePipeline,
     changed: Option<SystemTime>,
 }
@@ -27,9 +28,33 @@ impl Kernel {
         entry: &'static str,
         constants: &[(&'static str, f64)],
     ) -> Result<Self, GpuError> {
-        let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants)?;
+        Self::made(gpu, source, entry, constants, true)
+    }
+
+    /// As [`Kernel::new`], but the memory that groups share is not zeroed first: the shader writes what it reads.
+    /// Worth it where that memory is large.
+    ///
+    /// # Errors
+    /// Where the driver refuses it.
+    pub fn unzeroed(
+        gpu: &Gpu,
+        source: Source,
+        entry: &'static str,
+        constants: &[(&'static str, f64)],
+    ) -> Result<Self, GpuError> {
+        Self::made(gpu, source, entry, constants, false)
+    }
+
+    fn made(
+        gpu: &Gpu,
+        source: Source,
+        entry: &'static str,
+        constants: &[(&'static str, f64)],
+        is_zeroed: bool,
+    ) -> Result<Self, GpuError> {
+        let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants, is_zeroed)?;
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
-        Ok(Self { source, entry, constants: constants.to_vec(), pipeline, changed })
+        Ok(Self { source, entry, constants: constants.to_vec(), is_zeroed, pipeline, changed })
     }
 
     /// Makes it anew where its shader has changed on the disk (debug runs only). Whether it has.
@@ -43,7 +68,8 @@ impl Kernel {
             return Ok(false);
         }
         self.changed = changed;
-        self.pipeline = pipeline(gpu, self.source.file, &text, self.entry, &self.constants)?;
+        let Self { source, entry, constants, is_zeroed, .. } = self;
+        self.pipeline = pipeline(gpu, source.file, &text, entry, constants, *is_zeroed)?;
         Ok(true)
     }
 
@@ -96,6 +122,7 @@ fn pipeline(
     wgsl: &str,
     entry: &str,
     constants: &[(&str, f64)],
+    is_zeroed: bool,
 ) -> Result<wgpu::ComputePipeline, GpuError> {
     let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -107,7 +134,10 @@ fn pipeline(
         layout: None,
         module: &module,
         entry_point: Some(entry),
-        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
+            zero_initialize_workgroup_memory: is_zeroed,
+        },
         cache: None,
     });
     match pollster::block_on(scope.pop()) {

@@ -4,6 +4,7 @@
 pub mod colour;
 pub mod cut;
 pub mod device;
+pub mod dispatch;
 pub mod error;
 pub mod feedback;
 pub mod frame;
@@ -12,21 +13,28 @@ pub mod hits;
 pub mod kernel;
 mod link;
 pub mod lookup;
+pub mod mend;
 pub mod octree;
 pub mod picture;
 pub mod pool;
 pub mod primitives;
 pub mod project;
+pub mod pull;
+pub mod push;
 pub mod pyramid;
 pub mod readback;
+pub mod relief;
 pub mod renderer;
 pub mod resolve;
+pub mod shade;
 pub mod shader;
+pub mod surface;
 pub mod table;
 #[cfg(test)]
 mod testing;
 pub mod tiles;
 pub mod timing;
+pub mod trim;
 pub mod upload;
 mod variants;
 

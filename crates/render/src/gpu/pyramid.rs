@@ -2,8 +2,23 @@
 //! that none is larger than a binding may be.
 
 use super::device::{Counted, Gpu};
+use super::dispatch::fixed_uniform;
 use super::error::GpuError;
+use crate::same_layout;
+use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
+
+/// A level's shape, as the shaders read it (`shaders/common/level.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct LevelShape {
+    width: u32,
+    height: u32,
+    edge_px: f32,
+    unused: u32,
+}
+
+same_layout!(LevelShape { width, height, edge_px });
 
 /// One level; planes as in [`crate::pyramid::Level`].
 #[derive(Debug)]
@@ -14,6 +29,8 @@ pub struct GpuLevel {
     pub height: u32,
     /// Edge of its pixels, in pixels of level 0.
     pub edge_px: f32,
+    /// The three of them, a uniform.
+    pub shape: Counted,
     /// `vec4<f32>` a pixel.
     pub front: Counted,
     /// `vec4<f32>` a pixel.
@@ -55,11 +72,15 @@ impl GpuPyramid {
         loop {
             let pixels = u64::from(w) * u64::from(h);
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+            if pixels * 16 > gpu.tier.binding_bytes_max {
+                return Err(GpuError::Memory { what: "the pyramid".into(), bytes: pixels * 16 });
+            }
             let plane = |name: &str, bytes: u64| gpu.buffer(name, bytes, usage);
             self.levels.push(GpuLevel {
                 width: w,
                 height: h,
                 edge_px,
+                shape: shape(gpu, LevelShape { width: w, height: h, edge_px, unused: 0 })?,
                 front: plane("pyramid front", pixels * 16)?,
                 tint: plane("pyramid tint", pixels * 16)?,
                 depth: plane("pyramid depth", pixels * 4)?,
@@ -71,4 +92,8 @@ impl GpuPyramid {
             (w, h, edge_px) = (w.div_ceil(2), h.div_ceil(2), edge_px * 2.0);
         }
     }
+}
+
+fn shape(gpu: &Gpu, shape: LevelShape) -> Result<Counted, GpuError> {
+    fixed_uniform(gpu, "pyramid shape", bytemuck::bytes_of(&shape))
 }

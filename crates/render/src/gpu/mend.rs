@@ -1,0 +1,56 @@
+//! Mend on the GPU ([`crate::mend`] and [`crate::edges`] are the twins): the depth image, its edges, and two rounds of
+//! finding gaps and closing them.
+
+use super::device::Gpu;
+use super::dispatch::Dispatch;
+use super::error::GpuError;
+use super::kernel::Kernel;
+use super::shader::sources;
+use super::surface::Target;
+
+/// How often: as the twin does.
+const ROUNDS: usize = 2;
+
+/// The pass.
+pub struct Mend {
+    depth: Kernel,
+    /// In the first round, and later.
+    find: [Kernel; 2],
+    fill: Kernel,
+}
+
+impl Mend {
+    /// For pyramids with normals or without.
+    ///
+    /// # Errors
+    /// Where a shader is refused.
+    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+        let find = |first: f64| Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first)]);
+        let constants = [("NORMALS", f64::from(has_normals))];
+        Ok(Self {
+            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &[])?,
+            find: [find(1.0)?, find(0.0)?],
+            fill: Kernel::new(gpu, sources::MEND_FILL, "main", &constants)?,
+        })
+    }
+
+    /// What fills [`Target::depth`] and the marks, and closes the gaps of level 0.
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let base = target.base();
+        let &Target { depth, marks, .. } = target;
+        let image = [&base.front, &base.depth, depth];
+        let find = [depth, &base.tint, marks];
+        let fill = [marks, depth, &base.front, &base.tint, &base.normal];
+        let mut all = vec![target.dispatch(gpu, &self.depth, &image)];
+        for round in 0..ROUNDS {
+            all.push(target.dispatch(gpu, &self.find[round.min(1)], &find));
+            all.push(target.dispatch(gpu, &self.fill, &fill));
+        }
+        all
+    }
+
+    pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        let Self { depth, find, fill } = self;
+        [depth, fill].into_iter().chain(find).collect()
+    }
+}

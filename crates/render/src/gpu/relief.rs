@@ -1,0 +1,55 @@
+//! Smoothing of the depth image on the GPU ([`crate::relief`] is the twin), for clouds without normals. How wide it
+//! has to be is known on the GPU alone: all rounds are dispatched, and those that are not needed leave at once.
+
+use super::device::Gpu;
+use super::dispatch::Dispatch;
+use super::error::GpuError;
+use super::kernel::Kernel;
+use super::shader::sources;
+use super::surface::Target;
+
+/// Distances of the taps, pixels, a round each.
+const STEPS: [u32; 4] = [1, 2, 4, 8];
+
+/// The pass.
+pub struct Relief {
+    radius: Kernel,
+    /// Along rows and columns, a round each.
+    smooth: Vec<[Kernel; 2]>,
+}
+
+impl Relief {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where a shader is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let smooth = |step: u32, down: f64| {
+            let constants = [("STEP", f64::from(step)), ("DOWN", down)];
+            Kernel::new(gpu, sources::RELIEF_SMOOTH, "main", &constants)
+        };
+        let rounds = STEPS.iter().map(|&step| Ok([smooth(step, 0.0)?, smooth(step, 1.0)?]));
+        Ok(Self {
+            radius: Kernel::unzeroed(gpu, sources::RELIEF_RADIUS, "main", &[])?,
+            smooth: rounds.collect::<Result<_, GpuError>>()?,
+        })
+    }
+
+    /// What finds the mean radius and smooths the picture's depth into [`Target::spare`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let depth = &target.picture.depth;
+        let radius = [depth, &target.base().tint, target.sources, target.relief];
+        let mut all = vec![target.one_group(gpu, &self.radius, &radius)];
+        let (mut rough, rows) = (depth, target.depth);
+        for [along, down] in &self.smooth {
+            all.push(target.dispatch(gpu, along, &[target.relief, rough, rows]));
+            all.push(target.dispatch(gpu, down, &[target.relief, rows, target.spare]));
+            rough = target.spare;
+        }
+        all
+    }
+
+    pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        std::iter::once(&mut self.radius).chain(self.smooth.iter_mut().flatten()).collect()
+    }
+}

@@ -1,0 +1,100 @@
+//! Shade and soften on the GPU ([`crate::shade`] and [`crate::soften`] are the twins), the last of which writes the
+//! picture; and the last step alone ([`Store`]), for pictures made otherwise.
+
+use super::device::Gpu;
+use super::dispatch::Dispatch;
+use super::error::GpuError;
+use super::kernel::Kernel;
+use super::picture::GpuPicture;
+use super::shader::sources;
+use super::surface::Target;
+use wgpu::BindingResource;
+
+/// Lighting.
+pub struct Shade {
+    kernel: Kernel,
+}
+
+impl Shade {
+    /// For pyramids with normals or without.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+        let constants = [("NORMALS", f64::from(has_normals))];
+        Ok(Self { kernel: Kernel::new(gpu, sources::SHADE_SHADE, "main", &constants)? })
+    }
+
+    /// What lights level 0 into [`Target::shaded`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let (base, levels) = (target.base(), &target.pyramid.levels);
+        let coarse = levels.get(1).unwrap_or(base);
+        let has_normals = target.pyramid.has_normals;
+        let depth = if has_normals { &target.picture.depth } else { target.spare };
+        let (tint, normal, coarse) = (&base.tint, &base.normal, &coarse.normal);
+        let &Target { relief, sources, shaded, .. } = target;
+        let buffers = [relief, depth, tint, normal, coarse, sources, shaded];
+        vec![target.dispatch(gpu, &self.kernel, &buffers)]
+    }
+
+    pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        vec![&mut self.kernel]
+    }
+}
+
+/// Antialiasing, and the picture.
+pub struct Soften {
+    kernel: Kernel,
+}
+
+impl Soften {
+    /// For pyramids with normals or without.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+        let constants = [("NORMALS", f64::from(has_normals))];
+        Ok(Self { kernel: Kernel::new(gpu, sources::SOFTEN_SOFTEN, "main", &constants)? })
+    }
+
+    /// What makes the picture of [`Target::shaded`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let (picture, base) = (target.picture, target.base());
+        let view = picture.texture.create_view(&Default::default());
+        let &Target { marks, sources, shaded, .. } = target;
+        let planes = [&picture.depth, marks, &base.normal, sources, shaded, &picture.rgba];
+        let mut resources = target.resources(&planes);
+        resources.push((7, BindingResource::TextureView(&view)));
+        vec![Dispatch::over(gpu, &self.kernel, [picture.width, picture.height], &resources)]
+    }
+
+    pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        vec![&mut self.kernel]
+    }
+}
+
+/// The colours of a picture to its texture.
+pub struct Store {
+    kernel: Kernel,
+}
+
+impl Store {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self { kernel: Kernel::new(gpu, sources::PICTURE_STORE, "main", &[])? })
+    }
+
+    /// What fills the texture of a picture; `uniform` is the frame's.
+    pub fn dispatch(&self, gpu: &Gpu, uniform: &wgpu::Buffer, picture: &GpuPicture) -> Dispatch {
+        let view = picture.texture.create_view(&Default::default());
+        let resources = [
+            (0, uniform.as_entire_binding()),
+            (1, picture.rgba.as_entire_binding()),
+            (2, BindingResource::TextureView(&view)),
+        ];
+        Dispatch::over(gpu, &self.kernel, [picture.width, picture.height], &resources)
+    }
+}

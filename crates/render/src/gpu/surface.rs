@@ -1,0 +1,269 @@
+//! From a filled level 0 of the pyramid to the picture, on the GPU: pull, push, mend, trim, shade, soften. Kernels are
+//! made when a scene first needs them, and bound once; a frame then only runs their dispatches.
+
+use super::device::{Counted, Gpu};
+use super::dispatch::Dispatch;
+use super::error::GpuError;
+use super::kernel::Kernel;
+use super::mend::Mend;
+use super::picture::GpuPicture;
+use super::pull::Pull;
+use super::push::Push;
+use super::pyramid::{GpuLevel, GpuPyramid};
+use super::relief::Relief;
+use super::shade::{Shade, Soften};
+use super::timing::Timing;
+use super::trim::Trim;
+use crate::plan::Pass;
+use wgpu::{BufferUsages, CommandEncoder};
+
+/// The passes, and the memory that they keep from frame to frame.
+#[derive(Default)]
+pub struct Surface {
+    /// Without normals, and with.
+    kernels: [Option<Kernels>; 2],
+    bound: Option<Bound>,
+}
+
+/// What a scene with normals needs, or one without.
+struct Kernels {
+    pull: Pull,
+    push: Push,
+    mend: Mend,
+    trim: Trim,
+    relief: Option<Relief>,
+    shade: Shade,
+    soften: Soften,
+}
+
+/// Dispatches over one pyramid and picture.
+struct Bound {
+    /// What they are bound to: the uniform, a plane of the pyramid, one of the picture.
+    to: [wgpu::Buffer; 3],
+    stages: Vec<Stage>,
+    /// Bind groups keep memory alive; this counts it, and tests look at it.
+    scratch: Scratch,
+}
+
+/// A run of dispatches that is timed and tested by itself.
+#[derive(Debug)]
+pub struct Stage {
+    /// Its name: that of its twin.
+    pub name: &'static str,
+    /// What its time counts for.
+    pub pass: Pass,
+    dispatches: Vec<Dispatch>,
+}
+
+impl Stage {
+    /// Adds it to the commands of a frame.
+    pub fn encode(&self, encoder: &mut CommandEncoder, timing: &mut Timing) {
+        let mut pass = timing.compute(encoder, self.pass);
+        self.dispatches.iter().for_each(|d| d.run(&mut pass));
+    }
+}
+
+/// What the passes after push work on.
+pub struct Target<'a> {
+    /// The frame's uniform.
+    pub uniform: &'a wgpu::Buffer,
+    /// The pyramid, pushed.
+    pub pyramid: &'a GpuPyramid,
+    /// The picture.
+    pub picture: &'a GpuPicture,
+    /// Bits of `shaders/common/marks.wgsl`, a word a pixel.
+    pub marks: &'a Counted,
+    /// Depth after mend, `f32` a pixel; [`super::trim`] makes the picture's from it. Then it is free for depth
+    /// smoothed along rows, and then for [`Target::shaded`].
+    pub depth: &'a Counted,
+    /// Whose attributes each pixel shows, a word a pixel (`shaders/common/source.wgsl`).
+    pub sources: &'a Counted,
+    /// Sources between two halves of a turn; then smooth depth.
+    pub spare: &'a Counted,
+    /// Colours before they are softened, sRGB bytes, a word a pixel.
+    pub shaded: &'a Counted,
+    /// The structure `Turns` of `shaders/common/turns.wgsl`.
+    pub turns: &'a Counted,
+    /// The structure `Relief` of `shaders/common/relief.wgsl`.
+    pub relief: &'a Counted,
+}
+
+impl<'a> Target<'a> {
+    /// The picture's level.
+    pub fn base(&self) -> &'a GpuLevel {
+        &self.pyramid.levels[0]
+    }
+
+    /// A kernel over the picture that has the uniform at binding 0 and these after it.
+    pub(super) fn dispatch(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
+        let size = [self.picture.width, self.picture.height];
+        Dispatch::over(gpu, kernel, size, &self.resources(buffers))
+    }
+
+    /// The same, one group.
+    pub(super) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
+        Dispatch::new(gpu, kernel, [1, 1], &self.resources(buffers))
+    }
+
+    pub(super) fn resources<'b>(
+        &'b self,
+        buffers: &[&'b Counted],
+    ) -> Vec<(u32, wgpu::BindingResource<'b>)> {
+        let all = std::iter::once(self.uniform).chain(buffers.iter().map(|b| &***b));
+        (0..).zip(all.map(wgpu::Buffer::as_entire_binding)).collect()
+    }
+}
+
+/// Memory of the passes: four planes, used again and again.
+struct Scratch {
+    marks: Counted,
+    sources: Counted,
+    spare: Counted,
+    /// Depth after mend, then rows, then colours.
+    work: Counted,
+    turns: Counted,
+    relief: Counted,
+}
+
+impl Scratch {
+    fn new(gpu: &Gpu, pixels: u64) -> Result<Self, GpuError> {
+        let plane =
+            |label| gpu.buffer(label, pixels * 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+        Ok(Self {
+            marks: plane("surface marks")?,
+            sources: plane("surface sources")?,
+            spare: plane("surface spare")?,
+            work: plane("surface work")?,
+            turns: gpu.buffer("turns of trim", 64, BufferUsages::STORAGE)?,
+            relief: gpu.buffer("relief", 16, BufferUsages::STORAGE | BufferUsages::UNIFORM)?,
+        })
+    }
+
+    fn target<'a>(
+        &'a self,
+        uniform: &'a wgpu::Buffer,
+        pyramid: &'a GpuPyramid,
+        picture: &'a GpuPicture,
+    ) -> Target<'a> {
+        let Self { marks, sources, spare, work, turns, relief } = self;
+        let (depth, shaded) = (work, work);
+        Target { uniform, pyramid, picture, marks, depth, sources, spare, shaded, turns, relief }
+    }
+}
+
+impl Kernels {
+    fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+        Ok(Self {
+            pull: Pull::new(gpu, has_normals)?,
+            push: Push::new(gpu, has_normals)?,
+            mend: Mend::new(gpu, has_normals)?,
+            trim: Trim::new(gpu, has_normals)?,
+            relief: if has_normals { None } else { Some(Relief::new(gpu)?) },
+            shade: Shade::new(gpu, has_normals)?,
+            soften: Soften::new(gpu, has_normals)?,
+        })
+    }
+
+    fn stages(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Stage> {
+        let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
+        let mut stages = vec![
+            stage("pull", Pass::Pull, self.pull.dispatches(gpu, target.pyramid)),
+            stage("push", Pass::Push, self.push.dispatches(gpu, target.pyramid)),
+            stage("mend", Pass::Mend, self.mend.dispatches(gpu, target)),
+            stage("trim", Pass::Mend, self.trim.dispatches(gpu, target)),
+        ];
+        let relief = self.relief.iter();
+        stages.extend(relief.map(|r| stage("relief", Pass::Shade, r.dispatches(gpu, target))));
+        stages.push(stage("shade", Pass::Shade, self.shade.dispatches(gpu, target)));
+        stages.push(stage("soften", Pass::Soften, self.soften.dispatches(gpu, target)));
+        stages
+    }
+
+    fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
+        let Self { pull, push, mend, trim, relief, shade, soften } = self;
+        let some = [pull.kernels(), push.kernels(), mend.kernels(), trim.kernels()];
+        let relief = relief.iter_mut().flat_map(Relief::kernels);
+        let last = [shade.kernels(), soften.kernels()];
+        some.into_iter().flatten().chain(last.into_iter().flatten()).chain(relief)
+    }
+}
+
+impl Surface {
+    /// Adds the passes to the commands of a frame: level 0 of `pyramid` is filled, `picture` has its size, and
+    /// `uniform` holds the frame ([`super::frame::FrameUniform`]).
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+        picture: &GpuPicture,
+        timing: &mut Timing,
+    ) -> Result<(), GpuError> {
+        for stage in self.stages(gpu, uniform, pyramid, picture)? {
+            stage.encode(encoder, timing);
+        }
+        Ok(())
+    }
+
+    /// The passes one by one, as [`Surface::encode`] runs them.
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn stages(
+        &mut self,
+        gpu: &Gpu,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+        picture: &GpuPicture,
+    ) -> Result<&[Stage], GpuError> {
+        let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
+        if self.bound.as_ref().is_none_or(|b| b.to != to) {
+            // The old memory goes first, so that never both are there.
+            self.release();
+            let has_normals = pyramid.has_normals;
+            let kernels = match &mut self.kernels[usize::from(has_normals)] {
+                Some(kernels) => kernels,
+                none => none.insert(Kernels::new(gpu, has_normals)?),
+            };
+            let pixels = u64::from(picture.width) * u64::from(picture.height);
+            let scratch = Scratch::new(gpu, pixels)?;
+            let stages = kernels.stages(gpu, &scratch.target(uniform, pyramid, picture));
+            self.bound = Some(Bound { to, stages, scratch });
+        }
+        Ok(self.bound.as_ref().map_or(&[], |b| &b.stages))
+    }
+
+    /// Whose attributes each pixel shows, as trim has found in the last frame (`shaders/common/source.wgsl`).
+    pub fn sources(&self) -> Option<&wgpu::Buffer> {
+        self.bound.as_ref().map(|b| &*b.scratch.sources)
+    }
+
+    /// Depths after mend, while nothing that comes after it has run.
+    pub fn mended(&self) -> Option<&wgpu::Buffer> {
+        self.bound.as_ref().map(|b| &*b.scratch.work)
+    }
+
+    /// Lets go of the pyramid and the picture that it was used with last, before others take their place.
+    pub fn release(&mut self) {
+        self.bound = None;
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only). Whether any has.
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let mut is_changed = false;
+        for kernel in self.kernels.iter_mut().flatten().flat_map(Kernels::all) {
+            is_changed |= kernel.reload(gpu)?;
+        }
+        if is_changed {
+            self.release();
+        }
+        Ok(is_changed)
+    }
+}

@@ -1,0 +1,401 @@
+//! Claims about the passes from the pyramid's level 0 to the picture on a GPU: each comes to the same as its twin on
+//! the CPU, on every adapter there is, within 1e-4 but for near-ties, which are at most 0.1 % of the pixels.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod scene;
+
+use esker_lod::View;
+use esker_render::camera::Camera;
+use esker_render::gpu::device::Counted;
+use esker_render::gpu::frame::FrameUniform;
+use esker_render::gpu::picture::GpuPicture;
+use esker_render::gpu::pyramid::GpuPyramid;
+use esker_render::gpu::readback::read;
+use esker_render::gpu::surface::Surface;
+use esker_render::gpu::timing::Timing;
+use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
+use esker_render::gpu::{Gpu, Request};
+use esker_render::pyramid::{INVALID, Level, Pyramid};
+use esker_render::relief::ReliefScratch;
+use esker_render::{Background, Frame, Picture, Renderer};
+use esker_render::{edges, mend, pull, push, shade, soften, trim};
+use glam::{DVec3, Vec2, Vec4};
+use scene::{Dice, Scene, sheet, sphere};
+
+/// Slope from which `edges` is asked for edges, as the renderer does.
+const STEP_PX: f32 = 2.0;
+
+/// Each adapter, as it is and with the least that WebGPU promises.
+fn gpus() -> Vec<Gpu> {
+    let backends = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
+    let requests = backends.into_iter().flat_map(|backends| {
+        [false, true].map(|is_minimal| Request {
+            backends,
+            allow_software: true,
+            is_minimal,
+            path: None,
+        })
+    });
+    let gpus: Vec<_> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
+    if gpus.is_empty() {
+        eprintln!("no adapter");
+    }
+    gpus
+}
+
+/// A level 0 and the frame it is of.
+struct Input<'a> {
+    name: String,
+    frame: Frame<'a>,
+    base: Level,
+}
+
+impl<'a> Input<'a> {
+    fn of(name: &str, frame: Frame<'a>) -> Self {
+        let mut pyramid = Pyramid::default();
+        Renderer::default().base_level(&frame, &mut pyramid).unwrap();
+        let size = [frame.view.width, frame.view.height];
+        Self { name: format!("{name} {size:?}"), frame, base: pyramid.levels.swap_remove(0) }
+    }
+
+    fn camera(&self) -> Camera {
+        Camera::new(self.frame.view, self.frame.lattice).unwrap()
+    }
+}
+
+/// What the twins make of a level 0, pass by pass.
+struct Twins {
+    pulled: Pyramid,
+    pushed: Pyramid,
+    mended: Vec<f32>,
+    picture: Picture,
+}
+
+fn twins(input: &Input<'_>) -> Twins {
+    let (camera, base) = (input.camera(), &input.base);
+    let mut pulled = Pyramid::default();
+    pulled.fit(base.width, base.height, !base.normal.is_empty());
+    pulled.levels[0] = base.clone();
+    pull::pull(&mut pulled);
+    let mut pushed = pulled.clone();
+    push::push(&mut pushed);
+    let mut last = pushed.clone();
+    let pixels = base.width * base.height;
+    let mut picture = Picture {
+        width: base.width as u32,
+        height: base.height as u32,
+        rgba: vec![0; pixels * 4],
+        depth: vec![0.0; pixels],
+        ..Picture::default()
+    };
+    let (level, depth) = (&mut last.levels[0], &mut picture.depth);
+    level.depth_image(depth);
+    let mut found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
+    mend::mend(level, depth, &found, camera.focal_px);
+    let mended = depth.clone();
+    found.extend(trim::trim(level, depth, &found, camera.focal_px));
+    let mut scratch = ReliefScratch::default();
+    let shaded = shade::shade(&camera, &last, input.frame.background, &mut scratch, &mut picture);
+    let (depth, rgba) = (&picture.depth, &mut picture.rgba);
+    soften::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
+    Twins { pulled, pushed, mended, picture }
+}
+
+/// The passes on one device, over one level 0.
+struct Rig<'a> {
+    gpu: &'a Gpu,
+    uniform: Counted,
+    pyramid: GpuPyramid,
+    picture: GpuPicture,
+}
+
+impl<'a> Rig<'a> {
+    fn new(gpu: &'a Gpu, input: &Input<'_>) -> Self {
+        let base = &input.base;
+        let bytes = [FrameUniform::new(&input.frame, &input.camera())];
+        let bytes: &[u8] = bytemuck::cast_slice(&bytes);
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniform = gpu.buffer("frame", bytes.len() as u64, usage).unwrap();
+        gpu.queue.write_buffer(&uniform, 0, bytes);
+        let mut pyramid = GpuPyramid::default();
+        let [width, height] = [base.width as u32, base.height as u32];
+        pyramid.fit(gpu, width, height, !base.normal.is_empty()).unwrap();
+        let level = &pyramid.levels[0];
+        gpu.queue.write_buffer(&level.front, 0, bytemuck::cast_slice(&floats(&base.front)));
+        gpu.queue.write_buffer(&level.tint, 0, bytemuck::cast_slice(&floats(&base.tint)));
+        gpu.queue.write_buffer(&level.depth, 0, bytemuck::cast_slice(&base.depth));
+        gpu.queue.write_buffer(&level.normal, 0, bytemuck::cast_slice(&floats(&base.normal)));
+        let picture = GpuPicture::new(gpu, width, height).unwrap();
+        Self { gpu, uniform, pyramid, picture }
+    }
+
+    /// Runs one of the passes; `None` where there are no more.
+    fn run(&self, surface: &mut Surface, stage: usize) -> Option<&'static str> {
+        let Self { gpu, uniform, pyramid, picture } = self;
+        let stages = surface.stages(gpu, uniform, pyramid, picture).unwrap();
+        let stage = stages.get(stage)?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        stage.encode(&mut encoder, &mut Timing::default());
+        gpu.queue.submit([encoder.finish()]);
+        Some(stage.name)
+    }
+
+    fn floats(&self, buffer: &wgpu::Buffer, count: usize) -> Vec<f32> {
+        let bytes = read(self.gpu, &[(buffer, count as u64 * 4)]).unwrap().remove(0);
+        bytemuck::pod_collect_to_vec(&bytes)
+    }
+
+    fn vectors(&self, buffer: &wgpu::Buffer, count: usize) -> Vec<Vec4> {
+        let floats = self.floats(buffer, count * 4);
+        floats.as_chunks().0.iter().map(|&v| Vec4::from_array(v)).collect()
+    }
+
+    /// All levels as they are.
+    fn levels(&self) -> Vec<Level> {
+        let level = |l: &esker_render::gpu::pyramid::GpuLevel| {
+            let count = (l.width * l.height) as usize;
+            Level {
+                width: l.width as usize,
+                height: l.height as usize,
+                edge_px: l.edge_px,
+                front: self.vectors(&l.front, count),
+                tint: self.vectors(&l.tint, count),
+                depth: self.floats(&l.depth, count),
+                normal: self.vectors(&l.normal, if self.pyramid.has_normals { count } else { 0 }),
+            }
+        };
+        self.pyramid.levels.iter().map(level).collect()
+    }
+}
+
+fn floats(vectors: &[Vec4]) -> Vec<[f32; 4]> {
+    vectors.iter().map(|v| v.to_array()).collect()
+}
+
+/// Whether two values are the same but for rounding, where values are about this large.
+fn close(a: f32, b: f32, size: f32) -> bool {
+    a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-4 * size
+}
+
+/// Pixels of two levels that differ by more than rounding. Where `bare`, normals are not looked at.
+fn differing(a: &Level, b: &Level, bare: bool) -> usize {
+    let close4 = |a: Vec4, b: Vec4, size: f32| (0..4).all(|i| close(a[i], b[i], size));
+    let same = |i: usize| {
+        if !a.is_valid(i) || !b.is_valid(i) {
+            return a.is_valid(i) == b.is_valid(i);
+        }
+        let (f, g, radius) = (a.front[i], b.front[i], a.tint[i].w.max(a.edge_px));
+        let displaced = Vec2::new(f.z, f.w).distance(Vec2::new(g.z, g.w));
+        let light = a.tint[i].truncate().max_element().max(0.01);
+        close(f.x, g.x, f.x)
+            && close(f.y, g.y, f.y)
+            && displaced <= 1e-4 * radius
+            && close4(a.tint[i].with_w(0.0), b.tint[i].with_w(0.0), light)
+            && close(a.tint[i].w, b.tint[i].w, radius)
+            && close(a.depth[i], b.depth[i], a.depth[i])
+            && (bare || a.normal.is_empty() || close4(a.normal[i], b.normal[i], 1.0))
+    };
+    (0..a.front.len()).filter(|&i| !same(i)).count()
+}
+
+fn differing_depths(a: &[f32], b: &[f32]) -> usize {
+    assert!(b.iter().all(|d| *d > 0.0), "a depth is no number");
+    a.iter().zip(b).filter(|&(&a, &b)| !close(a, b, a)).count()
+}
+
+/// Pixels of which a colour or the alpha is off by more than 8.
+fn off(a: &[u8], b: &[u8]) -> usize {
+    assert_eq!(a.len(), b.len());
+    let differs = |(a, b): (&[u8; 4], &[u8; 4])| (0..4).any(|i| a[i].abs_diff(b[i]) > 8);
+    a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|&p| differs(p)).count()
+}
+
+/// Runs the passes on every adapter and compares each with its twin.
+fn same_as_twins(inputs: &[Input<'_>]) {
+    let expected: Vec<_> = inputs.iter().map(twins).collect();
+    for gpu in gpus() {
+        let mut surface = Surface::default();
+        for (input, twins) in inputs.iter().zip(&expected) {
+            compare(&gpu, &mut surface, input, twins);
+        }
+        assert_eq!(gpu.fault(), None, "{}", gpu.name);
+    }
+}
+
+fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins) {
+    let rig = Rig::new(gpu, input);
+    let pixels = input.base.front.len();
+    for stage in 0.. {
+        let Some(name) = rig.run(surface, stage) else { break };
+        let (count, of) = match name {
+            "pull" | "push" => {
+                let (cpu, levels) =
+                    (if name == "pull" { &twins.pulled } else { &twins.pushed }, rig.levels());
+                // Above the picture normals are inherited after push.
+                let bare = |i: usize| name == "push" && i > 0;
+                let pairs = cpu.levels.iter().zip(&levels).enumerate();
+                let count = pairs.map(|(i, (a, b))| differing(a, b, bare(i))).sum();
+                (count, levels.iter().map(|l| l.front.len()).sum())
+            }
+            "mend" => {
+                let depth = rig.floats(surface.mended().unwrap(), pixels);
+                (differing_depths(&twins.mended, &depth), pixels)
+            }
+            "trim" => {
+                let depth = rig.floats(&rig.picture.depth, pixels);
+                (differing_depths(&twins.picture.depth, &depth), pixels)
+            }
+            "soften" => {
+                let bytes = pixels as u64 * 4;
+                let rgba = read(gpu, &[(&rig.picture.rgba, bytes)]).unwrap().remove(0);
+                assert_eq!(texture(&rig), rgba);
+                (off(&twins.picture.rgba, &rgba), pixels)
+            }
+            _ => (0, pixels),
+        };
+        assert!(count * 1000 <= of, "{}: {}: {name}: {count} of {of}", gpu.name, input.name);
+    }
+    assert_eq!(gpu.fault(), None, "{}: {}", gpu.name, input.name);
+}
+
+/// Bytes of the texture of a picture.
+fn texture(rig: &Rig<'_>) -> Vec<u8> {
+    let (gpu, picture) = (rig.gpu, &rig.picture);
+    let row = (picture.width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+    let buffer = gpu.buffer("texture", u64::from(row * picture.height), usage).unwrap();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        picture.texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(row),
+                rows_per_image: None,
+            },
+        },
+        picture.texture.size(),
+    );
+    gpu.queue.submit([encoder.finish()]);
+    let bytes = read(gpu, &[(&buffer, u64::from(row * picture.height))]).unwrap().remove(0);
+    let rows = bytes.chunks(row as usize);
+    rows.flat_map(|r| r[..picture.width as usize * 4].to_vec()).collect()
+}
+
+/// Two spheres before a wall that sticks out on one side, sparse enough for outlines to be trimmed.
+fn spheres(points: usize) -> Scene {
+    let dice = &mut Dice(7);
+    let mut all = sphere(dice, DVec3::new(-0.6, 0.0, 0.0), 1.0, points, [220, 120, 60]);
+    all.extend(sphere(dice, DVec3::new(0.9, -0.5, 0.4), 0.6, points / 3, [60, 140, 220]));
+    let side = (points as f64).sqrt() as usize;
+    let (corner, u, v) = (DVec3::new(-2.5, 2.0, -1.0), DVec3::X * 3.0, DVec3::Z * 2.4);
+    all.extend(sheet(dice, corner, u, v, side, [180, 200, 90]));
+    let spacing = (4.0 * std::f64::consts::PI / points as f64).sqrt();
+    Scene::new(&all, 1e-6, spacing, spacing, 4000)
+}
+
+fn view(width: u32, height: u32) -> View {
+    View::look_at(DVec3::new(0.4, -5.0, 0.8), DVec3::ZERO, DVec3::Z, 0.8, width, height)
+}
+
+#[test]
+fn each_pass_comes_to_the_same_as_its_twin() {
+    // Dense, and with discs of so many pixels that smoothing takes all its rounds.
+    for points in [30_000, 600] {
+        let (scene, view) = (spheres(points), view(203, 117));
+        for has_normals in [false, true] {
+            let draws = scene.draws(true, true, has_normals);
+            let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
+            assert_eq!(input.base.normal.is_empty(), !has_normals);
+            same_as_twins(&[input]);
+        }
+    }
+}
+
+#[test]
+fn nodes_without_normals_among_others_are_lit_by_their_surroundings() {
+    let (scene, view) = (spheres(4_000), view(160, 131));
+    let mut draws = scene.draws(true, true, true);
+    draws.iter_mut().step_by(2).for_each(|d| d.normal = None);
+    let mut frame = scene.frame(&view, &draws);
+    frame.background = Background::Plain([0; 4]);
+    same_as_twins(&[Input::of("mixed", frame)]);
+}
+
+#[test]
+fn pictures_of_any_size_are_drawn_also_of_nothing() {
+    let scene = spheres(2_000);
+    let views =
+        [(1, 1), (1, 9), (64, 1), (2, 2), (37, 3), (8, 8), (130, 66)].map(|(w, h)| view(w, h));
+    let [with, without] = [true, false].map(|n| scene.draws(true, true, n));
+    let mut inputs = Vec::new();
+    for view in &views {
+        inputs.push(Input::of("normals", scene.frame(view, &with)));
+        inputs.push(Input::of("bare", scene.frame(view, &without)));
+        inputs.push(Input::of("empty", scene.frame(view, &[])));
+    }
+    same_as_twins(&inputs);
+}
+
+/// Level 0 of random pixels: few depths, many of them equal, radii up to as large as they come.
+fn extreme(base: &mut Level, seed: u64) {
+    let dice = &mut Dice(seed);
+    let weird = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -4.0, 0.0];
+    for i in 0..base.front.len() {
+        let at = [0.5, 1.0, 1.0, 1.01, 4.0, 4.0, 1e4, 1e-3][dice.bits() as usize % 8];
+        let radius = [0.5, 0.5, 2.0, 9.0, 60.0, 1e30][(dice.unit().powi(3) * 6.0) as usize];
+        let mut light = || match dice.bits() % 16 {
+            0 => weird[(dice.bits() >> 8) as usize % weird.len()],
+            _ => dice.unit() as f32,
+        };
+        base.tint[i] = Vec4::new(light(), light(), light(), radius);
+        let is_valid = dice.unit() < 0.3;
+        let reach = at * (1.0 + dice.unit() as f32);
+        base.front[i] = if is_valid { Vec4::new(at, reach, 0.0, 0.0) } else { INVALID };
+        base.depth[i] = at;
+        if let Some(normal) = base.normal.get_mut(i) {
+            let n = Vec4::from_array(std::array::from_fn(|_| dice.unit() as f32 * 2.0 - 1.0));
+            *normal =
+                [Vec4::splat(1e-30), Vec4::ZERO.with_w(1.0), n][(dice.bits() % 8).min(2) as usize];
+        }
+    }
+}
+
+#[test]
+fn extreme_values_are_a_harmless_picture_and_the_same() {
+    let (scene, view) = (spheres(100), view(97, 75));
+    let mut inputs = Vec::new();
+    let [with, without] = [true, false].map(|n| scene.draws(true, true, n));
+    for (seed, draws) in [(1, &with), (2, &without), (3, &with), (4, &without)] {
+        let mut input = Input::of(&format!("extreme {seed}"), scene.frame(&view, draws));
+        extreme(&mut input.base, seed);
+        inputs.push(input);
+    }
+    same_as_twins(&inputs);
+}
+
+#[test]
+fn another_picture_takes_the_memory_of_the_last() {
+    let scene = spheres(500);
+    let draws = scene.draws(true, true, true);
+    for gpu in gpus() {
+        let mut surface = Surface::default();
+        let mut bytes = Vec::new();
+        for size in [64, 32, 64] {
+            let view = view(size, size);
+            let rig = Rig::new(&gpu, &Input::of("memory", scene.frame(&view, &draws)));
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            let Rig { uniform, pyramid, picture, .. } = &rig;
+            let timing = &mut Timing::default();
+            for _ in 0..2 {
+                surface.encode(&gpu, &mut encoder, uniform, pyramid, picture, timing).unwrap();
+            }
+            gpu.queue.submit([encoder.finish()]);
+            bytes.push(gpu.bytes());
+        }
+        assert!(bytes[1] < bytes[0] && bytes[2] == bytes[0], "{bytes:?}");
+        surface.release();
+        assert_eq!(gpu.fault(), None);
+    }
+}

@@ -1,0 +1,16 @@
+// The neighbours of a pixel of the picture, and what is in front of what. Needs a variable `frame`.
+
+// Of the eight neighbours of a gap, how many must be in front.
+const SURROUNDED: u32 = 6u;
+
+// The k-th of the eight neighbours of a pixel that is not at the border.
+fn beside(pixel: u32, k: u32) -> u32 {
+    // Row by row, the middle left out.
+    let i = select(k + 1u, k, k < 4u);
+    return pixel + i / 3u * frame.width + i % 3u - frame.width - 1u;
+}
+
+// Whether a surface at `depth` whose discs have this radius lies before `behind`.
+fn is_in_front(depth: f32, radius_px: f32, behind: f32) -> bool {
+    return depth * (1.0 + radius_px / frame.focal_px) < behind;
+}

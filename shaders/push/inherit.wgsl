@@ -1,0 +1,22 @@
+// Pixels of a pushed level that have no normal get that of the coarser pixel above, which has got its own. So a
+// pixel of the picture without a normal finds that of its surroundings one level up. Twin: `normal_at` in
+// crates/render/src/shade.rs.
+
+// include common/level.wgsl
+// include common/unit.wgsl
+
+@group(0) @binding(0) var<uniform> fine: LevelShape;
+@group(0) @binding(1) var<uniform> coarse: LevelShape;
+@group(0) @binding(2) var<storage, read_write> fine_normal: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> coarse_normal: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= fine.width || id.y >= fine.height {
+        return;
+    }
+    let pixel = id.y * fine.width + id.x;
+    if !has_direction(fine_normal[pixel].xyz) {
+        fine_normal[pixel] = coarse_normal[(id.y >> 1u) * coarse.width + (id.x >> 1u)];
+    }
+}

@@ -1,0 +1,124 @@
+// Push (marroquim2007 section 3.3): pixels of a level that are invalid or occluded are interpolated from the
+// coarser one, which has been pushed already. Twin: crates/render/src/push.rs, which says how.
+
+// include common/level.wgsl
+// include common/ellipse.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool;
+
+@group(0) @binding(0) var<uniform> fine: LevelShape;
+@group(0) @binding(1) var<uniform> coarse: LevelShape;
+@group(0) @binding(2) var<storage, read_write> fine_front: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> fine_tint: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> fine_depth: array<f32>;
+@group(0) @binding(5) var<storage, read_write> fine_normal: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> coarse_front: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read> coarse_tint: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> coarse_depth: array<f32>;
+@group(0) @binding(9) var<storage, read> coarse_normal: array<vec4<f32>>;
+
+// One of the four nearest coarser pixels: the one above (0), beside it to the side (1), up or down (2), both.
+struct Near {
+    pixel: u32,
+    // The biquadratic B-spline's, times 16.
+    weight: f32,
+    // From its centre to the finer pixel's.
+    to_finer: vec2<f32>,
+}
+
+// Where the finer pixel lies in the coarser one above it: its sides, towards which the neighbours lie.
+fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
+    let side = vec2<u32>(k & 1u, k >> 1u);
+    let is_beside = side == vec2<u32>(1u);
+    let at = select(above, select(above - 1u, above + 1u, odd), is_beside);
+    // Half a finer pixel from the centre above, one and a half the other way from its neighbours'.
+    let half = select(vec2<f32>(-0.5), vec2<f32>(0.5), odd) * fine.edge_px;
+    let weights = select(vec2<f32>(3.0), vec2<f32>(1.0), is_beside);
+    return Near(
+        at.y * coarse.width + at.x,
+        weights.x * weights.y,
+        select(half, half * -3.0, is_beside),
+    );
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= fine.width || id.y >= fine.height {
+        return;
+    }
+    let pixel = id.y * fine.width + id.x;
+    let above = id.xy >> vec2<u32>(1u);
+    let own = fine_front[pixel].x;
+    let is_filled = !is_infinite(own);
+    let cover = coarse_front[above.y * coarse.width + above.x];
+    if is_filled && own >= cover.x && own <= cover.y {
+        return;
+    }
+    let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
+    // Neighbours beyond the picture's edge are none.
+    let has = select(id.xy > vec2<u32>(1u), above + 1u < vec2<u32>(coarse.width, coarse.height), odd);
+
+    // Those that cover the finer pixel, a bit each, and the frontmost of them.
+    var taken = 0u;
+    var nearest = invalid();
+    for (var k = 0u; k < 4u; k++) {
+        if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
+            continue;
+        }
+        let source = near(k, above, odd);
+        let front = coarse_front[source.pixel];
+        if !is_valid(front) {
+            continue;
+        }
+        var normal = FACING;
+        if NORMALS {
+            normal = coarse_normal[source.pixel];
+        }
+        if covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, normal) {
+            if taken == 0u || front.x < nearest.x {
+                nearest = front;
+            }
+            taken |= 1u << k;
+        }
+    }
+    // Nothing covers it; or it is valid and not behind what does.
+    if taken == 0u || (is_filled && own <= nearest.y) {
+        return;
+    }
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        if (taken & (1u << k)) == 0u {
+            continue;
+        }
+        let source = near(k, above, odd);
+        if coarse_front[source.pixel].x > nearest.y {
+            taken &= ~(1u << k);
+        } else {
+            sum += source.weight;
+        }
+    }
+    var front = vec4<f32>(0.0);
+    var tint = vec4<f32>(0.0);
+    var depth = 0.0;
+    var normal = vec4<f32>(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        if (taken & (1u << k)) == 0u {
+            continue;
+        }
+        let source = near(k, above, odd);
+        let share = source.weight / sum;
+        front += (coarse_front[source.pixel] + vec4<f32>(0.0, 0.0, source.to_finer)) * share;
+        tint += coarse_tint[source.pixel] * share;
+        depth += coarse_depth[source.pixel] * share;
+        if NORMALS {
+            normal += coarse_normal[source.pixel] * share;
+        }
+    }
+    fine_front[pixel] = front;
+    fine_tint[pixel] = tint;
+    fine_depth[pixel] = depth;
+    if NORMALS {
+        fine_normal[pixel] = normal;
+    }
+}

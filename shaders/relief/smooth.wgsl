@@ -1,0 +1,56 @@
+// A bilateral mean of the depth image along an axis, five taps `STEP` pixels apart. Twin: crates/render/src/relief.rs.
+
+// include common/frame.wgsl
+// include common/relief.wgsl
+
+// Distance of the taps, pixels.
+override STEP: u32;
+// Along columns, or rows.
+override DOWN: bool;
+// Weights, from the middle outwards (binomial).
+const TAPS: vec3<f32> = vec3<f32>(6.0, 4.0, 1.0);
+// Radius of discs over the widest distance of taps that they need.
+const RADIUS_PER_STEP: f32 = 1.8;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> relief: Relief;
+@group(0) @binding(2) var<storage, read> rough: array<f32>;
+@group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
+
+// The taps at a distance on both sides where both are on the surface: their sum and the number 1.
+fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32) -> vec2<f32> {
+    if at < distance || at + distance >= count {
+        return vec2<f32>(0.0);
+    }
+    let here = rough[pixel];
+    let before = rough[pixel - distance * stride];
+    let after = rough[pixel + distance * stride];
+    // In pairs, so that a slope's edge does not bend towards its inside.
+    let is_near = abs(before - here) < limit && abs(after - here) < limit;
+    return select(vec2<f32>(0.0), vec2<f32>(before + after, 1.0), is_near);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    // Wider rounds than the discs need are left out: what is smoothed lies where it lay.
+    let is_needed = STEP <= 2u || relief.radius_px >= RADIUS_PER_STEP * f32(STEP);
+    if !is_needed || id.x >= frame.width || id.y >= frame.height {
+        return;
+    }
+    let pixel = id.y * frame.width + id.x;
+    let here = rough[pixel];
+    let at = select(id.x, id.y, DOWN);
+    let count = select(frame.width, frame.height, DOWN);
+    // Rows are smoothed where all taps are in the picture.
+    let is_border = !DOWN && (at < 2u * STEP || at + 2u * STEP >= count);
+    if is_infinite(here) || is_border {
+        smoothed[pixel] = here;
+        return;
+    }
+    let stride = select(1u, frame.width, DOWN);
+    let limit = near_share(f32(STEP), relief.radius_px) * here;
+    let inner = pair(pixel, at, count, stride, STEP, limit);
+    let outer = pair(pixel, at, count, stride, 2u * STEP, limit);
+    let sum = here * TAPS.x + inner.x * TAPS.y + outer.x * TAPS.z;
+    smoothed[pixel] = sum / (TAPS.x + 2.0 * (inner.y * TAPS.y + outer.y * TAPS.z));
+}

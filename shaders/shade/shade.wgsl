@@ -1,0 +1,171 @@
+// Shade (marroquim2007 section 3.4): deferred Phong lighting of the filled picture, with the interpolated normals,
+// or with normals from the smoothed depth image. Twins: crates/render/src/shade.rs, relief.rs.
+
+// include common/frame.wgsl
+// include common/relief.wgsl
+// include common/unit.wgsl
+// include common/srgb.wgsl
+// include common/backdrop.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool;
+
+// Direction to the key light, view space, unit length.
+const KEY: vec3<f32> = vec3<f32>(-0.42, 0.60, 0.6808);
+// Shares of the lights.
+const KEY_SHARE: f32 = 0.62;
+const EYE_SHARE: f32 = 0.16;
+const SKY_SHARE: f32 = 0.30;
+const GROUND_SHARE: f32 = 0.12;
+const SHINE: f32 = 0.10;
+// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens.
+const EDGE: vec2<f32> = vec2<f32>(1.2, 4.0);
+const DOME: vec2<f32> = vec2<f32>(2.0, 0.5);
+// Distance of the surroundings that darken, pixels.
+const REACH: i32 = 2;
+// Beyond this slope more depth darkens no more.
+const BEHIND_MAX: f32 = 4.0;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> relief: Relief;
+@group(0) @binding(2) var<storage, read> depth: array<f32>;
+@group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;
+// Of the level above, all of them inherited.
+@group(0) @binding(5) var<storage, read> coarse_normals: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> sources: array<u32>;
+// sRGB bytes.
+@group(0) @binding(7) var<storage, read_write> shaded: array<u32>;
+
+// include common/source.wgsl
+
+// Depth beside a pixel; infinite outside.
+fn depth_at(at: vec2<i32>) -> f32 {
+    if any(at < vec2<i32>(0)) || any(at >= vec2<i32>(i32(frame.width), i32(frame.height))) {
+        return infinity();
+    }
+    return depth[u32(at.y) * frame.width + u32(at.x)];
+}
+
+// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on the surface.
+fn slope(before: f32, after: f32, limit: f32) -> f32 {
+    let is_before = abs(before) < limit;
+    let is_after = abs(after) < limit;
+    if is_before && is_after {
+        return (before + after) * 0.5;
+    }
+    if is_before {
+        return before;
+    }
+    if is_after {
+        return after;
+    }
+    // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+    let nearer = select(after, before, abs(before) < abs(after));
+    return select(clamp(nearer, -limit, limit), 0.0, is_infinite(nearer));
+}
+
+// The normal in view space that the depth image tells.
+fn relief_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
+    let limit = near_share(1.0, relief.radius_px) * here;
+    let right = vec2<i32>(1, 0);
+    let down = vec2<i32>(0, 1);
+    let du = slope(here - depth_at(at - right), depth_at(at + right) - here, limit);
+    let dv = slope(here - depth_at(at + down), depth_at(at - down) - here, limit);
+    let towards = (here + from_centre.x * du + from_centre.y * dv) / frame.focal_px;
+    return unit_or(vec3<f32>(du, dv, towards), vec3<f32>(0.0, 0.0, 1.0));
+}
+
+// How dark a pixel at `here` is for what has this depth, 0 to BEHIND_MAX.
+fn dark(here: f32, depth: f32, flat_slope: f32) -> f32 {
+    let per_slope = frame.focal_px / (here * f32(REACH));
+    if is_infinite(depth) {
+        return 0.0;
+    }
+    return clamp((here - depth) * per_slope - flat_slope, 0.0, BEHIND_MAX);
+}
+
+// How far a pixel lies behind its surroundings, 0 to 1.
+fn behind(at: vec2<i32>, here: f32) -> f32 {
+    var sum = 0.0;
+    for (var y = -REACH; y <= REACH; y += REACH) {
+        for (var x = -REACH; x <= REACH; x += REACH) {
+            if x != 0 || y != 0 {
+                sum += dark(here, depth_at(at + vec2<i32>(x, y)), DOME.y);
+            }
+        }
+    }
+    return sum / (8.0 * BEHIND_MAX);
+}
+
+// How far a pixel lies behind the middle of what is on both sides of it, 0 to 1: slopes are no bends.
+fn sunken(at: vec2<i32>, here: f32) -> f32 {
+    var sum = 0.0;
+    for (var k = 0; k < 4; k++) {
+        // Along the row, the two diagonals, the column.
+        let side = select(vec2<i32>(k - 2, 1), vec2<i32>(1, 0), k == 0) * REACH;
+        sum += dark(here, (depth_at(at - side) + depth_at(at + side)) * 0.5, EDGE.y);
+    }
+    return sum / (4.0 * BEHIND_MAX);
+}
+
+// The interpolated normal, or that of the surroundings.
+fn carried_normal(at: vec2<u32>, pixel: u32, to_eye: vec3<f32>) -> vec3<f32> {
+    let own = normals[shown(pixel)].xyz;
+    if has_direction(own) {
+        return unit_or(own, to_eye);
+    }
+    let above = (at.y >> 1u) * ((frame.width + 1u) >> 1u) + (at.x >> 1u);
+    return unit_or(coarse_normals[above].xyz, to_eye);
+}
+
+// Phong lighting of a colour (linear light).
+fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
+    let facing = dot(normal, KEY);
+    let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
+    let diffuse = KEY_SHARE * max(facing, 0.0) + EYE_SHARE * max(dot(normal, to_eye), 0.0);
+    let mirrored = normal * (2.0 * facing) - KEY;
+    var shine = 0.0;
+    if facing > 0.0 {
+        // To the power of 24.
+        let s1 = max(dot(mirrored, to_eye), 0.0);
+        let s2 = s1 * s1;
+        let s4 = s2 * s2;
+        let s8 = s4 * s4;
+        shine = s8 * s8 * s8;
+    }
+    return colour * (ambient + diffuse) + SHINE * shine;
+}
+
+// About exp(-x) for x from 0.
+fn darken(x: f32) -> f32 {
+    return 1.0 / (1.0 + x * (1.0 + x * 0.5));
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.width || id.y >= frame.height {
+        return;
+    }
+    let pixel = id.y * frame.width + id.x;
+    let here = depth[pixel];
+    if is_infinite(here) {
+        shaded[pixel] =
+            backdrop(frame.background_top, frame.background_bottom, id.y, frame.height);
+        return;
+    }
+    let at = vec2<i32>(id.xy);
+    let from_centre = (vec2<f32>(id.xy) + 0.5 - frame.centre_px) * vec2<f32>(1.0, -1.0);
+    let to_eye = unit_or(vec3<f32>(-from_centre, frame.focal_px), vec3<f32>(0.0, 0.0, 1.0));
+    var normal = to_eye;
+    var darkness = 0.0;
+    if NORMALS {
+        normal = carried_normal(id.xy, pixel, to_eye);
+        darkness = EDGE.x * sunken(at, here);
+    } else {
+        normal = relief_normal(at, here, from_centre);
+        darkness = DOME.x * behind(at, here);
+    }
+    let light = phong(tint[shown(pixel)].xyz, normal, to_eye) * darken(darkness);
+    shaded[pixel] = packed_bytes(vec4<u32>(vec4<f32>(srgb_of(light), 1.0) * 255.0 + 0.5));
+}

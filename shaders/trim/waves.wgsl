@@ -1,0 +1,145 @@
+// Half a turn of waves inwards from the rims. A group keeps a tile in its memory with as many pixels around it as
+// there are waves, so that nothing from beyond reaches the tile. As on a chessboard a wave is for the pixels of
+// one colour. Twin: `Waves::inwards` in crates/render/src/trim.rs.
+
+// include common/frame.wgsl
+// include common/overhang.wgsl
+// include common/turns.wgsl
+
+// Pixels on a side of a tile, around it, and of both.
+const TILE: u32 = 16u;
+const HALO: u32 = 8u;
+const SIDE: u32 = 32u;
+
+struct Half {
+    // Which turn, and the waves before this half of it.
+    turn: u32,
+    waves: u32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> half: Half;
+@group(0) @binding(2) var<storage, read> depth: array<f32>;
+@group(0) @binding(3) var<storage, read> front: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> tint: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> sources: array<u32>;
+@group(0) @binding(6) var<storage, read_write> sources_after: array<u32>;
+@group(0) @binding(7) var<storage, read_write> turns: Turns;
+
+// include common/source.wgsl
+
+// Whether this turn is needed, and whether there is anything in the tile that waves come from.
+var<workgroup> is_needed: u32;
+var<workgroup> has_gone: atomic<u32>;
+// Sources, and depths of what is shown, of the tile and around it.
+var<workgroup> tile_sources: array<u32, 1024>;
+var<workgroup> tile_depths: array<f32, 1024>;
+
+// Where a pixel goes in a wave: after the farthest of those beside it that went, of equals the first. Zero where
+// it stays.
+fn after(slot: u32) -> u32 {
+    let x = slot % SIDE;
+    let y = slot / SIDE;
+    var found = 0u;
+    var farthest = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        // Left, right, above, below; the outermost pixels of the tile have no neighbours there.
+        var beside = slot;
+        switch k {
+            case 0u: { beside = select(slot, slot - 1u, x > 0u); }
+            case 1u: { beside = select(slot, slot + 1u, x + 1u < SIDE); }
+            case 2u: { beside = select(slot, slot - SIDE, y > 0u); }
+            default: { beside = select(slot, slot + SIDE, y + 1u < SIDE); }
+        }
+        let has_gone = beside != slot && tile_sources[beside] != 0u;
+        if has_gone && (found == 0u || tile_depths[beside] > farthest) {
+            found = beside + 1u;
+            farthest = tile_depths[beside];
+        }
+    }
+    return found;
+}
+
+// Lets a pixel go in a wave, where it does.
+fn go(pixel: u32, slot: u32, wave: u32) {
+    let next = after(slot);
+    if next == 0u || tile_depths[next - 1u] <= tile_depths[slot] {
+        return;
+    }
+    let own = tile_sources[slot];
+    let seen = select(own - 1u, pixel, own == 0u);
+    let is_behind = tile_depths[next - 1u] > limit(tile_depths[slot], seen);
+    if is_behind && f32(wave) <= tint[seen].w && overhangs(seen) {
+        tile_sources[slot] = tile_sources[next - 1u];
+        tile_depths[slot] = tile_depths[next - 1u];
+    }
+}
+
+@compute @workgroup_size(16, 16)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+) {
+    if lane == 0u {
+        var needed = 1u;
+        if half.turn > 0u {
+            needed = atomicLoad(&turns.went[half.turn - 1u]);
+        }
+        is_needed = needed;
+        atomicStore(&has_gone, 0u);
+    }
+    if workgroupUniformLoad(&is_needed) == 0u {
+        return;
+    }
+    // Around the tile, what is left of the picture or above it wraps round to far beyond it.
+    let corner = group.xy * TILE - HALO;
+    for (var k = 0u; k < 4u; k++) {
+        let place = local.xy + vec2<u32>(k & 1u, k >> 1u) * TILE;
+        let at = corner + place;
+        let slot = place.y * SIDE + place.x;
+        var source = 0u;
+        var seen = 0.0;
+        if at.x < frame.width && at.y < frame.height {
+            let pixel = at.y * frame.width + at.x;
+            source = sources[pixel];
+            seen = depth[shown(pixel)];
+        }
+        tile_sources[slot] = source;
+        tile_depths[slot] = seen;
+        if source != 0u {
+            atomicStore(&has_gone, 1u);
+        }
+    }
+    workgroupBarrier();
+    let pixel = (group.y * TILE + local.y) * frame.width + group.x * TILE + local.x;
+    let is_inside = all(group.xy * TILE + local.xy < vec2<u32>(frame.width, frame.height));
+    if lane == 0u {
+        is_needed = atomicLoad(&has_gone);
+    }
+    if workgroupUniformLoad(&is_needed) == 0u {
+        if is_inside {
+            sources_after[pixel] = 0u;
+        }
+        return;
+    }
+    for (var k = 1u; k <= HALO; k++) {
+        let wave = half.waves + k;
+        for (var i = 0u; i < 4u; i++) {
+            let place = local.xy + vec2<u32>(i & 1u, i >> 1u) * TILE;
+            let at = corner + place;
+            let is_due = (at.x + at.y + wave) % 2u == 0u;
+            if is_due && at.x < frame.width && at.y < frame.height {
+                go(at.y * frame.width + at.x, place.y * SIDE + place.x, wave);
+            }
+        }
+        workgroupBarrier();
+    }
+    if is_inside {
+        let source = tile_sources[(local.y + HALO) * SIDE + local.x + HALO];
+        if source != sources[pixel] {
+            atomicStore(&turns.went[half.turn], 1u);
+        }
+        sources_after[pixel] = source;
+    }
+}
