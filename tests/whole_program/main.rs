@@ -11,6 +11,7 @@ mod arguments;
 mod bad;
 mod contract;
 mod data;
+mod devices;
 mod folder;
 mod interrupt;
 mod pictures;
@@ -37,6 +38,7 @@ fn main() {
     arguments::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
+    devices::trials(&mut trials);
     interrupt::trials(&mut trials);
     python::trials(&mut trials);
     stream::trials(&mut trials);

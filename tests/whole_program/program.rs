@@ -95,6 +95,10 @@ pub fn verify<P: AsRef<Path>>(file: &Path, inputs: &[P]) -> Outcome {
 /// Starts a command with its output going to files, which can grow without a reader.
 pub fn start(mut command: Command) -> (Child, [File; 2]) {
     let [out, err] = [(); 2].map(|()| tempfile::tempfile().unwrap());
+    // Without it graphics drivers say so on standard error, of all programs that look at them.
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
+    }
     command.stdin(Stdio::null());
     command.stdout(out.try_clone().unwrap()).stderr(err.try_clone().unwrap());
     let child = command.spawn().unwrap_or_else(|e| panic!("{command:?}: {e}"));

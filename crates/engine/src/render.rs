@@ -181,8 +181,8 @@ impl Scene {
 /// # Errors
 /// Where planes cannot be read, or a GPU is asked for and there is none, or it fails.
 pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
-    let (gpu, mut drawer) = request.with.choose(None)?;
     let scene = Scene::read(file, request, task)?;
+    let (gpu, mut drawer) = request.with.choose(None)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let start = Instant::now();
     let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree, request.method));

@@ -6,6 +6,7 @@ use crate::backend::{Backend, DrawWith, Drawer};
 use crate::bench::disk;
 use crate::bench::flight::{Flight, Passes, fly, quantile};
 use crate::bench::path::Path;
+use crate::budget::Shares;
 use crate::session::{Options, Session};
 use crate::{info, picture, system};
 use anyhow::{Context, Result};
@@ -108,6 +109,8 @@ pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Re
         None => Path::of(&file, request.size),
     };
     let mut options = request.settings.options(request);
+    // What is too small is told before a driver is looked at.
+    Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
     let (device, drawer) = request.with.choose(None)?;
     // One device for all sessions of the run; its driver's own memory is nobody's budget.
     if device.is_none() {
