@@ -34,12 +34,7 @@ pub struct Request {
 
 impl Default for Request {
     fn default() -> Self {
-        Self {
-            backends: interfaces(),
-            allow_software: false,
-            path: None,
-            is_minimal: false,
-        }
+        Self { backends: interfaces(), allow_software: false, path: None, is_minimal: false }
     }
 }
 

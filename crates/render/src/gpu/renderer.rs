@@ -16,6 +16,8 @@ use super::project::Project;
 use super::pyramid::GpuPyramid;
 use super::readback;
 use super::resolve::Resolve;
+use super::shade::Store;
+use super::surface::Surface;
 use super::table::PlaneAt;
 use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
@@ -36,7 +38,9 @@ pub struct GpuRenderer {
     lookup: GpuLookup,
     gather: Gather,
     resolve: Resolve,
+    store: Store,
     pyramid: GpuPyramid,
+    surface: Surface,
     shown: Option<Shown>,
     feedback: Feedback,
 }
@@ -71,7 +75,9 @@ impl GpuRenderer {
             lookup: GpuLookup::new(gpu)?,
             gather: Gather::default(),
             resolve: Resolve::new(gpu)?,
+            store: Store::new(gpu)?,
             pyramid: GpuPyramid::default(),
+            surface: Surface::default(),
             shown: None,
             feedback: Feedback::new(gpu)?,
             gpu: gpu.clone(),
@@ -115,12 +121,14 @@ impl GpuRenderer {
         let [width, height] = size;
         let is_new =
             self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
-        let needs_pyramid = plan.passes.contains(&Pass::Pull);
-        let keeps = !self.pyramid.levels.is_empty()
-            && (self.pyramid.has_normals == plan.carries_normals || !needs_pyramid);
-        if is_new || !keeps {
-            // The old ones go first, so that never both are there.
+        let has_surface = plan.passes.contains(&Pass::Pull);
+        if is_new || !has_surface || self.pyramid.has_normals != plan.carries_normals {
+            // The old ones go first, so that never both are there; and none is kept that is not needed.
+            self.surface.release();
             self.pyramid = GpuPyramid::default();
+        }
+        if has_surface {
+            self.resolve.release(&self.gpu)?;
         }
         if is_new {
             self.shown = None;
@@ -136,7 +144,7 @@ impl GpuRenderer {
             let view = picture.texture.create_view(&Default::default());
             self.shown = Some(Shown { picture, view });
         }
-        if needs_pyramid {
+        if has_surface {
             self.pyramid.fit(&self.gpu, width, height, plan.carries_normals)?;
         }
         Ok(())
@@ -171,12 +179,14 @@ impl GpuRenderer {
             Method::Points => {
                 let mut pass = timing.compute(encoder, Pass::Resolve);
                 self.resolve.encode(gpu, &mut pass, lookup, &won, picture)?;
+                self.store.dispatch(gpu, uniform, picture).run(&mut pass);
             }
             Method::PullPush => {
                 let pyramid = &self.pyramid;
                 let mut pass = timing.compute(encoder, Pass::Gather);
                 self.gather.encode(gpu, &mut pass, lookup, &won, pyramid)?;
-                self.resolve.encode(gpu, &mut pass, lookup, &won, picture)?;
+                drop(pass);
+                self.surface.encode(gpu, encoder, uniform, pyramid, picture, timing)?;
             }
         }
         let stats = Stats {
@@ -243,7 +253,8 @@ impl GpuRenderer {
             Points::Primitives(primitives) => primitives.reload(gpu)?,
         };
         let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
-        let rest = self.hits.reload(gpu)? | self.feedback.reload(gpu)?;
+        let rest =
+            self.hits.reload(gpu)? | self.surface.reload(gpu)? | self.feedback.reload(gpu)?;
         Ok(points | won | rest)
     }
 }

@@ -74,6 +74,15 @@ impl Resolve {
         Ok(())
     }
 
+    /// Gives back the memory of the last picture.
+    ///
+    /// # Errors
+    /// Where memory is refused.
+    pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        fit(gpu, &mut self.paint, 1)?;
+        fit(gpu, &mut self.geometry, 1)
+    }
+
     /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
     ///
     /// # Errors

@@ -1,0 +1,195 @@
+//! Claims about whole pictures: on every adapter there is and by either path the GPU draws the CPU's picture
+//! (DESIGN section 9: mean FLIP at most 0.01, at most 0.1 % of the pixels off by more than 8 of 255), gives
+//! back what it took, and tells of its frames without being waited for.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod gpu;
+mod scene;
+
+use esker_lod::{Occlusion, OrientedBox, View};
+use esker_render::gpu::readback::read;
+use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
+use esker_render::{Background, ColourBy, Frame, Method, Picture, render};
+use glam::{DMat3, DVec3};
+use gpu::flip::mean_flip;
+use gpu::{few_gpus, gpus, laid_frame, lay, name};
+use scene::{Dice, Scene, bunny, sheet, sphere};
+
+/// Bytes of a page: nodes have their planes in several.
+const PAGE_BYTES: u64 = 64 << 10;
+/// Frames until what is polled for must have come.
+const FRAMES_MAX: usize = 200;
+
+/// Pixels that differ by more than 8 of 255 in any channel.
+fn pixels_off(a: &[u8], b: &[u8]) -> usize {
+    let differs = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
+    a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|p| differs(*p)).count()
+}
+
+fn is_the_picture(what: &str, gpu: &Gpu, cpu: &Picture, other: &Picture) {
+    let (on, pixels) = (name(gpu), cpu.depth.len());
+    assert_eq!((other.width, other.height), (cpu.width, cpu.height));
+    let flip = mean_flip(&cpu.rgba, &other.rgba, cpu.width as usize);
+    let off = pixels_off(&cpu.rgba, &other.rgba);
+    let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > 1e-3 * a.abs() && a != b;
+    let depths_off = cpu.depth.iter().zip(&other.depth).filter(|p| is_off(*p)).count();
+    eprintln!("{what}: FLIP {flip:.5}, {off} and {depths_off} of {pixels} pixels off, {on}");
+    assert!(flip <= 0.01, "{what}: FLIP {flip} on {on}");
+    assert!(off * 1000 <= pixels, "{what}: {off} of {pixels} pixels off on {on}");
+    assert!(depths_off * 1000 <= pixels, "{what}: {depths_off} of {pixels} depths off on {on}");
+    let near = |a: u64, b: u64| a.abs_diff(b) * 1000 <= pixels as u64;
+    let (ours, theirs) = (&cpu.stats, &other.stats);
+    assert_eq!(ours.points_drawn, theirs.points_drawn, "{what} on {on}");
+    assert_eq!(ours.nodes_drawn, theirs.nodes_drawn, "{what} on {on}");
+    assert!(near(ours.pixels_projected, theirs.pixels_projected), "{what} on {on}: {theirs:?}");
+    assert!(near(ours.pixels_covered, theirs.pixels_covered), "{what} on {on}: {theirs:?}");
+}
+
+/// Draws frames on the CPU and on each device, one renderer for all of them.
+fn pictures_are_the_same(frames: &[(&str, Frame<'_>)]) {
+    let cpu: Vec<_> = frames.iter().map(|(_, f)| render(f).unwrap()).collect();
+    for gpu in few_gpus() {
+        let before = gpu.bytes();
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        for ((what, frame), cpu) in frames.iter().zip(&cpu) {
+            let laid = lay(&gpu, frame.draws, PAGE_BYTES);
+            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            is_the_picture(what, &gpu, cpu, &renderer.read().unwrap());
+        }
+        drop(renderer);
+        assert_eq!(gpu.fault(), None, "{}", name(&gpu));
+        assert_eq!(gpu.bytes(), before, "buffers are left on {}", name(&gpu));
+    }
+}
+
+fn ball_and_floor() -> Scene {
+    let mut dice = Dice(11);
+    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 9000, [220, 90, 50]);
+    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
+    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 90, [60, 150, 90]));
+    Scene::new(&points, 1e-5, 0.045, 0.045, 3000)
+}
+
+fn view(width: u32, height: u32) -> View {
+    let eye = DVec3::new(2.6, -3.1, 2.4);
+    View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height)
+}
+
+#[test]
+fn pictures_are_those_of_the_cpu_by_every_path() {
+    let scene = ball_and_floor();
+    let (small, wide) = (view(160, 128), view(173, 97));
+    let [with, without] = [true, false].map(|normals| scene.draws(true, true, normals));
+    let surface = scene.frame(&small, &with);
+    let points = Frame { method: Method::Points, ..surface };
+    let background = Background::Plain([9, 200, 30, 0]);
+    let nothing = Frame { draws: &[], ..surface };
+    let bunny = Bunny::new();
+    let bunny_draws = bunny.as_ref().map(|b| b.scene.draws(true, true, true));
+    let mut frames = vec![
+        ("surface", surface),
+        ("surface of another size", scene.frame(&wide, &with)),
+        ("surface without normals", scene.frame(&small, &without)),
+        ("points", points),
+        ("points by normals", Frame { colour: ColourBy::Normal, background, ..points }),
+        ("points without culling", Frame { cull_back_faces: false, ..points }),
+        ("nothing", nothing),
+        ("no points", Frame { method: Method::Points, ..nothing }),
+    ];
+    if let (Some(bunny), Some(draws)) = (&bunny, &bunny_draws) {
+        let frame = bunny.scene.frame(&bunny.view, draws);
+        frames.push(("bunny", frame));
+        frames.push(("bunny's points", Frame { method: Method::Points, ..frame }));
+    }
+    pictures_are_the_same(&frames);
+}
+
+/// The bunny of the data folder, where there is one.
+struct Bunny {
+    scene: Scene,
+    view: View,
+}
+
+impl Bunny {
+    fn new() -> Option<Self> {
+        let scene = Scene::new(&bunny()?, 1e-6, 0.0012, 0.0012, 5000);
+        let target = DVec3::new(-0.02, 0.11, 0.0);
+        let eye = DVec3::new(0.05, 0.16, 0.3);
+        Some(Self { scene, view: View::look_at(eye, target, DVec3::Y, 0.7, 200, 200) })
+    }
+}
+
+/// Bytes of a texture whose rows are whole multiples of 256 bytes, as copies ask.
+fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
+    let bytes = u64::from(texture.width()) * u64::from(texture.height()) * 4;
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let buffer = gpu.buffer("texture", bytes, usage).unwrap();
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(texture.width() * 4),
+        rows_per_image: None,
+    };
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        texture.size(),
+    );
+    gpu.queue.submit([encoder.finish()]);
+    read(gpu, &[(&buffer, bytes)]).unwrap().remove(0)
+}
+
+#[test]
+fn a_window_is_shown_what_is_read_and_points_keep_no_memory_of_surfaces() {
+    let (scene, view) = (ball_and_floor(), view(64, 48));
+    let draws = scene.draws(false, true, true);
+    let frame = scene.frame(&view, &draws);
+    for gpu in few_gpus() {
+        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        assert!(renderer.texture().is_none());
+        let mut bytes = Vec::new();
+        for method in [Method::Points, Method::PullPush, Method::Points] {
+            let frame = Frame { method, ..laid_frame(&frame, &laid.draws) };
+            renderer.render(&frame, &laid.pool).unwrap();
+            let shown = texture_bytes(&gpu, renderer.texture().unwrap().texture());
+            assert_eq!(shown, renderer.read().unwrap().rgba, "{method:?} on {}", name(&gpu));
+            bytes.push(gpu.bytes());
+        }
+        assert!(bytes[1] > bytes[0] + 100_000, "surfaces take memory: {bytes:?}");
+        // Tables of the kernels stay.
+        assert!(bytes[2] < bytes[0] + 20_000, "points keep none of it: {bytes:?}");
+    }
+}
+
+#[test]
+fn counts_times_and_depths_come_back_without_being_waited_for() {
+    let (scene, view) = (ball_and_floor(), view(128, 96));
+    let draws = scene.draws(false, true, true);
+    let frame = scene.frame(&view, &draws);
+    let cpu = render(&frame).unwrap();
+    let block = |centre| OrientedBox { centre, half: DVec3::splat(0.05), axes: DMat3::IDENTITY };
+    let [inside, before] = [DVec3::Z, DVec3::new(1.3, -1.5, 1.9)].map(block);
+    for gpu in gpus() {
+        let on = name(&gpu);
+        let laid = lay(&gpu, &draws, PAGE_BYTES);
+        let frame = laid_frame(&frame, &laid.draws);
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        let mut frames = 0;
+        let (stats, depth) = loop {
+            assert!(frames < FRAMES_MAX, "nothing came back on {on}");
+            renderer.render(&frame, &laid.pool).unwrap();
+            frames += 1;
+            if let (Some(stats), Some(depth)) = (renderer.stats(), renderer.feedback()) {
+                break (stats, depth);
+            }
+        };
+        assert_eq!(stats.points_drawn, cpu.stats.points_drawn, "{on}");
+        assert!(stats.pixels_covered > 1000, "{on}: {stats:?}");
+        assert!(depth.hides(&inside), "what is in the ball shows on {on}");
+        assert!(!depth.hides(&before), "what is before the ball is hidden on {on}");
+        renderer.read().unwrap();
+        let stats = renderer.stats().unwrap();
+        assert_eq!(stats.stages.total_ms > 0.0, gpu.tier.has_timestamps, "{on}: {stats:?}");
+    }
+}
