@@ -179,3 +179,22 @@ same_layout!(Draw {
     normal_points
 });
 same_layout!(Chunk { draw, first, points });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::shader::sources;
+
+    #[test]
+    fn the_shaders_number_points_by_the_same_constants() {
+        for source in [sources::PROJECT_ATOMICS, sources::PRIMITIVES_POINTS, sources::GATHER_FETCH]
+        {
+            let has =
+                |line: String| assert!(source.wgsl.contains(&line), "{}: {line}", source.file);
+            has(format!("const CHUNK_POINTS: u32 = {CHUNK_POINTS}u;"));
+            has(format!("const NO_PAGE: u32 = {NO_PAGE:#x}u;"));
+            has(format!("const COLOUR_RGBA: u32 = {COLOUR_RGBA}u;"));
+            has(format!("const COLOUR_F64: u32 = {}u;", scalar_kind(AttrType::F64)));
+        }
+    }
+}
