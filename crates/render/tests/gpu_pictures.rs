@@ -119,6 +119,22 @@ impl Bunny {
     }
 }
 
+#[test]
+fn the_metric_tells_pictures_apart() {
+    let plain = |c: [u8; 4]| c.repeat(32 * 32);
+    let flip = |a: [u8; 4], b: [u8; 4]| mean_flip(&plain(a), &plain(b), 32);
+    let [black, white] = [[0, 0, 0, 255], [255; 4]];
+    assert!(flip(white, white) < 1e-6);
+    assert!(flip(black, white) > 0.9);
+    assert!(flip([0, 255, 0, 255], [0, 0, 255, 255]) > 0.9);
+    let near = flip([120, 120, 120, 255], [122, 120, 120, 255]);
+    assert!(near > 0.001 && near < 0.1, "{near}");
+    // A line that is missing counts more than its share of the pixels.
+    let mut line = plain(white);
+    line.chunks_exact_mut(32 * 4).for_each(|row| row[16 * 4..17 * 4].copy_from_slice(&black));
+    assert!(mean_flip(&plain(white), &line, 32) > 1.0 / 32.0);
+}
+
 /// Bytes of a texture whose rows are whole multiples of 256 bytes, as copies ask.
 fn texture_bytes(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
     let bytes = u64::from(texture.width()) * u64::from(texture.height()) * 4;
