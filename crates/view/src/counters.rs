@@ -34,7 +34,7 @@ impl Counters {
     pub fn take_frame(&mut self, cut: &Cut, points: u64, draw_ms: f64) {
         self.nodes = cut.nodes.len() as u64;
         self.points = points;
-        self.occluded = (cut.counters.occluded + cut.counters.contour_occluded) as u64;
+        self.occluded = cut.counters.occluded + cut.counters.contour_occluded;
         self.settled = cut.settled;
         self.lod_ms = cut.lod_ms;
         self.draw_ms = draw_ms;

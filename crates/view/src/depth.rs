@@ -18,7 +18,7 @@ const SAMPLES: usize = 24;
 
 impl Depths<'_> {
     fn height(&self) -> usize {
-        if self.width == 0 { 0 } else { self.depth.len() / self.width }
+        self.depth.len().checked_div(self.width).unwrap_or(0)
     }
 
     fn at(&self, x: i64, y: i64) -> Option<f64> {

@@ -69,13 +69,13 @@ impl Gestures {
     pub fn update(&mut self, ui: &Ui, response: &Response, camera: &mut Camera) {
         let place = response.rect;
         self.start(ui, response, place);
-        if !response.is_pointer_button_down_on() {
-            self.drag = None;
-        }
         let moved = response.drag_delta();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
         if moved != DVec2::ZERO {
             self.drag(camera, moved, f64::from(place.height().max(1.0)));
+        }
+        if !response.is_pointer_button_down_on() {
+            self.drag = None;
         }
         self.wheel(ui, response, camera, place);
         camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));

@@ -306,7 +306,9 @@ impl Looking {
     /// The camera's view, for the picture.
     fn view(&self) -> View {
         let camera = &self.camera;
-        let target = camera.eye() + camera.forward() * camera.distance();
+        // Only the near plane depends on how far the target is: by powers of two, so that a still camera has one view.
+        let far = camera.distance().log2().floor().exp2();
+        let target = camera.eye() + camera.forward() * far;
         let [width, height] = self.size;
         View::look_at(camera.eye(), target, camera.up(), camera.fovy_rad(), width, height)
     }

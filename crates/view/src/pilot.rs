@@ -11,6 +11,9 @@ use eframe::egui::{
 };
 use std::path::PathBuf;
 
+/// Share of a drag, or of a turn of the wheel, in a frame at most.
+const STRIDE: f64 = 0.1;
+
 /// What the pilot sees of the window.
 pub struct Sight<'a> {
     /// Seconds since the start.
@@ -164,7 +167,10 @@ impl Pilot {
         orders: &mut Vec<Order>,
     ) -> bool {
         let at = |p: [f64; 2]| place_at(sight.place, p);
-        let share = |length: f64| if length > 0.0 { (seconds / length).min(1.0) } else { 1.0 };
+        // In several frames even where those are slow: a hand's way has more than two ends.
+        let most = self.share + STRIDE;
+        let share =
+            |length: f64| (if length > 0.0 { seconds / length } else { 1.0 }).min(most).min(1.0);
         let events = &mut raw.events;
         match step {
             Step::Hold { keys, seconds: length } => {
@@ -188,6 +194,7 @@ impl Pilot {
                     return false;
                 }
                 let t = share(*length);
+                self.share = t;
                 let now = [0, 1].map(|i| from[i] + (to[i] - from[i]) * t);
                 events.push(Event::PointerMoved(at(now)));
                 if t >= 1.0 {

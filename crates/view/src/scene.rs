@@ -57,7 +57,7 @@ pub struct Look {
 /// What came of a frame.
 pub enum Shown<'a> {
     /// A new picture.
-    New(Frame<'a>),
+    New(Box<Frame<'a>>),
     /// The last one still holds.
     Same,
     /// There is none yet, or the last one stays while a session is opened.
@@ -218,7 +218,7 @@ impl Scene {
             Ok(frame) => {
                 let rests = frame.cut.settled && frame.cut.view == look.chosen;
                 self.at_rest = rests.then_some((look.chosen, look.seen));
-                Shown::New(frame)
+                Shown::New(Box::new(frame))
             }
             Err(error) => Shown::Failed(format!("{error:#}")),
         }

@@ -235,7 +235,7 @@ mod tests {
         assert_eq!((script.flight.len(), script.flights_max, script.cold), (4, 5, true));
         for text in [
             "",
-            "[]",
+            "7",
             r#"{"flight": [{"do": "fly"}]}"#,
             r#"{"flight": [{"do": "wait", "seconds": -1}]}"#,
             r#"{"flight": [{"do": "wait", "seconds": 1e9}]}"#,

@@ -13,12 +13,15 @@ const WRITING_MAX: usize = 4;
 /// Numbers of pictures beside one another at most.
 const NUMBERS: u32 = 9999;
 
+/// Where a picture of the window is left once it was taken.
+type Taken = Arc<Mutex<Option<Arc<ColorImage>>>>;
+
 /// Pictures asked for and being written. Dropping it waits until they are written.
 #[derive(Default)]
 pub struct Shots {
     asked: Option<PathBuf>,
     /// Where the window goes, and the picture of it once there is one.
-    window: Option<(PathBuf, Arc<Mutex<Option<Arc<ColorImage>>>>)>,
+    window: Option<(PathBuf, Taken)>,
     writing: Vec<JoinHandle<()>>,
     told: Arc<Mutex<Vec<String>>>,
     said: Option<String>,
