@@ -15,7 +15,8 @@ const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
 @group(0) @binding(3) var<storage, read> front: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> sources: array<u32>;
-@group(0) @binding(6) var<storage, read_write> turns: Turns;
+// Whether a pixel has gone in a tile.
+@group(0) @binding(6) var<storage, read_write> gone: array<atomic<u32>>;
 
 // The eight directions, around.
 fn direction(k: u32) -> vec2<i32> {
@@ -77,11 +78,6 @@ fn beyond_rim(at: vec2<i32>, pixel: u32) -> u32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if all(id.xy == vec2<u32>(0u)) {
-        for (var i = 0u; i < TURNS; i++) {
-            atomicStore(&turns.went[i], 0u);
-        }
-    }
     if id.x >= frame.width || id.y >= frame.height {
         return;
     }
@@ -91,4 +87,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         source = beyond_rim(vec2<i32>(id.xy), pixel);
     }
     sources[pixel] = source;
+    if source != 0u {
+        atomicStore(&gone[id.y / TILE * picture_tiles().x + id.x / TILE], 1u);
+    }
 }

@@ -6,10 +6,11 @@
 // include common/overhang.wgsl
 // include common/turns.wgsl
 
-// Pixels on a side of a tile, around it, and of both.
-const TILE: u32 = 16u;
+// Pixels around a tile, which are as many as half a turn has waves, and on a side of both.
 const HALO: u32 = 8u;
 const SIDE: u32 = 32u;
+// Lanes of a group on a side: few, for drivers on a CPU, where barriers are dear.
+const LANES: u32 = 8u;
 
 struct Half {
     // Which turn, and the waves before this half of it.
@@ -25,10 +26,14 @@ struct Half {
 @group(0) @binding(5) var<storage, read> sources: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sources_after: array<u32>;
 @group(0) @binding(7) var<storage, read_write> turns: Turns;
+// Whether a pixel has gone in a tile.
+@group(0) @binding(8) var<storage, read_write> gone: array<atomic<u32>>;
+// The tiles of this turn.
+@group(0) @binding(9) var<storage, read> tiles: array<u32>;
 
 // include common/source.wgsl
 
-// Whether this turn is needed, and whether there is anything in the tile that waves come from.
+// Whether the group has a tile, and then whether there is anything that waves come from.
 var<workgroup> is_needed: u32;
 var<workgroup> has_gone: atomic<u32>;
 // Sources, and depths of what is shown, of the tile and around it.
@@ -75,29 +80,29 @@ fn go(pixel: u32, slot: u32, wave: u32) {
     }
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(8, 8)
 fn main(
     @builtin(local_invocation_id) local: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
     @builtin(workgroup_id) group: vec3<u32>,
 ) {
+    let place = group.y * ROW_TILES + group.x;
     if lane == 0u {
-        var needed = 1u;
-        if half.turn > 0u {
-            needed = atomicLoad(&turns.went[half.turn - 1u]);
-        }
-        is_needed = needed;
+        is_needed = select(0u, 1u, place < atomicLoad(&turns.tiles[half.turn]));
         atomicStore(&has_gone, 0u);
     }
     if workgroupUniformLoad(&is_needed) == 0u {
         return;
     }
+    let tile = tiles[place];
+    let row_tiles = picture_tiles().x;
+    let first = vec2<u32>(tile % row_tiles, tile / row_tiles) * TILE;
     // Around the tile, what is left of the picture or above it wraps round to far beyond it.
-    let corner = group.xy * TILE - HALO;
-    for (var k = 0u; k < 4u; k++) {
-        let place = local.xy + vec2<u32>(k & 1u, k >> 1u) * TILE;
-        let at = corner + place;
-        let slot = place.y * SIDE + place.x;
+    let corner = first - HALO;
+    for (var k = 0u; k < 16u; k++) {
+        let near = local.xy + vec2<u32>(k & 3u, k >> 2u) * LANES;
+        let at = corner + near;
+        let slot = near.y * SIDE + near.x;
         var source = 0u;
         var seen = 0.0;
         if at.x < frame.width && at.y < frame.height {
@@ -112,33 +117,33 @@ fn main(
         }
     }
     workgroupBarrier();
-    let pixel = (group.y * TILE + local.y) * frame.width + group.x * TILE + local.x;
-    let is_inside = all(group.xy * TILE + local.xy < vec2<u32>(frame.width, frame.height));
     if lane == 0u {
         is_needed = atomicLoad(&has_gone);
     }
-    if workgroupUniformLoad(&is_needed) == 0u {
-        if is_inside {
-            sources_after[pixel] = 0u;
-        }
-        return;
-    }
-    for (var k = 1u; k <= HALO; k++) {
+    let waves = select(0u, HALO, workgroupUniformLoad(&is_needed) != 0u);
+    for (var k = 1u; k <= waves; k++) {
         let wave = half.waves + k;
-        for (var i = 0u; i < 4u; i++) {
-            let place = local.xy + vec2<u32>(i & 1u, i >> 1u) * TILE;
-            let at = corner + place;
+        for (var i = 0u; i < 16u; i++) {
+            let near = local.xy + vec2<u32>(i & 3u, i >> 2u) * LANES;
+            let at = corner + near;
             let is_due = (at.x + at.y + wave) % 2u == 0u;
             if is_due && at.x < frame.width && at.y < frame.height {
-                go(at.y * frame.width + at.x, place.y * SIDE + place.x, wave);
+                go(at.y * frame.width + at.x, near.y * SIDE + near.x, wave);
             }
         }
         workgroupBarrier();
     }
-    if is_inside {
-        let source = tile_sources[(local.y + HALO) * SIDE + local.x + HALO];
+    for (var k = 0u; k < 4u; k++) {
+        let inner = local.xy + vec2<u32>(k & 1u, k >> 1u) * LANES;
+        let at = first + inner;
+        if at.x >= frame.width || at.y >= frame.height {
+            continue;
+        }
+        let pixel = at.y * frame.width + at.x;
+        let source = tile_sources[(inner.y + HALO) * SIDE + inner.x + HALO];
         if source != sources[pixel] {
             atomicStore(&turns.went[half.turn], 1u);
+            atomicStore(&gone[tile], 1u);
         }
         sources_after[pixel] = source;
     }

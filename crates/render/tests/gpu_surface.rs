@@ -308,6 +308,13 @@ fn each_pass_comes_to_the_same_as_its_twin() {
             let draws = scene.draws(true, true, has_normals);
             let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
             assert_eq!(input.base.normal.is_empty(), !has_normals);
+            let twins = twins(&input);
+            let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
+            let mut pushed = twins.mended.clone();
+            twins.pushed.levels[0].depth_image(&mut pushed);
+            let (closed, gone) =
+                (differ(&pushed, &twins.mended), differ(&twins.mended, &twins.picture.depth));
+            assert!(points > 1000 || (closed > 0 && gone > 100), "{closed} closed, {gone} gone");
             same_as_twins(&[input]);
         }
     }

@@ -13,7 +13,16 @@ const GROUP_SIDE: u32 = 8;
 pub struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     bind: wgpu::BindGroup,
-    groups: [u32; 2],
+    groups: Groups,
+}
+
+/// How many groups run.
+#[derive(Clone, Debug)]
+pub enum Groups {
+    /// So many.
+    Fixed([u32; 2]),
+    /// As many as three words of a buffer say, from this byte on.
+    Told(wgpu::Buffer, u64),
 }
 
 impl Dispatch {
@@ -25,14 +34,14 @@ impl Dispatch {
         resources: &[(u32, BindingResource<'_>)],
     ) -> Self {
         let groups = [width.div_ceil(GROUP_SIDE), height.div_ceil(GROUP_SIDE)];
-        Self::new(gpu, kernel, groups, resources)
+        Self::new(gpu, kernel, Groups::Fixed(groups), resources)
     }
 
     /// Over so many groups.
     pub fn new(
         gpu: &Gpu,
         kernel: &Kernel,
-        groups: [u32; 2],
+        groups: Groups,
         resources: &[(u32, BindingResource<'_>)],
     ) -> Self {
         let entries: Vec<_> = resources
@@ -54,7 +63,10 @@ impl Dispatch {
     pub fn run(&self, pass: &mut ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind, &[]);
-        pass.dispatch_workgroups(self.groups[0], self.groups[1], 1);
+        match &self.groups {
+            &Groups::Fixed([x, y]) => pass.dispatch_workgroups(x, y, 1),
+            Groups::Told(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //! made when a scene first needs them, and bound once; a frame then only runs their dispatches.
 
 use super::device::{Counted, Gpu};
-use super::dispatch::Dispatch;
+use super::dispatch::{Dispatch, Groups};
 use super::error::GpuError;
 use super::kernel::Kernel;
 use super::mend::Mend;
@@ -13,7 +13,7 @@ use super::pyramid::{GpuLevel, GpuPyramid};
 use super::relief::Relief;
 use super::shade::{Shade, Soften};
 use super::timing::Timing;
-use super::trim::Trim;
+use super::trim::{Trim, Turns};
 use crate::plan::Pass;
 use wgpu::{BufferUsages, CommandEncoder};
 
@@ -82,8 +82,8 @@ pub struct Target<'a> {
     pub spare: &'a Counted,
     /// Colours before they are softened, sRGB bytes, a word a pixel.
     pub shaded: &'a Counted,
-    /// The structure `Turns` of `shaders/common/turns.wgsl`.
-    pub turns: &'a Counted,
+    /// What the turns of trim keep.
+    pub turns: &'a Turns,
     /// The structure `Relief` of `shaders/common/relief.wgsl`.
     pub relief: &'a Counted,
 }
@@ -102,7 +102,7 @@ impl<'a> Target<'a> {
 
     /// The same, one group.
     pub(super) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
-        Dispatch::new(gpu, kernel, [1, 1], &self.resources(buffers))
+        Dispatch::new(gpu, kernel, Groups::Fixed([1, 1]), &self.resources(buffers))
     }
 
     pub(super) fn resources<'b>(
@@ -121,12 +121,13 @@ struct Scratch {
     spare: Counted,
     /// Depth after mend, then rows, then colours.
     work: Counted,
-    turns: Counted,
+    turns: Turns,
     relief: Counted,
 }
 
 impl Scratch {
-    fn new(gpu: &Gpu, pixels: u64) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
         let plane =
             |label| gpu.buffer(label, pixels * 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
         Ok(Self {
@@ -134,7 +135,7 @@ impl Scratch {
             sources: plane("surface sources")?,
             spare: plane("surface spare")?,
             work: plane("surface work")?,
-            turns: gpu.buffer("turns of trim", 64, BufferUsages::STORAGE)?,
+            turns: Turns::new(gpu, size)?,
             relief: gpu.buffer("relief", 16, BufferUsages::STORAGE | BufferUsages::UNIFORM)?,
         })
     }
@@ -229,8 +230,7 @@ impl Surface {
                 Some(kernels) => kernels,
                 none => none.insert(Kernels::new(gpu, has_normals)?),
             };
-            let pixels = u64::from(picture.width) * u64::from(picture.height);
-            let scratch = Scratch::new(gpu, pixels)?;
+            let scratch = Scratch::new(gpu, [picture.width, picture.height])?;
             let stages = kernels.stages(gpu, &scratch.target(uniform, pyramid, picture));
             self.bound = Some(Bound { to, stages, scratch });
         }

@@ -1,21 +1,21 @@
 //! Trim on the GPU ([`crate::trim`] is the twin): the rims, waves inwards from them in turns, and the depth image
-//! that they leave. Attributes stay where they are: a plane of sources says whose each pixel shows.
+//! that they leave. Only the tiles of the picture that waves can reach are worked on. Attributes stay where they are: a plane of sources says whose each pixel shows.
 
 use super::device::{Counted, Gpu};
-use super::dispatch::{Dispatch, fixed_uniform};
+use super::dispatch::{Dispatch, Groups, fixed_uniform};
 use super::error::GpuError;
 use super::kernel::Kernel;
 use super::shader::sources;
 use super::surface::Target;
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
-use wgpu::{BindingResource, BufferBinding, BufferSize};
+use wgpu::{BindingResource, BufferBinding, BufferSize, BufferUsages};
 
 /// Turns, and waves of half a turn: all together as many as the twin's at most.
 const TURNS: u32 = 16;
 const HALF_WAVES: u32 = 8;
 const _: () = assert!(TURNS * 2 * HALF_WAVES == crate::trim::WAVES);
-/// Pixels on a side of a tile of a group.
+/// Pixels on a side of a tile.
 const TILE: u32 = 16;
 /// Bytes from one uniform in a buffer to the next: what WebGPU promises.
 const UNIFORM_STRIDE: usize = 256;
@@ -30,9 +30,34 @@ struct Half {
 
 same_layout!(Half { turn, waves });
 
+/// What the turns keep, as `shaders/trim/start.wgsl` says.
+pub struct Turns {
+    turns: Counted,
+    groups: Counted,
+    gone: Counted,
+    tiles: Counted,
+}
+
+impl Turns {
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
+        let [across, down] = size.map(|n| u64::from(n.div_ceil(TILE)));
+        let buffer = |words: u64, usage| {
+            gpu.buffer("turns of trim", words * 4, BufferUsages::STORAGE | usage)
+        };
+        Ok(Self {
+            turns: buffer(u64::from(TURNS) * 2, BufferUsages::empty())?,
+            groups: buffer(u64::from(TURNS) * 4, BufferUsages::INDIRECT)?,
+            gone: buffer(across * down, BufferUsages::empty())?,
+            tiles: buffer(across * down, BufferUsages::empty())?,
+        })
+    }
+}
+
 /// The pass.
 pub struct Trim {
+    start: Kernel,
     rims: Kernel,
+    tiles: Kernel,
     waves: Kernel,
     settle: Kernel,
     /// All halves of turns.
@@ -47,6 +72,8 @@ impl Trim {
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
         let constants = [("NORMALS", f64::from(has_normals))];
         Ok(Self {
+            start: Kernel::new(gpu, sources::TRIM_START, "main", &[])?,
+            tiles: Kernel::new(gpu, sources::TRIM_TILES, "main", &[])?,
             rims: Kernel::new(gpu, sources::TRIM_RIMS, "main", &constants)?,
             waves: Kernel::unzeroed(gpu, sources::TRIM_WAVES, "main", &constants)?,
             settle: Kernel::new(gpu, sources::TRIM_SETTLE, "main", &[])?,
@@ -58,16 +85,28 @@ impl Trim {
     pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
         let base = target.base();
         let &Target { depth, marks, sources, spare, turns, .. } = target;
-        let rims = [marks, depth, &base.front, &base.tint, sources, turns];
-        let mut all = vec![target.dispatch(gpu, &self.rims, &rims)];
-        for half in 0..TURNS * 2 {
+        let start = [&turns.turns, &turns.groups, &turns.gone, spare];
+        let rims = [marks, depth, &base.front, &base.tint, sources, &turns.gone];
+        let mut all = vec![
+            target.dispatch(gpu, &self.start, &start),
+            target.dispatch(gpu, &self.rims, &rims),
+        ];
+        for turn in 0..TURNS {
+            all.push(self.tiles(gpu, target, turn));
             // There and back, so that the sources lie in one place after any number of turns.
-            let [before, after] = if half % 2 == 0 { [sources, spare] } else { [spare, sources] };
-            all.push(self.half(gpu, target, half, before, after));
+            all.push(self.half(gpu, target, turn * 2, [sources, spare]));
+            all.push(self.half(gpu, target, turn * 2 + 1, [spare, sources]));
         }
         let settle = [sources, depth, &target.picture.depth];
         all.push(target.dispatch(gpu, &self.settle, &settle));
         all
+    }
+
+    fn tiles(&self, gpu: &Gpu, target: &Target<'_>, turn: u32) -> Dispatch {
+        let Turns { turns, groups, gone, tiles } = target.turns;
+        let size = [target.picture.width, target.picture.height].map(|n| n.div_ceil(TILE));
+        let resources = self.resources(target, turn * 2, &[turns, groups, gone, tiles]);
+        Dispatch::over(gpu, &self.tiles, size, &resources)
     }
 
     fn half(
@@ -75,24 +114,36 @@ impl Trim {
         gpu: &Gpu,
         target: &Target<'_>,
         half: u32,
-        before: &Counted,
-        after: &Counted,
+        [before, after]: [&Counted; 2],
     ) -> Dispatch {
-        let (base, picture) = (target.base(), target.picture);
+        let (base, turns) = (target.base(), target.turns);
+        let surface = [target.depth, &base.front, &base.tint, before, after];
+        let buffers = [&surface[..], &[&turns.turns, &turns.gone, &turns.tiles]].concat();
+        let resources = self.resources(target, half, &buffers);
+        let groups = Groups::Told((*turns.groups).clone(), u64::from(half / 2) * 16);
+        Dispatch::new(gpu, &self.waves, groups, &resources)
+    }
+
+    /// The uniform, half a turn, and these after them.
+    fn resources<'b>(
+        &'b self,
+        target: &'b Target<'_>,
+        half: u32,
+        buffers: &[&'b Counted],
+    ) -> Vec<(u32, BindingResource<'b>)> {
         let half = BindingResource::Buffer(BufferBinding {
             buffer: &self.halves,
             offset: (half as usize * UNIFORM_STRIDE) as u64,
             size: BufferSize::new(size_of::<Half>() as u64),
         });
-        let planes = [target.depth, &base.front, &base.tint, before, after, target.turns];
-        let mut resources = vec![(0, target.uniform.as_entire_binding()), (1, half)];
-        resources.extend((2..).zip(planes.map(|p| p.as_entire_binding())));
-        let groups = [picture.width, picture.height].map(|n| n.div_ceil(TILE));
-        Dispatch::new(gpu, &self.waves, groups, &resources)
+        let buffers = buffers.iter().map(|b| b.as_entire_binding());
+        let first = [target.uniform.as_entire_binding(), half];
+        (0..).zip(first.into_iter().chain(buffers)).collect()
     }
 
     pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
-        vec![&mut self.rims, &mut self.waves, &mut self.settle]
+        let Self { start, rims, tiles, waves, settle, .. } = self;
+        vec![start, rims, tiles, waves, settle]
     }
 }
 
