@@ -3,7 +3,7 @@
 use crate::backend::{Backend, GpuRequest};
 use esker_render::Method;
 pub use esker_render::gpu::Gpu;
-pub use esker_render::gpu::device::descriptor;
+pub use esker_render::gpu::device::{descriptor, is_software};
 use esker_stream::Priority;
 
 /// What a session may cost and how it draws.
