@@ -15,7 +15,7 @@ pub struct Args {
     /// What draws the scene: a GPU where there is one that is no software driver, else the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub backend: Backend,
-    /// What draws the window itself: a graphics driver where there is any, else the CPU.
+    /// What paints the window itself: a real GPU where there is one, else the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub window: WindowBy,
     /// Width and height of the window, in points.
@@ -74,7 +74,7 @@ pub enum Backend {
 /// What draws the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum WindowBy {
-    /// A driver where there is any, else the CPU.
+    /// A graphics driver of a real GPU, else the CPU.
     #[default]
     Auto,
     /// A graphics driver: Vulkan, Metal, Direct3D or OpenGL.

@@ -111,8 +111,7 @@ mod tests {
             read_bytes: [5, 5 + read],
             ..Flight::default()
         };
-        let mut record = Record::default();
-        record.flights = vec![flight(12.0, 100)];
+        let mut record = Record { flights: vec![flight(12.0, 100)], ..Record::default() };
         assert_eq!(record.json()["p99_loading_over_resident"], Value::Null);
         record.flights.push(flight(10.0, 0));
         let report = record.json();

@@ -8,14 +8,14 @@ use anyhow::{Context, Result, bail};
 use esker_engine::backend::Drawer;
 use esker_engine::options::Options;
 use esker_engine::session::{Frame, GpuBytes, Session};
-use esker_engine::{EskerFile, Picture, Status, View};
+use esker_engine::{Cut, EskerFile, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long the last picture may stay while a reopened session loads what it showed.
+/// How long nothing, or the last picture, may be shown while a new session loads what is looked at.
 const HOLD: Duration = Duration::from_millis(1500);
 
 /// A file that is looked at.
@@ -26,7 +26,7 @@ pub struct Scene {
     /// The largest picture that the session may draw, pixels.
     size: [u32; 2],
     state: State,
-    /// Until when the last picture stays, after reopening.
+    /// Until when a new session may load behind what is shown.
     hold: Option<Instant>,
     /// The view that was drawn last, once nothing more comes for it.
     at_rest: Option<(View, View)>,
@@ -186,7 +186,7 @@ impl Scene {
         // The old session ends before the new one takes its memory.
         self.state = State::Failed(String::new());
         self.state = State::open(&self.file, &self.settings, &self.device, self.size);
-        self.hold = Some(Instant::now() + HOLD);
+        self.hold = None;
         self.at_rest = None;
         self.reopened += 1;
     }
@@ -196,7 +196,10 @@ impl Scene {
         if let State::Opening(opening) = &mut self.state {
             match opening.poll() {
                 None => return Shown::Waiting,
-                Some(Ok(session)) => self.state = State::Running(Box::new(session)),
+                Some(Ok(session)) => {
+                    self.state = State::Running(Box::new(session));
+                    self.hold = Some(Instant::now() + HOLD);
+                }
                 Some(Err(error)) => self.state = State::Failed(format!("{error:#}")),
             }
         }
@@ -206,10 +209,15 @@ impl Scene {
             State::Opening(_) => return Shown::Waiting,
         };
         if let Some(until) = self.hold {
-            match session.settle(&look.chosen, Duration::ZERO) {
-                Ok(cut) if !cut.settled && Instant::now() < until => return Shown::Waiting,
-                _ => self.hold = None,
+            let cut = session.settle(&look.chosen, Duration::ZERO);
+            // The first picture shows whatever there is, later ones replace a whole one.
+            let is_loading =
+                |cut: &Cut| cut.nodes.is_empty() || (self.reopened > 0 && !cut.settled);
+            let has_nodes = !self.file.table().nodes.is_empty();
+            if has_nodes && cut.is_ok_and(|cut| is_loading(&cut)) && Instant::now() < until {
+                return Shown::Waiting;
             }
+            self.hold = None;
         }
         if self.at_rest == Some((look.chosen, look.seen)) {
             return Shown::Same;

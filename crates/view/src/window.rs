@@ -1,9 +1,9 @@
-//! Who shows the window: eframe on the best graphics driver there is, Vulkan (or Metal, Direct3D) before OpenGL, real
-//! GPUs before software drivers; where there is no driver at all, the CPU. A machine without a display gets a message
-//! that says what to do.
+//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where there is none, the
+//! CPU, which is several times faster than a software driver. A machine without a display gets a message that says
+//! what to do.
 
 use crate::app::App;
-use crate::args::{Args, WindowBy};
+use crate::args::{Args, Backend, WindowBy};
 use crate::device::{ShownBy, device_of};
 use crate::soft;
 use anyhow::{Context, Result, anyhow};
@@ -11,6 +11,7 @@ use eframe::egui::{self, ViewportBuilder};
 use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 use eframe::{CreationContext, NativeOptions};
+use esker_engine::options::is_software;
 use std::process::{Command, ExitCode};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -110,7 +111,10 @@ fn options(args: &Args) -> NativeOptions {
         setup.instance_descriptor.backends = wgpu::Backends::GL;
     }
     setup.device_descriptor = Arc::new(device_of);
-    setup.native_adapter_selector = Some(Arc::new(choose));
+    // A software driver paints a window several times slower than the CPU alone does.
+    let is_real = args.window == WindowBy::Auto && args.backend != Backend::Gpu;
+    setup.native_adapter_selector =
+        Some(Arc::new(move |adapters, surface| choose(adapters, surface, is_real)));
     let wgpu_options = WgpuConfiguration {
         surface: SurfaceConfig::LOW_LATENCY,
         wgpu_setup: WgpuSetup::CreateNew(setup),
@@ -119,10 +123,12 @@ fn options(args: &Args) -> NativeOptions {
     NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
 }
 
-/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last.
+/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no software driver where
+/// `is_real`.
 fn choose(
     adapters: &[wgpu::Adapter],
     surface: Option<&wgpu::Surface<'_>>,
+    is_real: bool,
 ) -> Result<wgpu::Adapter, String> {
     let fits = |a: &&wgpu::Adapter| surface.is_none_or(|s| a.is_surface_supported(s));
     let rank = |a: &&wgpu::Adapter| {
@@ -137,7 +143,12 @@ fn choose(
         (kind, info.backend == wgpu::Backend::Gl)
     };
     let best = adapters.iter().filter(fits).min_by_key(rank);
-    best.cloned().ok_or_else(|| "no graphics driver can show a window".to_owned())
+    let best = best.ok_or("none can show a window")?;
+    let info = best.get_info();
+    if is_real && is_software(&info) {
+        return Err(format!("there is only {}, a software driver", info.name));
+    }
+    Ok(best.clone())
 }
 
 /// What came of the app.
