@@ -33,34 +33,39 @@ struct Half {
 
 // include common/source.wgsl
 
-// Whether the group has a tile, and then whether there is anything that waves come from.
+// Whether the group has a tile, and then whether anything went that more waves may come from.
 var<workgroup> is_needed: u32;
 var<workgroup> has_gone: atomic<u32>;
 // Sources, and depths of what is shown, of the tile and around it.
 var<workgroup> tile_sources: array<u32, 1024>;
 var<workgroup> tile_depths: array<f32, 1024>;
 
-// Where a pixel goes in a wave: after the farthest of those beside it that went, of equals the first. Zero where
-// it stays.
+// Of a pixel found so far, and one beside it that went or not, the farther; both plus one, zero for none.
+fn farther(found: u32, beside: u32) -> u32 {
+    if tile_sources[beside] == 0u {
+        return found;
+    }
+    let is_farther = found == 0u || tile_depths[beside] > tile_depths[max(found, 1u) - 1u];
+    return select(found, beside + 1u, is_farther);
+}
+
+// Where a pixel goes in a wave: after the farthest of those beside it that went, of equals the first of left,
+// right, above, below. Plus one; zero where there is none.
 fn after(slot: u32) -> u32 {
     let x = slot % SIDE;
     let y = slot / SIDE;
     var found = 0u;
-    var farthest = 0.0;
-    for (var k = 0u; k < 4u; k++) {
-        // Left, right, above, below; the outermost pixels of the tile have no neighbours there.
-        var beside = slot;
-        switch k {
-            case 0u: { beside = select(slot, slot - 1u, x > 0u); }
-            case 1u: { beside = select(slot, slot + 1u, x + 1u < SIDE); }
-            case 2u: { beside = select(slot, slot - SIDE, y > 0u); }
-            default: { beside = select(slot, slot + SIDE, y + 1u < SIDE); }
-        }
-        let has_gone = beside != slot && tile_sources[beside] != 0u;
-        if has_gone && (found == 0u || tile_depths[beside] > farthest) {
-            found = beside + 1u;
-            farthest = tile_depths[beside];
-        }
+    if x > 0u {
+        found = farther(found, slot - 1u);
+    }
+    if x + 1u < SIDE {
+        found = farther(found, slot + 1u);
+    }
+    if y > 0u {
+        found = farther(found, slot - SIDE);
+    }
+    if y + 1u < SIDE {
+        found = farther(found, slot + SIDE);
     }
     return found;
 }
@@ -77,6 +82,20 @@ fn go(pixel: u32, slot: u32, wave: u32) {
     if is_behind && f32(wave) <= tint[seen].w && overhangs(seen) {
         tile_sources[slot] = tile_sources[next - 1u];
         tile_depths[slot] = tile_depths[next - 1u];
+        atomicStore(&has_gone, 1u);
+    }
+}
+
+// A wave over the pixels of its colour, in the tile and around it.
+fn run(wave: u32, corner: vec2<u32>, local: vec2<u32>) {
+    for (var i = 0u; i < 8u; i++) {
+        let row = local.y + (i >> 1u) * LANES;
+        // The corner lies at even coordinates.
+        let near = vec2<u32>((local.x + (i & 1u) * LANES) * 2u + ((row + wave) & 1u), row);
+        let at = corner + near;
+        if at.x < frame.width && at.y < frame.height {
+            go(at.y * frame.width + at.x, near.y * SIDE + near.x, wave);
+        }
     }
 }
 
@@ -116,23 +135,20 @@ fn main(
             atomicStore(&has_gone, 1u);
         }
     }
-    workgroupBarrier();
-    if lane == 0u {
-        is_needed = atomicLoad(&has_gone);
-    }
-    let waves = select(0u, HALO, workgroupUniformLoad(&is_needed) != 0u);
-    for (var k = 1u; k <= waves; k++) {
-        let wave = half.waves + k;
-        for (var i = 0u; i < 16u; i++) {
-            let near = local.xy + vec2<u32>(i & 3u, i >> 2u) * LANES;
-            let at = corner + near;
-            let is_due = (at.x + at.y + wave) % 2u == 0u;
-            if is_due && at.x < frame.width && at.y < frame.height {
-                go(at.y * frame.width + at.x, near.y * SIDE + near.x, wave);
-            }
-        }
+    for (var k = 1u; k <= HALO; k += 2u) {
         workgroupBarrier();
+        if lane == 0u {
+            is_needed = atomicExchange(&has_gone, 0u);
+        }
+        // Where nothing went in a wave of either colour, nothing will.
+        if workgroupUniformLoad(&is_needed) == 0u {
+            break;
+        }
+        run(half.waves + k, corner, local.xy);
+        workgroupBarrier();
+        run(half.waves + k + 1u, corner, local.xy);
     }
+    workgroupBarrier();
     for (var k = 0u; k < 4u; k++) {
         let inner = local.xy + vec2<u32>(k & 1u, k >> 1u) * LANES;
         let at = first + inner;
