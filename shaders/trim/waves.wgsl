@@ -9,7 +9,7 @@
 // Pixels around a tile, which are as many as half a turn has waves, and on a side of both.
 const HALO: u32 = 8u;
 const SIDE: u32 = 32u;
-// Lanes of a group on a side: few, for drivers on a CPU, where barriers are dear.
+// Lanes of a group on a side.
 const LANES: u32 = 8u;
 
 struct Half {
