@@ -135,7 +135,7 @@ impl App {
             now_s,
             place,
             camera: looking.camera(),
-            settled: self.counters.settled && looking.is_at_rest(),
+            settled: self.counters.settled && !looking.goes_on(now_s),
             is_busy: self.shots.is_busy(),
             read_bytes: self.counters.status.read_bytes,
         };

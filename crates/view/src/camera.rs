@@ -231,6 +231,12 @@ impl Camera {
         self.glide_to(self.home, self.home.eye + ahead * self.distance);
     }
 
+    /// The pose at this eye, looking along this direction.
+    pub fn pose_along(&self, eye: DVec3, direction: DVec3) -> Pose {
+        let (yaw, pitch) = self.frame.angles(direction, self.pose.yaw);
+        Pose { eye, yaw, pitch }
+    }
+
     /// Stands at a pose at once.
     pub fn stand(&mut self, pose: Pose) {
         self.hold();

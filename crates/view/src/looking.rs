@@ -13,7 +13,7 @@ use crate::sharpness::Sharpness;
 use crate::shots::Shots;
 use crate::source::Opened;
 use crate::{frustum, progress, theme};
-use eframe::egui::{Align2, Context, FontId, Rect, Response, Ui, vec2};
+use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::quantity::grouped;
 use esker_engine::session::Image;
 use esker_engine::{EskerFile, View, info};
@@ -284,7 +284,11 @@ impl Looking {
             frustum::paint(&painter, place, frozen, &self.view(), *depth, theme::ACCENT);
             let corner = place.left_top() + vec2(14.0, 12.0);
             let text = "frozen: drawn as chosen for the eye of these lines; Space lets it go";
-            painter.text(corner, Align2::LEFT_TOP, text, FontId::proportional(13.0), theme::ACCENT);
+            let font = FontId::proportional(13.0);
+            let text = painter.layout_no_wrap(text.into(), font, theme::ACCENT);
+            let behind = Rect::from_min_size(corner, text.size()).expand(6.0);
+            painter.rect_filled(behind, 4.0, Color32::from_black_alpha(170));
+            painter.galley(corner, text, theme::ACCENT);
         }
         if let Some(fault) = &self.fault {
             progress::fault_over(ui, place, fault);
@@ -292,7 +296,7 @@ impl Looking {
     }
 
     /// Whether nothing more comes for the view.
-    pub fn is_at_rest(&self) -> bool {
+    fn is_at_rest(&self) -> bool {
         self.scene.as_ref().is_some_and(|scene| scene.is_at_rest(&self.look()))
     }
 

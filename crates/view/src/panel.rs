@@ -209,8 +209,11 @@ fn budgets(ui: &mut Ui, wanted: &mut Settings) {
 
 fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
     ui.horizontal_wrapped(|ui| {
-        let freeze = Button::selectable(facts.is_frozen, "Freeze the cut");
-        asked.freeze = ui.add(freeze).on_hover_text("Space: look at it from outside").clicked();
+        let freeze = Button::selectable(facts.is_frozen, "Freeze");
+        asked.freeze = ui
+            .add(freeze)
+            .on_hover_text("Space: keep the cut, and look at it from outside")
+            .clicked();
         asked.screenshot = ui.button("Screenshot").on_hover_text("P").clicked();
         asked.home = ui.button("Home").on_hover_text("F").clicked();
         asked.hide = ui.button("Hide").on_hover_text("Tab").clicked();

@@ -128,9 +128,22 @@ impl Pilot {
 
     fn begin_part(&mut self, sight: &Sight<'_>, orders: &mut Vec<Order>) {
         let Part::Flight(_) = self.part else { return };
-        let pose = self.start.map_or(sight.camera.pose(), |(pose, _)| pose);
+        let pose = match (self.start, self.script.flight.first()) {
+            (Some((pose, _)), _) => pose,
+            (None, Some(Step::Path { file, .. })) => self.first_pose(file.as_ref(), sight.camera),
+            (None, _) => sight.camera.pose(),
+        };
         self.start = Some((pose, sight.read_bytes));
         orders.extend([Order::Stand(pose), Order::Begin]);
+    }
+
+    /// Where a path begins.
+    fn first_pose(&self, file: Option<&PathBuf>, camera: &Camera) -> Pose {
+        let path = self.paths.iter().find(|(name, _)| name.as_ref() == file);
+        path.map_or(camera.pose(), |(_, path)| {
+            let view = &path.views[0].view;
+            camera.pose_along(view.eye, view.forward())
+        })
     }
 
     /// Goes on to the next list of steps; true where a frame is to be drawn first.

@@ -2,7 +2,7 @@
 
 use crate::theme;
 use crate::times::Times;
-use eframe::egui::{RichText, Ui};
+use eframe::egui::{Rangef, RichText, Ui};
 use egui_plot::{HLine, Line, Plot, PlotPoints};
 
 /// Milliseconds that the plot shows at least.
@@ -24,6 +24,7 @@ pub fn show(ui: &mut Ui, times: &Times) {
         .grid_color(theme::TEXT.gamma_multiply(0.18))
         .show_axes([false, true])
         .y_axis_min_width(24.0)
+        .grid_spacing(Rangef::new(8.0, 40.0))
         .include_y(0.0)
         .include_y(MS_MIN)
         .include_x(-times.window_s())

@@ -1,6 +1,8 @@
 //! Opens real windows and flies through them by scripts. Where there is no display the tests say so and pass: `cargo
 //! xtask view` runs them on a display in memory.
 
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+
 use esker_engine::bench::path;
 use esker_engine::camera::Camera;
 use esker_engine::progress::{Progress, Style};
