@@ -329,7 +329,8 @@ impl App {
         }
         let goes_on = looking.goes_on(now_s) || self.shots.wants();
         self.last_s = goes_on.then_some(now_s);
-        if goes_on {
+        // The panel is a pass behind the picture.
+        if goes_on || work.is_some() {
             ui.ctx().request_repaint();
         } else if self.shots.is_busy() {
             ui.ctx().request_repaint_after(LOOK_EVERY);
