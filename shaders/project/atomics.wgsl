@@ -8,6 +8,10 @@
 
 const THREADS: u32 = 256u;
 
+// Whether pixels are read and written. Without, all the rest is done: what the pass takes but for its frame
+// buffer, to compare with (`esker bench draw`).
+override TOUCHES_PIXELS: bool = true;
+
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -31,7 +35,12 @@ fn main(
         let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
         let pixel = at.y * frame.width + at.x;
         let value = (u64(bitcast<u32>(seen.depth)) << 32u) | u64(number * CHUNK_POINTS + i);
-        if value >= atomicLoad(&hits[pixel]) {
+        if TOUCHES_PIXELS {
+            if value >= atomicLoad(&hits[pixel]) {
+                continue;
+            }
+        } else if value > u64(pixel) {
+            // Always, since a depth has bits above all pixels; but a compiler cannot know, and must have both.
             continue;
         }
         if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {

@@ -17,6 +17,7 @@ const THREADS: u64 = 256;
 /// The pass: without and with the test of normals.
 pub struct Project {
     kernels: [Kernel; 2],
+    touches_pixels: bool,
 }
 
 impl Project {
@@ -25,11 +26,26 @@ impl Project {
     /// # Errors
     /// Where the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let kernel = |culls: u8| {
-            let constants = [("CULLS_BACK_FACES", f64::from(culls))];
+        Self::with(gpu, true)
+    }
+
+    /// Everything but the frame buffer, which is neither cleared nor read nor written: what the pass is
+    /// compared with when it is measured.
+    ///
+    /// # Errors
+    /// As [`Project::new`].
+    pub fn without_pixels(gpu: &Gpu) -> Result<Self, GpuError> {
+        Self::with(gpu, false)
+    }
+
+    fn with(gpu: &Gpu, touches_pixels: bool) -> Result<Self, GpuError> {
+        let flag = |flag: bool| f64::from(u8::from(flag));
+        let kernel = |culls: bool| {
+            let constants =
+                [("CULLS_BACK_FACES", flag(culls)), ("TOUCHES_PIXELS", flag(touches_pixels))];
             Kernel::new(gpu, sources::PROJECT_ATOMICS, "main", &constants)
         };
-        Ok(Self { kernels: [kernel(0)?, kernel(1)?] })
+        Ok(Self { kernels: [kernel(false)?, kernel(true)?], touches_pixels })
     }
 
     /// Draws the cut into `hits`, which it clears first.
@@ -49,7 +65,9 @@ impl Project {
         let kernel = &self.kernels[usize::from(plan.culls_back_faces)];
         let layout = kernel.pipeline().get_bind_group_layout(0);
         let mut pass = timing.compute(encoder, Pass::Project);
-        hits.clear(gpu, &mut pass, uniform);
+        if self.touches_pixels {
+            hits.clear(gpu, &mut pass, uniform);
+        }
         for work in &cut.work {
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, Some(target)) else {
                 continue;
