@@ -12,6 +12,7 @@ mod bad;
 mod contract;
 mod data;
 mod devices;
+mod draw;
 mod folder;
 mod interrupt;
 mod pictures;
@@ -42,6 +43,7 @@ fn main() {
     interrupt::trials(&mut trials);
     python::trials(&mut trials);
     stream::trials(&mut trials);
+    draw::trials(&mut trials);
     libtest_mimic::run(&arguments, trials).exit();
 }
 

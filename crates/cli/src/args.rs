@@ -2,6 +2,7 @@
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
+use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
@@ -60,6 +61,9 @@ pub enum Benchmark {
     /// Fly a camera through a scan without a window and measure streaming: nodes, points, times, bytes
     /// read, memory against the budgets; with and without the depth test.
     Stream(Box<Stream>),
+    /// Draw points that lie in memory and measure how many a second become pixels, by every path of the GPU
+    /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
+    Draw(Box<Draw>),
 }
 
 #[derive(ClapArgs)]
@@ -103,6 +107,43 @@ pub struct Stream {
     pub pictures: Option<PathBuf>,
     #[command(flatten)]
     pub how: BuildHow,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(ClapArgs)]
+pub struct Draw {
+    /// An .esker file, whose points are drawn in its order; generated points where not said.
+    #[arg(value_name = "FILE", conflicts_with = "points")]
+    pub file: Option<PathBuf>,
+    /// Numbers of generated points, such as 1M,20M; where not said 1, 5 and 20 million, on a GPU from 1 million
+    /// to as many as fit.
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = parse_points)]
+    pub points: Vec<u64>,
+    /// Widths and heights in pixels.
+    #[arg(
+        long,
+        value_name = "WxH,WxH",
+        value_delimiter = ',',
+        default_value = "1024x1024,1920x1080",
+        value_parser = quantity::picture_size
+    )]
+    pub size: Vec<[u32; 2]>,
+    #[command(flatten)]
+    pub with: DrawWithArgs,
+    /// Positions on the GPU, at most.
+    #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = quantity::bytes)]
+    pub budget_gpu: u64,
+    /// Positions in main memory, for the CPU renderer, at most.
+    #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = quantity::bytes)]
+    pub budget_ram: u64,
+    /// Threads; one a core where not said.
+    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
+    pub threads: usize,
     /// Print one JSON object, as the last line of standard output.
     #[arg(long)]
     pub json: bool,
@@ -356,6 +397,19 @@ impl From<ColourBits> for ColourDepth {
 
 fn parse_camera(text: &str) -> Result<Camera, String> {
     Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+fn parse_points(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.as_bytes().last() {
+        Some(b'k') => (&text[..text.len() - 1], 1_000),
+        Some(b'M') => (&text[..text.len() - 1], 1_000_000),
+        Some(b'G') => (&text[..text.len() - 1], 1_000_000_000),
+        _ => (text, 1),
+    };
+    let points = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    points.filter(|points| (1..=POINTS_MAX).contains(points)).ok_or_else(|| {
+        format!("`{text}` is no number of points from 1 to {POINTS_MAX}, such as 20M")
+    })
 }
 
 fn parse_spacing(text: &str) -> Result<f64, String> {

@@ -1,6 +1,6 @@
 //! Each command: from its arguments to a call of the engine, and what that returns to standard output.
 
-use crate::args::{Benchmark, Build, BuildHow, Command, Render, Stream, Verify};
+use crate::args::{Benchmark, Build, BuildHow, Command, Draw, Render, Stream, Verify};
 use crate::view;
 use anyhow::{Context, Result};
 use esker_engine::progress::{Progress, Style};
@@ -34,6 +34,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
             write(&lines.join("\n"))
         }
         Command::Bench { benchmark: Some(Benchmark::Stream(args)) } => run_stream(*args, stop),
+        Command::Bench { benchmark: Some(Benchmark::Draw(args)) } => run_draw(*args, stop),
         Command::Bench { benchmark: None } => {
             let line = |(name, what)| format!("esker bench {name:<8} {what}");
             write(&bench::BENCHMARKS.map(line).join("\n"))
@@ -111,6 +112,22 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
     let report = bench::process::stream(&plan, &progress)?;
     drop(progress);
     print(args.json, &report, || bench::report::text(&report))
+}
+
+fn run_draw(args: Draw, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = bench::draw::Request {
+        file: args.file,
+        points: args.points,
+        sizes: args.size,
+        with: (&args.with).into(),
+        budget_gpu_bytes: args.budget_gpu,
+        budget_ram_bytes: args.budget_ram,
+        threads: args.threads,
+    };
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = bench::draw::measure(&request, &progress)?;
+    drop(progress);
+    print(args.json, &report, || bench::draw::text(&report))
 }
 
 fn options(how: &BuildHow) -> BuildOptions {

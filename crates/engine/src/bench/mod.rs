@@ -2,6 +2,7 @@
 //! are for machines (JSON) and for people.
 
 pub mod disk;
+pub mod draw;
 pub mod flight;
 pub mod path;
 pub mod process;
@@ -9,7 +10,13 @@ pub mod report;
 pub mod stream;
 
 /// The benchmarks that there are, with what each measures.
-pub const BENCHMARKS: [(&str, &str); 1] = [(
-    "stream",
-    "flies a camera through a scan: nodes, points, times, bytes and memory against the budgets",
-)];
+pub const BENCHMARKS: [(&str, &str); 2] = [
+    (
+        "stream",
+        "flies a camera through a scan: nodes, points, times, bytes and memory against the budgets",
+    ),
+    (
+        "draw",
+        "draws points that lie in memory: million points a second, and the share of memory bandwidth",
+    ),
+];
