@@ -1,16 +1,52 @@
 // Project by one 64-bit atomic minimum a point (crates/render/src/project.rs, the same steps): a pixel keeps
-// the least `depth << 32 | point`. A group of threads draws a chunk. The frame buffer is read before it is
-// written: most points lose already there.
+// the least `depth << 32 | point`. A group of threads draws a chunk, run by run, and reads nothing of the runs
+// whose box is off the picture. The frame buffer is read before it is written: most points lose already there.
 
 // include common/points.wgsl
+// include common/runs.wgsl
 
 @group(0) @binding(7) var<storage, read_write> hits: array<atomic<u64>>;
-
-const THREADS: u32 = 256u;
+// Of the page of positions.
+@group(0) @binding(8) var<storage, read> boxes: array<vec4<u32>>;
 
 // Whether pixels are read and written. Without, all the rest is done: what the pass takes but for its frame
 // buffer, to compare with (`esker bench draw`).
 override TOUCHES_PIXELS: bool = true;
+// Whether runs are looked at by their boxes.
+override SKIPS_RUNS: bool = true;
+
+// What rounding may add up to, in the way of a point and in that of a box, against the distance from the eye:
+// some twenty steps of 2^-24, and divisions that drivers may round worse.
+const ROUNDING: f32 = 0.00000381469726;
+
+// The runs that may be on the picture, a bit each.
+var<workgroup> in_sight: atomic<u32>;
+
+// How far a box reaches along a direction.
+fn reach(along: vec3<f32>, middle: vec3<f32>, half: vec3<f32>) -> f32 {
+    return dot(along, middle) + dot(abs(along), half);
+}
+
+// Whether a point of a run may be on the picture. Written so that what is not a number may be.
+fn may_be_seen(draw: Draw, box: RunBox) -> bool {
+    let dropped = select((1u << draw.shift) - 1u, 0u, draw.residual_page == NO_PAGE);
+    let low = box.low << vec3<u32>(draw.shift);
+    let high = (box.high << vec3<u32>(draw.shift)) + dropped;
+    let a = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, low) * frame.step;
+    let b = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, high) * frame.step;
+    let middle = (a + b) * 0.5;
+    let half = abs(b - a) * 0.5;
+    // Half the picture at unit depth, and a pixel.
+    let side = (frame.centre_px + 1.0) / frame.focal_px;
+    let slack = dot(abs(middle) + half, vec3<f32>(1.0)) * ROUNDING;
+    let slacks = slack * (side + 1.0);
+    let is_near = reach(-frame.back, middle, half) < frame.near - slack;
+    let is_left = reach(frame.right - frame.back * side.x, middle, half) < -slacks.x;
+    let is_right = reach(-frame.right - frame.back * side.x, middle, half) < -slacks.x;
+    let is_above = reach(-frame.up - frame.back * side.y, middle, half) < -slacks.y;
+    let is_below = reach(frame.up - frame.back * side.y, middle, half) < -slacks.y;
+    return !(is_near || is_left || is_right || is_above || is_below);
+}
 
 @compute @workgroup_size(256)
 fn main(
@@ -25,27 +61,43 @@ fn main(
     let number = work[item];
     let chunk = chunks[number];
     let draw = draws[chunk.draw];
-    let points = min(chunk.points, CHUNK_POINTS);
-    for (var i = thread; i < points; i += THREADS) {
-        let index = chunk.first + i;
-        let seen = see(draw, index);
-        if !is_inside(seen) {
-            continue;
+    // Counted from the first byte of the page, as runs are.
+    let start = (draw.position_word >> 1u) + chunk.first;
+    let end = start + min(chunk.points, CHUNK_POINTS);
+    let first = start / RUN_POINTS;
+    if first + thread < (end + RUN_POINTS - 1u) / RUN_POINTS {
+        if !SKIPS_RUNS || may_be_seen(draw, unpack_box(boxes[first + thread])) {
+            atomicOr(&in_sight, 1u << thread);
         }
-        let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
-        let pixel = at.y * frame.width + at.x;
-        let value = (u64(bitcast<u32>(seen.depth)) << 32u) | u64(number * CHUNK_POINTS + i);
-        if TOUCHES_PIXELS {
-            if value >= atomicLoad(&hits[pixel]) {
-                continue;
-            }
-        } else if value > u64(pixel) {
-            // Always, since a depth has bits above all pixels; but a compiler cannot know, and must have both.
-            continue;
-        }
-        if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {
-            continue;
-        }
-        atomicMin(&hits[pixel], value);
     }
+    workgroupBarrier();
+    for (var left = atomicLoad(&in_sight); left != 0u; left &= left - 1u) {
+        let at = (first + firstTrailingBit(left)) * RUN_POINTS + thread;
+        if at >= start && at < end {
+            draw_point(draw, chunk, number, at - start);
+        }
+    }
+}
+
+fn draw_point(draw: Draw, chunk: Chunk, number: u32, i: u32) {
+    let index = chunk.first + i;
+    let seen = see(draw, index);
+    if !is_inside(seen) {
+        return;
+    }
+    let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
+    let pixel = at.y * frame.width + at.x;
+    let value = (u64(bitcast<u32>(seen.depth)) << 32u) | u64(number * CHUNK_POINTS + i);
+    if TOUCHES_PIXELS {
+        if value >= atomicLoad(&hits[pixel]) {
+            return;
+        }
+    } else if value > u64(pixel) {
+        // Always, since a depth has bits above all pixels; but a compiler cannot know, and must have both.
+        return;
+    }
+    if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {
+        return;
+    }
+    atomicMin(&hits[pixel], value);
 }

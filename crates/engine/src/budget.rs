@@ -8,6 +8,7 @@ use crate::staging::RUN_BYTES;
 use anyhow::{Result, ensure};
 use esker_format::EskerFile;
 use esker_points::Node;
+use esker_render::gpu::NodePool;
 
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
@@ -126,7 +127,8 @@ impl GpuShares {
         let runs = options
             .runs
             .map_or((free / 16 / run_bytes).clamp(RUNS_MIN, GPU_RUNS_MAX), |r| r as u64);
-        Ok(Self { picture_bytes, runs: runs as usize, pool_bytes: free - runs * run_bytes })
+        let pool_bytes = NodePool::bytes_within(free - runs * run_bytes);
+        Ok(Self { picture_bytes, runs: runs as usize, pool_bytes })
     }
 }
 

@@ -115,7 +115,7 @@ impl GpuCut {
     }
 
     /// Bindings of `shaders/common/points.wgsl` for a list of work; `None` where a page is not there. What needs no page
-    /// of its own has that of the positions bound.
+    /// of its own has that of the positions bound; `more` follows.
     pub fn bind(
         &self,
         gpu: &Gpu,
@@ -123,7 +123,7 @@ impl GpuCut {
         uniform: &wgpu::Buffer,
         work: &Work,
         pool: &NodePool,
-        target: Option<&wgpu::Buffer>,
+        more: &[&wgpu::Buffer],
     ) -> Option<wgpu::BindGroup> {
         let page = |page: u32| if page == NO_PAGE { work.pages.position } else { page };
         let page = |of: u32| pool.page(page(of) as usize);
@@ -142,7 +142,7 @@ impl GpuCut {
             page(work.pages.residual)?.as_entire_binding(),
             page(work.pages.normal)?.as_entire_binding(),
         ];
-        let all = buffers.into_iter().chain(target.map(wgpu::Buffer::as_entire_binding));
+        let all = buffers.into_iter().chain(more.iter().map(|b| b.as_entire_binding()));
         let entries: Vec<_> = (0..)
             .zip(all)
             .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })

@@ -26,6 +26,7 @@ pub mod readback;
 pub mod relief;
 pub mod renderer;
 pub mod resolve;
+pub mod runs;
 pub mod shade;
 pub mod shader;
 pub mod surface;

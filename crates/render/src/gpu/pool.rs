@@ -1,9 +1,11 @@
 //! Node planes in GPU memory: one range of addresses from 0 to the budget, in pages that come into being
 //! when they are first written, so that memory grows with use. Who gives out places (the streamer) lets no
-//! plane straddle a page. A plane that is there is never written again while it is drawn.
+//! plane straddle a page. A plane that is there is never written again while it is drawn. Where points are drawn
+//! by compute, each page has the boxes of its runs beside it.
 
-use super::device::{Counted, Gpu};
+use super::device::{BINDING_BYTES_MAX, Counted, Gpu, ProjectPath};
 use super::error::GpuError;
+use super::runs::{BOX_BYTES, PageRuns, RUN_BYTES, boxes_bytes};
 use super::table::PlaneAt;
 use wgpu::{BufferUsages, CommandEncoder};
 
@@ -18,10 +20,23 @@ pub struct NodePool {
     bytes: u64,
     page_bytes: u64,
     /// A page that nothing was written to is not there.
-    pages: Vec<Option<Counted>>,
+    pages: Vec<Option<Page>>,
+}
+
+#[derive(Debug)]
+struct Page {
+    buffer: Counted,
+    runs: Option<PageRuns>,
 }
 
 impl NodePool {
+    /// Bytes of planes that there is room for in so many bytes of memory, with the boxes of their runs.
+    pub fn bytes_within(memory: u64) -> u64 {
+        // A page's last run may be a part of one.
+        let shared = memory.saturating_sub(boxes_bytes(1) * memory.div_ceil(BINDING_BYTES_MAX));
+        (u128::from(shared) * u128::from(RUN_BYTES) / u128::from(RUN_BYTES + BOX_BYTES)) as u64
+    }
+
     /// Room for so many bytes, none of them taken yet, in pages as large as the device binds.
     pub fn new(gpu: &Gpu, bytes: u64) -> Self {
         Self::with_pages(gpu, bytes, u64::MAX)
@@ -41,9 +56,10 @@ impl NodePool {
         self.bytes
     }
 
-    /// Bytes of the pages that are there.
+    /// Bytes of the pages that are there, with the boxes beside them.
     pub fn taken_bytes(&self) -> u64 {
-        self.pages.iter().flatten().map(|page| page.size()).sum()
+        let boxes = |page: &Page| page.runs.as_ref().map_or(0, |runs| runs.boxes.size());
+        self.pages.iter().flatten().map(|page| page.buffer.size() + boxes(page)).sum()
     }
 
     /// Bytes of a page, which no plane straddles; the last page may be shorter.
@@ -58,7 +74,18 @@ impl NodePool {
 
     /// A page; `None` where nothing was written to it.
     pub fn page(&self, index: usize) -> Option<&wgpu::Buffer> {
-        self.pages.get(index)?.as_deref()
+        Some(&self.pages.get(index)?.as_ref()?.buffer)
+    }
+
+    /// The boxes of a page's runs, as the last frame left them (`shaders/common/runs.wgsl`); `None` where nothing
+    /// was written to it, or points are drawn by primitives.
+    pub fn boxes(&self, index: usize) -> Option<&wgpu::Buffer> {
+        Some(&self.pages.get(index)?.as_ref()?.runs.as_ref()?.boxes)
+    }
+
+    /// The pages that have boxes.
+    pub(super) fn runs(&self) -> impl Iterator<Item = (&wgpu::Buffer, &PageRuns)> {
+        self.pages.iter().flatten().filter_map(|page| Some((&*page.buffer, page.runs.as_ref()?)))
     }
 
     /// Page of a plane and its first word there; `None` for one that is not within one page, does not begin
@@ -70,7 +97,7 @@ impl NodePool {
     }
 
     /// Adds the copy of `bytes` bytes of a buffer to `encoder`, rounded up to whole words, to an address of
-    /// the pool. What fits no page is not copied.
+    /// the pool; it is to be submitted before the next frame or with it. What fits no page is not copied.
     ///
     /// # Errors
     /// Where memory for the page is refused.
@@ -91,7 +118,7 @@ impl NodePool {
             return Ok(());
         };
         if copied > 0 {
-            let page = self.make(gpu, page)?;
+            let page = self.touch(gpu, page, start, copied)?;
             encoder.copy_buffer_to_buffer(source, source_offset, page, start, copied);
         }
         Ok(())
@@ -110,7 +137,7 @@ impl NodePool {
         if taken == 0 {
             return Ok(());
         }
-        let page = self.make(gpu, page)?;
+        let page = self.touch(gpu, page, start, taken)?;
         gpu.queue.write_buffer(page, start, words);
         if !rest.is_empty() {
             let mut word = [0; COPY_STEP as usize];
@@ -129,19 +156,38 @@ impl NodePool {
         fits.then_some((page as usize, start))
     }
 
-    /// The page, made where it is not there.
-    fn make(&mut self, gpu: &Gpu, index: usize) -> Result<&wgpu::Buffer, GpuError> {
+    /// The page, made where it is not there, for writing to it.
+    fn touch(
+        &mut self,
+        gpu: &Gpu,
+        index: usize,
+        start: u64,
+        bytes: u64,
+    ) -> Result<&wgpu::Buffer, GpuError> {
         if self.pages.len() <= index {
             self.pages.resize_with(index + 1, || None);
         }
-        let page = &mut self.pages[index];
-        if page.is_none() {
-            let bytes = self.page_bytes.min(self.bytes - index as u64 * self.page_bytes);
-            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-            *page = Some(gpu.buffer("node planes", bytes, usage)?);
+        let page = match &mut self.pages[index] {
+            Some(page) => page,
+            none => {
+                let bytes = self.page_bytes.min(self.bytes - index as u64 * self.page_bytes);
+                none.insert(Page::new(gpu, bytes)?)
+            }
+        };
+        if let Some(runs) = &mut page.runs {
+            runs.touch(start, bytes);
         }
-        // It was made above.
-        page.as_deref().ok_or(GpuError::Memory { what: "node planes".into(), bytes: 0 })
+        Ok(&page.buffer)
+    }
+}
+
+impl Page {
+    fn new(gpu: &Gpu, bytes: u64) -> Result<Self, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let buffer = gpu.buffer("node planes", bytes, usage)?;
+        let skips = gpu.tier.path == ProjectPath::Atomics;
+        let runs = skips.then(|| PageRuns::new(gpu, bytes)).transpose()?;
+        Ok(Self { buffer, runs })
     }
 }
 
@@ -165,7 +211,8 @@ mod tests {
             pool.write(&gpu, plane.offset, b"abcdefg").unwrap();
             assert_eq!(pool.place(plane), Some((2, 64)));
             assert!(pool.page(0).is_none() && pool.page(1).is_none(), "only what is used");
-            assert_eq!(gpu.bytes(), before + 512, "never more than the budget");
+            assert_eq!(gpu.bytes(), before + pool.taken_bytes());
+            assert!([512, 512 + 16].contains(&pool.taken_bytes()), "never more than the budget");
             assert_eq!(&read(&gpu, pool.page(2).unwrap(), 256, 8), b"abcdefg\0");
             drop(pool);
             assert_eq!(gpu.bytes(), before);
@@ -207,11 +254,21 @@ mod tests {
     }
 
     #[test]
+    fn planes_and_their_boxes_fit_the_memory_that_they_share() {
+        for memory in [1 << 20, (1 << 30) - 77, (1 << 40) + 12345] {
+            let planes = NodePool::bytes_within(memory);
+            let (pages, rest) = (planes / BINDING_BYTES_MAX, planes % BINDING_BYTES_MAX);
+            let boxes = pages * boxes_bytes(BINDING_BYTES_MAX) + boxes_bytes(rest);
+            assert!(planes + boxes <= memory && planes + boxes + 64 >= memory - memory / 1000);
+        }
+    }
+
+    #[test]
     fn a_page_is_what_the_device_binds_at_most() {
         for gpu in gpus() {
             let pool = NodePool::new(&gpu, 1 << 40);
             assert_eq!(pool.page_bytes(), gpu.tier.page_bytes_max);
-            assert!(pool.page_bytes() <= crate::gpu::device::BINDING_BYTES_MAX);
+            assert!(pool.page_bytes() <= BINDING_BYTES_MAX);
         }
     }
 }

@@ -109,7 +109,7 @@ impl Primitives {
         let mut pass = begin(encoder, target, timing);
         pass.set_pipeline(pipeline);
         for work in &cut.work {
-            let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, None) else { continue };
+            let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &[]) else { continue };
             pass.set_bind_group(0, &bind, &[]);
             pass.draw(0..CHUNK_POINTS, 0..work.range.len() as u32);
         }

@@ -1,5 +1,5 @@
 //! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a dispatch for each
-//! combination of pages. Twin: [`crate::project`].
+//! combination of pages. Runs of points that are off the picture are not read. Twin: [`crate::project`].
 
 use super::cut::GpuCut;
 use super::device::Gpu;
@@ -7,6 +7,7 @@ use super::error::GpuError;
 use super::hits::Hits;
 use super::kernel::{Kernel, groups_of};
 use super::pool::NodePool;
+use super::runs::Bounds;
 use super::shader::sources;
 use super::timing::Timing;
 use crate::plan::{FramePlan, Pass};
@@ -18,15 +19,16 @@ const THREADS: u64 = 256;
 pub struct Project {
     kernels: [Kernel; 2],
     touches_pixels: bool,
+    bounds: Bounds,
 }
 
 impl Project {
-    /// On a device with 64-bit atomics.
+    /// On a device with 64-bit atomics; `skips_runs` for all but measurements of what it saves.
     ///
     /// # Errors
     /// Where the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        Self::with(gpu, true)
+        Self::with(gpu, true, true)
     }
 
     /// Everything but the frame buffer, which is neither cleared nor read nor written: what the pass is
@@ -35,23 +37,38 @@ impl Project {
     /// # Errors
     /// As [`Project::new`].
     pub fn without_pixels(gpu: &Gpu) -> Result<Self, GpuError> {
-        Self::with(gpu, false)
+        Self::with(gpu, false, true)
     }
 
-    fn with(gpu: &Gpu, touches_pixels: bool) -> Result<Self, GpuError> {
+    /// The same pixels, but all points are read: what skipping runs is compared with.
+    ///
+    /// # Errors
+    /// As [`Project::new`].
+    pub fn without_skips(gpu: &Gpu) -> Result<Self, GpuError> {
+        Self::with(gpu, true, false)
+    }
+
+    fn with(gpu: &Gpu, touches_pixels: bool, skips_runs: bool) -> Result<Self, GpuError> {
         let flag = |flag: bool| f64::from(u8::from(flag));
         let kernel = |culls: bool| {
-            let constants =
-                [("CULLS_BACK_FACES", flag(culls)), ("TOUCHES_PIXELS", flag(touches_pixels))];
+            let constants = [
+                ("CULLS_BACK_FACES", flag(culls)),
+                ("TOUCHES_PIXELS", flag(touches_pixels)),
+                ("SKIPS_RUNS", flag(skips_runs)),
+            ];
             Kernel::new(gpu, sources::PROJECT_ATOMICS, "main", &constants)
         };
-        Ok(Self { kernels: [kernel(false)?, kernel(true)?], touches_pixels })
+        let kernels = [kernel(false)?, kernel(true)?];
+        Ok(Self { kernels, touches_pixels, bounds: Bounds::new(gpu)? })
     }
 
-    /// Draws the cut into `hits`, which it clears first.
+    /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
+    ///
+    /// # Errors
+    /// Where memory is refused.
     #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
     pub fn encode(
-        &self,
+        &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         uniform: &wgpu::Buffer,
@@ -60,21 +77,28 @@ impl Project {
         pool: &NodePool,
         hits: &Hits,
         timing: &mut Timing,
-    ) {
-        let Some(target) = hits.buffer() else { return };
+    ) -> Result<(), GpuError> {
         let kernel = &self.kernels[usize::from(plan.culls_back_faces)];
         let layout = kernel.pipeline().get_bind_group_layout(0);
         let mut pass = timing.compute(encoder, Pass::Project);
+        self.bounds.encode(gpu, &mut pass, pool)?;
+        let Some(target) = hits.buffer() else { return Ok(()) };
         if self.touches_pixels {
             hits.clear(gpu, &mut pass, uniform);
         }
         for work in &cut.work {
-            let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, Some(target)) else {
-                continue;
-            };
+            let Some(boxes) = pool.boxes(work.pages.position as usize) else { continue };
+            let bound = [target, boxes];
+            let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &bound) else { continue };
             // A group of threads a chunk.
             kernel.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
         }
+        Ok(())
+    }
+
+    /// After the commands were submitted.
+    pub fn submitted(&self, pool: &NodePool) {
+        self.bounds.submitted(pool);
     }
 
     /// Makes the kernels anew where their shader has changed on the disk.
@@ -82,6 +106,7 @@ impl Project {
     /// # Errors
     /// Where the changed shader does not build; the old one goes on.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        self.kernels.iter_mut().try_fold(false, |any, k| Ok(k.reload(gpu)? || any))
+        let bounds = self.bounds.reload(gpu)?;
+        self.kernels.iter_mut().try_fold(bounds, |any, k| Ok(k.reload(gpu)? || any))
     }
 }

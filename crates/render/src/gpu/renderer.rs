@@ -112,8 +112,24 @@ impl GpuRenderer {
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         self.encode(&mut encoder, frame, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
+        if let Points::Atomics(project) = &self.points {
+            project.submitted(pool);
+        }
         self.feedback.submitted(&self.gpu);
         self.gpu.fault().map_or(Ok(()), Err)
+    }
+
+    /// Whether runs of points off the picture are left unread, as they are at first; for measurements and tests.
+    /// Point primitives leave none.
+    ///
+    /// # Errors
+    /// Where the driver refuses a shader.
+    pub fn skip_runs(&mut self, skips: bool) -> Result<(), GpuError> {
+        if let Points::Atomics(project) = &mut self.points {
+            let make = if skips { Project::new } else { Project::without_skips };
+            *project = make(&self.gpu)?;
+        }
+        Ok(())
     }
 
     /// Takes the size of a picture, and what its plan needs.
@@ -164,7 +180,7 @@ impl GpuRenderer {
         let timing = &mut feedback.timing;
         match points {
             Points::Atomics(project) => {
-                project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing);
+                project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing)?;
             }
             Points::Primitives(primitives) => {
                 primitives.fit(gpu, size)?;

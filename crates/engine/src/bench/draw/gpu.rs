@@ -135,13 +135,15 @@ impl OnGpu {
     /// Where the device fails.
     pub fn frame(&mut self, way: usize) -> Result<Times, GpuError> {
         let Self { gpu, ways, uniform, cut, hits, timing, pool, plan, .. } = self;
-        let (Some((_, way)), Some(plan)) = (ways.get(way), plan) else {
+        let (Some((_, way)), Some(plan)) = (ways.get_mut(way), plan) else {
             return Ok(Times::default());
         };
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         timing.begin();
         match way {
-            Way::Project(p) => p.encode(gpu, &mut encoder, uniform, plan, cut, pool, hits, timing),
+            Way::Project(p) => {
+                p.encode(gpu, &mut encoder, uniform, plan, cut, pool, hits, timing)?;
+            }
             Way::Primitives(p) => {
                 p.encode(gpu, &mut encoder, uniform, plan, cut, pool, hits, timing);
             }
@@ -150,6 +152,9 @@ impl OnGpu {
         let commands = encoder.finish();
         let start = Instant::now();
         gpu.queue.submit([commands]);
+        if let Way::Project(p) = way {
+            p.submitted(pool);
+        }
         timing.submitted();
         wait(gpu)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
