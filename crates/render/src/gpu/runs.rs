@@ -51,7 +51,10 @@ impl PageRuns {
 
     /// Adds the numbers of the runs whose boxes are stale.
     fn list(&self, to: &mut Vec<u32>) {
-        for (word, &bits) in (0..).step_by(64).zip(self.stale.borrow().iter()) {
+        // In most frames most words are empty.
+        let stale = self.stale.borrow();
+        let words = (0..).step_by(64).zip(stale.iter());
+        for (word, &bits) in words.filter(|(_, bits)| **bits != 0) {
             to.extend((0..64).filter(|bit| bits >> bit & 1 != 0).map(|bit| word + bit));
         }
     }
