@@ -149,6 +149,8 @@ impl Gpu {
     pub fn open(request: &Request) -> Result<Self, GpuError> {
         let adapter = choose(request)?;
         let descriptor = descriptor(&adapter, request);
+        // Before there is a device: to make one only to let it go takes time, and drivers to the end.
+        path_of(descriptor.required_features, &adapter.get_info(), request.path)?;
         let made = pollster::block_on(adapter.request_device(&descriptor));
         let (device, queue) = made.map_err(|e| GpuError::NoDevice {
             adapter: adapter.get_info().name,
@@ -352,18 +354,7 @@ fn tier(
     path: Option<ProjectPath>,
 ) -> Result<Tier, GpuError> {
     let (features, limits) = (device.features(), device.limits());
-    let atomics = Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX;
-    // The pass reads a pixel before it writes it; Metal's 64-bit atomics have a minimum, but no read.
-    let has_atomics = features.contains(atomics) && info.backend != wgpu::Backend::Metal;
-    let path = match path {
-        Some(ProjectPath::Atomics) if !has_atomics => {
-            let fault = format!("{}: has no 64-bit atomics; draw by point primitives", info.name);
-            return Err(GpuError::Path(fault));
-        }
-        Some(path) => path,
-        None if has_atomics => ProjectPath::Atomics,
-        None => ProjectPath::Primitives,
-    };
+    let path = path_of(features, info, path)?;
     let binding_bytes_max = limits.max_storage_buffer_binding_size;
     Ok(Tier {
         path,
@@ -373,4 +364,24 @@ fn tier(
         binding_bytes_max,
         is_software: is_software(info),
     })
+}
+
+/// How points become pixels on a device with these features, where `asked` does not say.
+fn path_of(
+    features: Features,
+    info: &wgpu::AdapterInfo,
+    asked: Option<ProjectPath>,
+) -> Result<ProjectPath, GpuError> {
+    let atomics = Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX;
+    // The pass reads a pixel before it writes it; Metal's 64-bit atomics have a minimum, but no read.
+    let has_atomics = features.contains(atomics) && info.backend != wgpu::Backend::Metal;
+    match asked {
+        Some(ProjectPath::Atomics) if !has_atomics => {
+            let fault = format!("{}: has no 64-bit atomics; draw by point primitives", info.name);
+            Err(GpuError::Path(fault))
+        }
+        Some(path) => Ok(path),
+        None if has_atomics => Ok(ProjectPath::Atomics),
+        None => Ok(ProjectPath::Primitives),
+    }
 }
