@@ -154,8 +154,9 @@ fn a_hand_flies_and_loading_is_compared_with_all_resident_in_the_same_run() {
     let report = stand.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
     let [there, nearer, home] =
         ["there.png", "nearer.png", "home.png"].map(|name| read_png(&stand.path(name)));
-    assert!(share_off(&there, &nearer, 8) > 0.3, "a double click has brought it nearer");
-    assert!(share_off(&there, &home, 8) > 0.3, "the flight went somewhere");
+    // More than half of both pictures is sky, which is the same in all.
+    assert!(share_off(&there, &nearer, 8) > 0.2, "a double click has brought it nearer");
+    assert!(share_off(&there, &home, 8) > 0.2, "the flight went somewhere");
     let engine = drawn_by_the_engine([home.width, home.height]);
     assert!(share_off(&home, &engine, 8) <= 0.001, "and F leads back to where it started");
     let flights = report["flights"].as_array().unwrap();
