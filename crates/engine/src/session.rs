@@ -171,8 +171,12 @@ impl Session {
 
     /// What streaming is at.
     pub fn status(&self) -> Status {
-        let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
-        streamer.map(Streamer::status).unwrap_or_default()
+        let Some(running) = &self.running else { return Status::default() };
+        let mut status = running.streamer.as_ref().map(Streamer::status).unwrap_or_default();
+        if let Some(fault) = running.painter.shader_fault() {
+            status.fault.get_or_insert_with(|| fault.to_owned());
+        }
+        status
     }
 
     /// Bytes of GPU buffers; `None` where the CPU draws.

@@ -10,6 +10,7 @@ use crate::staging::{GpuRun, Landed, RUN_BYTES, Staging};
 use anyhow::{Context, Result};
 use esker_format::EskerFile;
 use esker_lod::DepthFeedback;
+use esker_render::gpu::shader::folder;
 use esker_render::gpu::wgpu::{CommandEncoder, PollType};
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt, UploadRing};
 use esker_render::{Picture, Stats};
@@ -22,6 +23,8 @@ use std::time::{Duration, Instant};
 const FLYING_MAX: usize = 2;
 /// How long a frame may take until the GPU counts as lost.
 const FRAME_PATIENCE: Duration = Duration::from_secs(20);
+/// Between two looks whether a shader has changed on the disk.
+const SHADER_LOOK: Duration = Duration::from_secs(1);
 /// Between two looks whether a frame has finished.
 const NAP: Duration = Duration::from_micros(200);
 
@@ -41,6 +44,8 @@ pub(crate) struct GpuPainter {
     commands: Option<CommandEncoder>,
     flying: Arc<AtomicUsize>,
     stats: Stats,
+    looked_at_shaders: Instant,
+    shader_fault: Option<String>,
 }
 
 impl GpuPainter {
@@ -65,6 +70,8 @@ impl GpuPainter {
             commands: None,
             flying: Arc::default(),
             stats: Stats::default(),
+            looked_at_shaders: Instant::now(),
+            shader_fault: None,
             gpu,
         })
     }
@@ -84,6 +91,19 @@ impl GpuPainter {
             flying.fetch_sub(1, AcqRel);
         });
         self.gpu.fault().map_or(Ok(()), Err)
+    }
+
+    /// Takes shaders that have changed on the disk, where developers have them reloaded.
+    fn look_at_shaders(&mut self) {
+        if folder().is_none() || self.looked_at_shaders.elapsed() < SHADER_LOOK {
+            return;
+        }
+        self.looked_at_shaders = Instant::now();
+        match self.renderer.reload() {
+            Ok(false) => {}
+            Ok(true) => self.shader_fault = None,
+            Err(fault) => self.shader_fault = Some(fault.to_string()),
+        }
     }
 
     /// Waits until few enough frames are in flight.
@@ -159,6 +179,7 @@ impl Painter for GpuPainter {
 
     fn draw(&mut self, scene: &Scene<'_>) -> Result<()> {
         self.make_room()?;
+        self.look_at_shaders();
         let Scene { file, view, cut, colouring, method } = *scene;
         let draws: Vec<_> = cut
             .nodes
@@ -203,6 +224,10 @@ impl Painter for GpuPainter {
         let bytes = self.gpu.bytes();
         let fixed_bytes = bytes.saturating_sub(self.pool.taken_bytes());
         Some(GpuBytes { bytes, peak_bytes: self.gpu.peak_bytes(), fixed_bytes })
+    }
+
+    fn shader_fault(&self) -> Option<&str> {
+        self.shader_fault.as_deref()
     }
 
     fn close(&self) {

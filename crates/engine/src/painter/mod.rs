@@ -96,6 +96,11 @@ pub(crate) trait Painter: Send {
     /// Bytes of GPU buffers; `None` where there are none.
     fn gpu_bytes(&self) -> Option<GpuBytes>;
 
+    /// What is wrong with a shader that has changed on the disk; the one before goes on.
+    fn shader_fault(&self) -> Option<&str> {
+        None
+    }
+
     /// Lends no memory any more.
     fn close(&self);
 }

@@ -57,7 +57,7 @@ impl Kernel {
         Ok(Self { source, entry, constants: constants.to_vec(), is_zeroed, pipeline, changed })
     }
 
-    /// Makes it anew where its shader has changed on the disk (debug runs only). Whether it has.
+    /// Makes it anew where its shader has changed on the disk (where [`super::shader::folder`] is). Whether it has.
     ///
     /// # Errors
     /// Where the changed shader does not build; the kernel is as it was.

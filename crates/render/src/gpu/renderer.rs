@@ -258,7 +258,7 @@ impl GpuRenderer {
         (&self.hits, &self.cut)
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only). Whether any has.
+    /// Makes kernels anew whose shaders have changed on the disk (where [`super::shader::folder`] is). Whether any has.
     ///
     /// # Errors
     /// Where a changed shader does not build; what it made before goes on.

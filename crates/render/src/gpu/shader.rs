@@ -34,8 +34,15 @@ macro_rules! same_layout {
     };
 }
 
-/// Where the shaders lie in the source tree, if this is a debug run on the machine that built it.
+/// The environment's name for a folder of shaders that are reloaded when they change, in release runs too.
+pub const FOLDER: &str = "ESKER_SHADERS";
+
+/// Where the shaders lie that are reloaded when they change: where the environment says, or in the source tree,
+/// if this is a debug run on the machine that built it.
 pub fn folder() -> Option<PathBuf> {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        return Some(folder.into());
+    }
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
     (cfg!(debug_assertions) && folder.is_dir()).then_some(folder)
 }
