@@ -24,7 +24,7 @@ fn copy(from: &Path, to: &Path) {
         if path.is_dir() {
             copy(&path, &to);
         } else {
-            std::fs::write(&to, std::fs::read(&path).unwrap()).unwrap();
+            std::fs::copy(&path, &to).unwrap();
         }
     }
 }
