@@ -9,6 +9,7 @@
 
 mod arguments;
 mod bad;
+mod bench_build;
 mod contract;
 mod data;
 mod devices;
@@ -35,6 +36,7 @@ fn main() {
     data::trials(&mut trials);
     synthetic::trials(&mut trials);
     bad::trials(&mut trials);
+    bench_build::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);
     proof::trials(&mut trials);

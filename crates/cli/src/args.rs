@@ -2,11 +2,13 @@
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
+use esker_engine::bench::build::Against;
 use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
 use esker_engine::{ColourDepth, Method, quantity};
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// Laser scans of any size, as one layered file and as pictures.
@@ -64,6 +66,59 @@ pub enum Benchmark {
     /// Draw points that lie in memory and measure how many a second become pixels, by every path of the GPU
     /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
     Draw(Box<Draw>),
+    /// Build scans beside a rival program, turn by turn: seconds, CPU time, memory, scratch space, bytes out, and
+    /// what decoding alone takes.
+    Build(BenchBuild),
+    /// Read scans and drop their points: the floor of building.
+    Decode(Decode),
+}
+
+#[derive(ClapArgs)]
+pub struct BenchBuild {
+    /// Scans; each is built by itself, in a process of its own, into a temporary file.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// A rival: the path of PotreeConverter or copc_converter, or a command line such as
+    /// "program -i {in} -o {out}".
+    #[arg(long, value_name = "PROGRAM", value_parser = parse_against)]
+    pub against: Option<Against>,
+    /// Runs that medians are taken of.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub runs: usize,
+    /// Memory that our builds may use; half of what the machine grants where not said.
+    #[arg(long, value_parser = quantity::bytes)]
+    pub memory: Option<u64>,
+    /// Threads of ours; one a core where not said.
+    #[arg(long, value_parser = quantity::threads)]
+    pub threads: Option<usize>,
+    /// Folder for all outputs and scratch files, which are deleted after each run; the system's where not said.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+    /// Further options of `esker build`, for ours.
+    #[arg(last = true, value_name = "OPTIONS")]
+    pub options: Vec<OsString>,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(ClapArgs)]
+pub struct Decode {
+    /// The scans.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// Threads; one a core where not said.
+    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
+    pub threads: usize,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
 }
 
 #[derive(ClapArgs)]
@@ -397,6 +452,10 @@ impl From<ColourBits> for ColourDepth {
 
 fn parse_camera(text: &str) -> Result<Camera, String> {
     Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+fn parse_against(text: &str) -> Result<Against, String> {
+    Against::parse(text).map_err(|e| format!("{e:#}"))
 }
 
 fn parse_points(text: &str) -> Result<u64, String> {

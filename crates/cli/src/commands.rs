@@ -1,8 +1,10 @@
 //! Each command: from its arguments to a call of the engine, and what that returns to standard output.
 
-use crate::args::{Benchmark, Build, BuildHow, Command, Draw, Render, Stream, Verify};
+use crate::args::{
+    BenchBuild, Benchmark, Build, BuildHow, Command, Decode, Draw, Render, Stream, Verify,
+};
 use crate::view;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{
     BuildOptions, Value, bench, build, demo, devices, info, quantity, render, verify,
@@ -35,6 +37,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Bench { benchmark: Some(Benchmark::Stream(args)) } => run_stream(*args, stop),
         Command::Bench { benchmark: Some(Benchmark::Draw(args)) } => run_draw(*args, stop),
+        Command::Bench { benchmark: Some(Benchmark::Build(args)) } => run_bench_build(args, stop),
+        Command::Bench { benchmark: Some(Benchmark::Decode(args)) } => run_decode(args, stop),
         Command::Bench { benchmark: None } => {
             let line = |(name, what)| format!("esker bench {name:<8} {what}");
             write(&bench::BENCHMARKS.map(line).join("\n"))
@@ -128,6 +132,35 @@ fn run_draw(args: Draw, stop: Arc<AtomicBool>) -> Result<()> {
     let report = bench::draw::measure(&request, &progress)?;
     drop(progress);
     print(args.json, &report, || bench::draw::text(&report))
+}
+
+fn run_bench_build(args: BenchBuild, stop: Arc<AtomicBool>) -> Result<()> {
+    let threads: Vec<_> = args.threads.iter().map(|n| format!("--threads={n}").into()).collect();
+    let memory = args.memory.iter().map(|bytes| format!("--memory={bytes}").into());
+    let plan = bench::build::Plan {
+        inputs: args.inputs,
+        against: args.against,
+        runs: args.runs,
+        folder: args.scratch,
+        build_words: memory.chain(threads.clone()).chain(args.options).collect(),
+        decode_words: threads,
+        esker: std::env::current_exe().context("cannot find the program itself")?,
+    };
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = bench::build::measure(&plan, &progress)?;
+    drop(progress);
+    print(args.json, &report, || bench::build::text(&report))?;
+    match bench::build::failure(&report) {
+        Some(failure) => bail!(failure),
+        None => Ok(()),
+    }
+}
+
+fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = bench::build::decode(&args.inputs, args.threads, &progress)?;
+    drop(progress);
+    print(args.json, &report, || bench::build::decode_text(&report))
 }
 
 fn options(how: &BuildHow) -> BuildOptions {

@@ -1,6 +1,7 @@
 //! Benchmarks as calls: what they measure is what programs do, through the same calls, and their reports
 //! are for machines (JSON) and for people.
 
+pub mod build;
 pub mod disk;
 pub mod draw;
 pub mod flight;
@@ -10,7 +11,12 @@ pub mod report;
 pub mod stream;
 
 /// The benchmarks that there are, with what each measures.
-pub const BENCHMARKS: [(&str, &str); 2] = [
+pub const BENCHMARKS: [(&str, &str); 4] = [
+    (
+        "build",
+        "builds scans, beside a rival program: seconds, CPU time, memory, scratch space, bytes out",
+    ),
+    ("decode", "reads scans and drops their points: the floor of building"),
     (
         "stream",
         "flies a camera through a scan: nodes, points, times, bytes and memory against the budgets",
