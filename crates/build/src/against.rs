@@ -3,7 +3,7 @@
 
 use crate::error::BuildError;
 use crate::intake::{Intake, open};
-use crate::row::RowLayout;
+use crate::row::{Incoming, RowLayout};
 use esker_format::EskerFile;
 use esker_points::{Batch, MultisetHash, Task};
 use esker_scan::{ScanError, Source};
@@ -63,7 +63,9 @@ pub fn against_sources(
     for (i, source) in intake.sources.iter().enumerate() {
         let placement = plan.lattice.placement(&source.info().grid);
         let mut sink = |batch: Batch| -> Result<(), ScanError> {
-            rows.rows_of(&batch, plan.class_of[i], plan.to_file(i), &mut hash);
+            let points =
+                Incoming { batch: &batch, class: plan.class_of[i], to_file: plan.to_file(i) };
+            hash += rows.for_each_rows(&points, &mut |_| ());
             task.advance(batch.len() as u64);
             Ok(task.check()?)
         };

@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken, open};
-use crate::levels::{Raiser, assemble};
+use crate::levels::{Raiser, Store, assemble};
 use crate::memory::{self, Peak};
 use crate::row::RowLayout;
 use crate::scratch::Scratch;
@@ -20,6 +20,10 @@ use std::sync::Mutex;
 pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
 /// The least memory a build works with, in bytes.
 pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
+
+/// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
+const CHUNK_NODES: u64 = 24;
+const CHUNK_ROWS: u64 = 1 << 20;
 
 /// What the user chose.
 #[derive(Clone, Debug)]
@@ -51,7 +55,8 @@ impl Default for Options {
 pub struct Shares {
     /// Bytes of rows kept while inputs are read or a chunk is parted.
     pub buffer_bytes_max: u64,
-    /// Bytes for building a chunk; it has at least four nodes' points, whatever this says.
+    /// Bytes for building a chunk while the next one is loaded; it has at least four nodes' points,
+    /// whatever this says.
     pub chunk_bytes_max: u64,
 }
 
@@ -59,14 +64,18 @@ impl Shares {
     /// Of this much memory; what is left is for batches, held roots and pages on their way.
     pub fn of(memory_bytes: u64) -> Self {
         let part = |share: f64| (memory_bytes as f64 * share) as u64;
-        Self { buffer_bytes_max: part(0.25), chunk_bytes_max: part(0.55) }
+        Self { buffer_bytes_max: part(0.35), chunk_bytes_max: part(0.45) }
     }
 
-    /// Rows of a chunk: sorted rows, 16-byte keys, pages of about the rows' size and the samples must fit.
-    fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> u64 {
-        let each = row_bytes as f64 * 2.4 + 16.0 + 24.0;
-        let rows = self.chunk_bytes_max as f64 / each;
-        (rows as u64).clamp(u64::from(options.node_capacity) * 4, (1 << 32) - 1)
+    /// Rows of a chunk of several buckets, and of one alone. Its sorted rows, those of the next one, pages of
+    /// about the rows' size, and the samples must fit. Where memory is ample, small chunks still overlap
+    /// better and use the same memory again.
+    fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
+        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0;
+        let rows = (self.chunk_bytes_max as f64 / each) as u64;
+        let nodes = |n| u64::from(options.node_capacity) * n;
+        let rows = rows.clamp(nodes(4), (1 << 32) - 1);
+        (rows.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
     }
 }
 
@@ -87,6 +96,8 @@ pub struct Report {
     pub peak_rss_bytes: u64,
     /// Bytes written to scratch.
     pub scratch_bytes: u64,
+    /// The most bytes that scratch held at once.
+    pub scratch_bytes_peak: u64,
     /// Bytes of the file.
     pub bytes_out: u64,
     /// Nodes.
@@ -174,8 +185,7 @@ pub fn build_shared(
     let root = Raiser {
         chunk_rows_max: shares.chunk_rows_max(options, context.rows.bytes()),
         context: &context,
-        writer: &mut writer,
-        scratch: &mut scratch,
+        store: Store { writer: &mut writer, scratch: &mut scratch },
         buffer_bytes_max,
         task,
         peak: &peak,
@@ -210,6 +220,7 @@ pub fn build_shared(
         peak_anon_bytes: peak.bytes().saturating_sub(start),
         peak_rss_bytes: memory::usage().rss_peak_bytes,
         scratch_bytes: scratch.bytes(),
+        scratch_bytes_peak: scratch.bytes_peak(),
         bytes_out,
         nodes: table.nodes.len() as u64,
         depth,

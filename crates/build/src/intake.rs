@@ -4,18 +4,22 @@
 
 use crate::error::BuildError;
 use crate::memory::Peak;
-use crate::partition::Partition;
-use crate::row::RowLayout;
+use crate::partition::{BUCKETS_MAX, Block, Partition};
+use crate::row::{Incoming, RowLayout};
 use crate::scratch::Scratch;
 use esker_format::Ranges;
 use esker_points::{
     Batch, Cell, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
 };
+use esker_scan::source::BATCH_POINTS;
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Levels below the inputs' common cell at which rows are partitioned, at least and at most.
-const PARTITION_LEVELS: std::ops::RangeInclusive<u32> = 3..=7;
+/// Rows that a bucket should have: few enough for a core's cache, enough that a bucket costs nothing.
+const BUCKET_ROWS: u64 = 1 << 13;
+/// Rows made of batches that wait, in bytes at most.
+const WAITING_BYTES: usize = 32 << 20;
 
 /// The longest step, in the file's unit: 2^32 of them squared, and what is drawn about them, are numbers
 /// for `f32`.
@@ -58,6 +62,57 @@ pub struct Taken {
     pub ranges: Ranges,
 }
 
+/// Points on their way into a partition.
+struct Taking<'a> {
+    plan: &'a Plan,
+    rows: RowLayout,
+    partition: Partition,
+    scratch: &'a mut Scratch,
+    hash: MultisetHash,
+    ranges: Ranges,
+    /// Batches by source, to be sorted into cells together: one a core.
+    waiting: Vec<(usize, Batch)>,
+    waiting_points: usize,
+}
+
+impl Taking<'_> {
+    fn add(&mut self, source: usize, batch: Batch) -> Result<(), BuildError> {
+        self.waiting_points += batch.len();
+        self.waiting.push((source, batch));
+        let bytes = self.waiting_points * self.rows.bytes();
+        let is_full = self.waiting_points >= rayon::current_num_threads() * BATCH_POINTS;
+        if is_full || bytes >= WAITING_BYTES { self.part_waiting() } else { Ok(()) }
+    }
+
+    /// Makes rows of the waiting batches and sorts them into cells, on all cores.
+    fn part_waiting(&mut self) -> Result<(), BuildError> {
+        let (plan, layout, log2) = (self.plan, &self.rows, self.partition.log2());
+        let part = |(source, batch): (usize, Batch)| {
+            let to_file = &plan.to_file[source];
+            let points = Incoming { batch: &batch, class: plan.class_of[source], to_file };
+            let mut hash = MultisetHash::default();
+            let positions = batch.positions.iter().copied();
+            let block = Block::new(layout.bytes(), log2, positions, |take| {
+                hash = layout.for_each_rows(&points, take);
+            });
+            let mut ranges = Ranges::new(&plan.schema);
+            for (column, &attribute) in batch.columns.iter().zip(to_file) {
+                ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
+            }
+            (block, hash, ranges)
+        };
+        self.waiting_points = 0;
+        let waiting = std::mem::take(&mut self.waiting);
+        let parted: Vec<_> = waiting.into_par_iter().map(part).collect();
+        for (block, hash, ranges) in parted {
+            self.hash += hash;
+            self.ranges.merge(&ranges);
+            self.partition.add(block, self.scratch)?;
+        }
+        Ok(())
+    }
+}
+
 /// Why a reading is void.
 enum Void {
     /// The lattice does not hold this source's points.
@@ -88,6 +143,11 @@ pub fn open(
 }
 
 impl Plan {
+    /// Bytes of a row.
+    pub fn row_bytes(&self) -> usize {
+        RowLayout::new(&self.schema, &self.classes).bytes()
+    }
+
     /// For each attribute of a source, the file's.
     pub fn to_file(&self, source: usize) -> &[usize] {
         &self.to_file[source]
@@ -217,22 +277,28 @@ impl Intake {
         task: &dyn Task,
         peak: &Peak,
     ) -> Result<Result<Taken, Void>, BuildError> {
-        let rows = RowLayout::new(&plan.schema, &plan.classes);
-        let mut partition =
-            Partition::new(rows.bytes(), self.partition_log2(plan), buffer_bytes_max);
-        let (mut hash, mut ranges) = (MultisetHash::default(), Ranges::new(&plan.schema));
+        let mut taking = Taking {
+            rows: RowLayout::new(&plan.schema, &plan.classes),
+            partition: Partition::new(
+                plan.row_bytes(),
+                self.partition_log2(plan),
+                buffer_bytes_max,
+            ),
+            hash: MultisetHash::default(),
+            ranges: Ranges::new(&plan.schema),
+            plan,
+            scratch,
+            waiting: Vec::new(),
+            waiting_points: 0,
+        };
         let mut reports = Vec::new();
         task.phase("reading", Some(self.points_hint()), "points");
         for (i, source) in self.sources.iter().enumerate() {
             let placement = plan.lattice.placement(&source.info().grid);
             let mut sink = |batch: Batch| -> Result<(), ScanError> {
-                let bytes = rows.rows_of(&batch, plan.class_of[i], &plan.to_file[i], &mut hash);
-                for (column, &attribute) in batch.columns.iter().zip(&plan.to_file[i]) {
-                    ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
-                }
-                partition.add(&bytes, scratch).map_err(BuildError::through_sink)?;
-                peak.sample();
                 task.advance(batch.len() as u64);
+                taking.add(i, batch).map_err(BuildError::through_sink)?;
+                peak.sample();
                 Ok(task.check()?)
             };
             match source.read(&placement, task, &mut sink) {
@@ -241,6 +307,8 @@ impl Intake {
                 Err(e) => return Err(BuildError::from_sink(e)),
             }
         }
+        taking.part_waiting()?;
+        let Taking { partition, hash, ranges, .. } = taking;
         Ok(Ok(Taken { partition, reports, hash, ranges }))
     }
 
@@ -257,12 +325,12 @@ impl Intake {
             }
         }
         if (0..3).any(|i| min[i] > max[i]) {
-            return 32 - *PARTITION_LEVELS.start() as u8;
+            (min, max) = ([0; 3], [u32::MAX; 3]);
         }
-        let levels =
-            (self.points_hint() >> 20).max(1).ilog2().div_ceil(2) + PARTITION_LEVELS.start();
-        let log2 = u32::from(Cell::enclosing(min, max).log2);
-        log2.saturating_sub(levels.min(*PARTITION_LEVELS.end())) as u8
+        // Scans are surfaces: a level has four times the cells. Of volumes there are more, and they coarsen.
+        let buckets = (self.points_hint() / BUCKET_ROWS).clamp(64, BUCKETS_MAX as u64);
+        let levels = buckets.ilog2().div_ceil(2) as u8;
+        Cell::enclosing(min, max).log2.saturating_sub(levels)
     }
 
     /// Compares what the colours were taken for with what they are. Where the sources of a class agree,

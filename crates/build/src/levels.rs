@@ -1,32 +1,33 @@
-//! The levels above the chunks: buckets are joined to chunks or parted until each fits memory, chunks are
-//! built one after the other, each in parallel, and what their roots offer is held back until the cells
-//! above have chosen from it. Pages are written as soon as they are final, siblings together.
+//! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a list of steps
+//! that does not depend on time. While a chunk is built, and what its root and others offer is chosen from
+//! for the cells above, the pages of the one before are written and the one behind is loaded and sorted.
 
-use crate::chunk::Runs;
 use crate::coincident::Coincident;
 use crate::error::BuildError;
 use crate::memory::Peak;
-use crate::partition::{Bucket, Partition};
+use crate::partition::{Bucket, Partition, block_of_rows};
 use crate::row::{Rows, position};
 use crate::scratch::Scratch;
 use crate::shape::Moments;
+use crate::sort::sort;
 use crate::tree::{Context, Pending, Subtree};
 use esker_format::{FileWriter, NodeStatistics};
 use esker_points::{Cell, NodeTable, Task};
+use rayon::prelude::*;
 
 /// Octree levels by which a bucket that is too large is parted at a time.
 const PART_LEVELS: u8 = 3;
+/// Rows of a part that are sorted into cells together.
+const BLOCK_ROWS: usize = 1 << 16;
 
 /// Builds a tree out of buckets.
 pub struct Raiser<'a> {
     /// What every step knows.
     pub context: &'a Context,
-    /// The file.
-    pub writer: &'a mut FileWriter,
-    /// Where rows lie that do not fit memory.
-    pub scratch: &'a mut Scratch,
-    /// Rows that a chunk may have.
-    pub chunk_rows_max: u64,
+    /// Where rows lie and pages go.
+    pub store: Store<'a>,
+    /// Rows that a chunk of several buckets may have, and one of a single bucket.
+    pub chunk_rows_max: (u64, u64),
     /// Bytes of rows that parting a bucket may keep in memory.
     pub buffer_bytes_max: usize,
     /// Told how far it is.
@@ -35,180 +36,70 @@ pub struct Raiser<'a> {
     pub peak: &'a Peak,
 }
 
+/// The files that a tree is built between.
+pub struct Store<'a> {
+    /// The file.
+    pub writer: &'a mut FileWriter,
+    /// Where rows lie that do not fit memory.
+    pub scratch: &'a mut Scratch,
+}
+
+/// What is done next. Each leaves one cell behind that is built but for its root.
+enum Step {
+    /// Builds the points of these buckets, which fit memory.
+    Chunk(Vec<Bucket>),
+    /// Parts a bucket that does not fit memory.
+    Part(Bucket),
+    /// Builds a lattice point that does not fit memory.
+    Coincident(Bucket),
+    /// Takes the last so many cells for the children of this one.
+    Combine(Cell, usize),
+}
+
 /// A cell that is built but for its root, with the rows that the root offers.
 struct Held {
     pending: Pending,
     rows: Vec<u8>,
 }
 
-impl Raiser<'_> {
-    /// The finished tree over buckets along the Morton curve; `None` where there is no row.
-    ///
-    /// # Errors
-    /// Where scratch or the file fail, or on request.
-    pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
-        let Some(held) = self.raise(buckets)? else { return Ok(None) };
-        let rows = Rows { bytes: &held.rows, stride: self.context.rows.bytes() };
-        let mut root = self.context.finish(&rows, held.pending, &[], None);
-        if let Some(root) = &mut root {
-            self.write(std::slice::from_mut(root))?;
-        }
-        Ok(root)
-    }
+/// What is built: cells that wait for the one above, and pages that wait to be written.
+struct Built {
+    held: Vec<Held>,
+    pages: Vec<Vec<u8>>,
+    /// Where the next page will stand.
+    page_offset: u64,
+}
 
-    fn raise(&mut self, mut buckets: Vec<Bucket>) -> Result<Option<Held>, BuildError> {
-        let rows: u64 = buckets.iter().map(|b| b.rows).sum();
-        if rows == 0 {
-            return Ok(None);
-        }
-        if rows <= self.chunk_rows_max {
-            return self.chunk(buckets).map(Some);
-        }
-        if buckets.len() == 1 {
-            let bucket = buckets.remove(0);
-            return if bucket.cell.log2 == 0 {
-                self.coincident(bucket).map(Some)
-            } else {
-                let parts = self.part(bucket)?;
-                self.raise(parts)
-            };
-        }
-        let first = buckets[0].cell.corner;
-        let last = buckets[buckets.len() - 1].cell.last();
-        let cell = Cell::enclosing(first, last);
-        let mut children = Vec::new();
-        for octant in 0..8 {
-            let rest = buckets.iter().position(|b| cell.octant(b.cell.corner) > octant);
-            let rest = buckets.split_off(rest.unwrap_or(buckets.len()));
-            children.extend(self.raise(std::mem::replace(&mut buckets, rest))?);
-        }
-        match children.len() {
-            1 => Ok(children.pop()),
-            _ => self.combine(cell, children).map(Some),
-        }
-    }
-
-    /// Builds the points of these buckets, which fit memory.
-    fn chunk(&mut self, buckets: Vec<Bucket>) -> Result<Held, BuildError> {
-        self.task.check()?;
-        let stride = self.context.rows.bytes();
-        let map = if buckets.iter().any(|b| !b.extents.is_empty()) {
-            Some(self.scratch.map()?)
-        } else {
-            None
-        };
-        let stored = |b: &Bucket| -> Vec<&[u8]> {
-            let extents = b.extents.iter();
-            extents.filter_map(|e| e.of(map.as_ref()?)).collect()
-        };
-        let mut runs: Vec<&[u8]> = Vec::new();
-        for bucket in &buckets {
-            runs.extend(bucket.blocks.iter().map(Vec::as_slice));
-            runs.extend(stored(bucket));
-        }
-        let sorted = Runs::new(runs, stride).sorted();
-        self.peak.sample();
-        drop(map);
-        buckets.iter().flat_map(|b| &b.extents).for_each(|e| self.scratch.release(*e));
-        drop(buckets);
-        let rows = Rows { bytes: &sorted, stride };
-        let mut pending = self.context.build(&rows, 0..rows.len() as u32, self.task);
-        self.task.check()?;
-        self.peak.sample();
-        self.write(&mut pending.children)?;
-        Ok(self.hold(pending, &rows))
-    }
-
-    /// Parts a bucket that is too large into smaller cells: some levels below the smallest cell that
-    /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
-    fn part(&mut self, bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
-        let stride = self.context.rows.bytes();
-        let map = if bucket.extents.is_empty() { None } else { Some(self.scratch.map()?) };
-        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
-        let stored = bucket.extents.iter().filter_map(|e| e.of(map.as_ref()?));
-        for run in bucket.blocks.iter().map(Vec::as_slice).chain(stored) {
-            self.task.check()?;
-            for p in run.chunks_exact(stride).map(position) {
-                min = [0, 1, 2].map(|i| p[i].min(min[i]));
-                max = [0, 1, 2].map(|i| p[i].max(max[i]));
+impl Built {
+    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
+    fn place(&mut self, siblings: &mut [Subtree]) {
+        let mut open = vec![siblings];
+        while let Some(group) = open.pop() {
+            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
+                let page = std::mem::take(&mut tree.page);
+                tree.node.page_bytes = page.len() as u32;
+                tree.node.page_offset = self.page_offset;
+                self.page_offset += page.len() as u64;
+                self.pages.push(page);
             }
+            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
+            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
         }
-        drop(map);
-        let log2 = Cell::enclosing(min, max).log2.saturating_sub(PART_LEVELS);
-        let mut partition = Partition::new(stride, log2, self.buffer_bytes_max);
-        for block in bucket.blocks {
-            partition.add(&block, self.scratch)?;
-        }
-        for extent in bucket.extents {
-            self.task.check()?;
-            let map = self.scratch.map()?;
-            if let Some(rows) = extent.of(&map) {
-                partition.add(rows, self.scratch)?;
-            }
-            self.scratch.release(extent);
-        }
-        partition.finish(self.scratch)
     }
 
-    /// More coincident points than memory holds: a node's worth at a time, in the order of their records.
-    fn coincident(&mut self, mut bucket: Bucket) -> Result<Held, BuildError> {
-        let stride = self.context.rows.bytes();
-        let mut extents = std::mem::take(&mut bucket.extents);
-        for block in bucket.blocks.drain(..) {
-            extents.push(self.scratch.append(&block)?);
-        }
-        let map = self.scratch.map()?;
-        let rows = Coincident {
-            runs: extents.iter().filter_map(|e| e.of(&map)).collect(),
-            stride,
-            rows_max: self.chunk_rows_max,
-            task: self.task,
-        };
-        let (mut held, mut chain, mut carry) = (None, Vec::new(), Vec::new());
-        rows.in_order(&mut |row| {
-            carry.extend_from_slice(row);
-            if carry.len() == self.context.capacity * stride {
-                self.link(std::mem::take(&mut carry), bucket.cell, &mut held, &mut chain)?;
-            }
-            Ok(())
-        })?;
-        if !carry.is_empty() {
-            self.link(carry, bucket.cell, &mut held, &mut chain)?;
-        }
-        extents.iter().for_each(|e| self.scratch.release(*e));
-        let mut held = held.ok_or_else(|| BuildError::Proof("a bucket lost its rows".into()))?;
-        for (moments, mut node) in chain.into_iter().rev() {
-            held.pending.moments.merge(&moments);
-            node.children = std::mem::take(&mut held.pending.children);
-            held.pending.children.push(node);
-        }
-        Ok(held)
+    /// Keeps a cell with only the rows that it offers.
+    fn hold(&mut self, mut pending: Pending, rows: &Rows<'_>) {
+        self.place(&mut pending.children);
+        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
+        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
+        pending.offered = (0..pending.offered.len() as u32).collect();
+        self.held.push(Held { pending, rows: bytes });
     }
 
-    /// The next node of a chain of coincident points: its head, or one that continues it.
-    fn link(
-        &mut self,
-        bytes: Vec<u8>,
-        cell: Cell,
-        head: &mut Option<Held>,
-        chain: &mut Vec<(Moments, Subtree)>,
-    ) -> Result<(), BuildError> {
-        let rows = Rows { bytes: &bytes, stride: self.context.rows.bytes() };
-        let pending = self.context.leaf(&rows, 0..rows.len() as u32, cell);
-        self.task.advance(rows.len() as u64);
-        if head.is_none() {
-            *head = Some(Held { pending, rows: bytes });
-        } else if let Some((moments, mut node)) = self.context.continuation(&rows, pending) {
-            self.write(std::slice::from_mut(&mut node))?;
-            chain.push((moments, node));
-        }
-        Ok(())
-    }
-
-    /// Chooses a cell's points from what its children offer, and writes the children.
-    fn combine(&mut self, cell: Cell, children: Vec<Held>) -> Result<Held, BuildError> {
-        self.task.check()?;
-        let stride = self.context.rows.bytes();
+    /// Chooses a cell's points from what its children offer.
+    fn combine(&mut self, context: &Context, cell: Cell, children: usize) {
+        let stride = context.rows.bytes();
+        let children = self.held.split_off(self.held.len() - children);
         let mut bytes = Vec::with_capacity(children.iter().map(|c| c.rows.len()).sum());
         let mut pending = Vec::with_capacity(children.len());
         for mut child in children {
@@ -218,31 +109,239 @@ impl Raiser<'_> {
             pending.push(child.pending);
         }
         let rows = Rows { bytes: &bytes, stride };
-        let mut combined = self.context.combine(&rows, cell, pending);
-        self.peak.sample();
-        self.write(&mut combined.children)?;
-        Ok(self.hold(combined, &rows))
+        self.hold(context.combine(&rows, cell, pending), &rows);
+    }
+}
+
+impl Store<'_> {
+    /// Writes pages that have their places.
+    fn write(&mut self, pages: Vec<Vec<u8>>) -> Result<(), BuildError> {
+        pages.into_iter().try_for_each(|page| self.writer.write_page(&page).map(|_| ()))?;
+        Ok(())
     }
 
-    /// Keeps only the rows that a cell offers.
-    fn hold(&self, mut pending: Pending, rows: &Rows<'_>) -> Held {
-        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
-        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
-        pending.offered = (0..pending.offered.len() as u32).collect();
-        Held { pending, rows: bytes }
+    /// Sorts the rows of a chunk into `rows`.
+    fn load(
+        &mut self,
+        buckets: Vec<Bucket>,
+        stride: usize,
+        mut rows: Vec<u8>,
+    ) -> Result<Vec<u8>, BuildError> {
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(self.scratch.map()?) } else { None };
+        let runs: Vec<_> = buckets.iter().map(|b| b.runs(map.as_ref(), stride)).collect();
+        sort(&runs, stride, &mut rows);
+        drop(runs);
+        drop(map);
+        self.scratch.release(buckets.into_iter().flat_map(|b| b.extents).collect());
+        Ok(rows)
     }
+}
 
-    /// Writes the pages of siblings, then of what lies below each, where they are not yet written.
-    fn write(&mut self, siblings: &mut [Subtree]) -> Result<(), BuildError> {
-        let mut open = vec![siblings];
-        while let Some(group) = open.pop() {
-            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
-                let page = std::mem::take(&mut tree.page);
-                tree.node.page_bytes = page.len() as u32;
-                tree.node.page_offset = self.writer.write_page(&page)?;
+impl Raiser<'_> {
+    /// The finished tree over buckets along the Morton curve; `None` where there is no row.
+    ///
+    /// # Errors
+    /// Where scratch or the file fail, or on request.
+    pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
+        let page_offset = self.store.writer.offset();
+        let mut built = Built { held: Vec::new(), pages: Vec::new(), page_offset };
+        let mut steps = Vec::new();
+        if !buckets.is_empty() {
+            self.plan(buckets, &mut steps);
+        }
+        while let Some(step) = steps.pop() {
+            self.task.check()?;
+            match step {
+                Step::Chunk(buckets) => self.chunks(buckets, &mut steps, &mut built)?,
+                Step::Part(bucket) => {
+                    let parts = self.part(bucket)?;
+                    self.plan(parts, &mut steps);
+                }
+                Step::Coincident(bucket) => self.coincident(bucket, &mut built)?,
+                Step::Combine(cell, children) => built.combine(self.context, cell, children),
             }
-            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
-            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
+        }
+        let Some(held) = built.held.pop() else { return Ok(None) };
+        let rows = Rows { bytes: &held.rows, stride: self.context.rows.bytes() };
+        let mut root = self.context.finish(&rows, held.pending, &[], None);
+        built.place(root.as_mut_slice());
+        self.store.write(built.pages)?;
+        Ok(root)
+    }
+
+    /// Puts the steps that build these buckets on the stack; the first one comes to lie on top.
+    fn plan(&self, mut buckets: Vec<Bucket>, steps: &mut Vec<Step>) {
+        let rows: u64 = buckets.iter().map(|b| b.rows).sum();
+        let (joined_max, single_max) = self.chunk_rows_max;
+        if rows <= joined_max {
+            return steps.push(Step::Chunk(buckets));
+        }
+        if buckets.len() == 1 {
+            return steps.extend(buckets.into_iter().map(|bucket| {
+                if rows <= single_max {
+                    Step::Chunk(vec![bucket])
+                } else if bucket.cell.log2 == 0 {
+                    Step::Coincident(bucket)
+                } else {
+                    Step::Part(bucket)
+                }
+            }));
+        }
+        let first = buckets[0].cell.corner;
+        let last = buckets[buckets.len() - 1].cell.last();
+        let cell = Cell::enclosing(first, last);
+        let mut parts = Vec::new();
+        for octant in (0..8).rev() {
+            let start = buckets.partition_point(|b| cell.octant(b.cell.corner) < octant);
+            let part = buckets.split_off(start);
+            if !part.is_empty() {
+                parts.push(part);
+            }
+        }
+        steps.push(Step::Combine(cell, parts.len()));
+        parts.into_iter().for_each(|part| self.plan(part, steps));
+    }
+
+    /// Builds chunks, and the cells above that wait for them, until another step is on top.
+    fn chunks(
+        &mut self,
+        first: Vec<Bucket>,
+        steps: &mut Vec<Step>,
+        built: &mut Built,
+    ) -> Result<(), BuildError> {
+        let stride = self.context.rows.bytes();
+        let mut rows = Some(self.store.load(first, stride, Vec::new())?);
+        let mut spare = Vec::new();
+        while let Some(sorted) = rows {
+            let above = steps.iter().rev().take_while(|s| matches!(s, Step::Combine(..))).count();
+            let above = steps.split_off(steps.len() - above);
+            let next = match steps.pop() {
+                Some(Step::Chunk(buckets)) => Some(buckets),
+                other => {
+                    steps.extend(other);
+                    None
+                }
+            };
+            let pages = std::mem::take(&mut built.pages);
+            let (context, task, peak, store) =
+                (self.context, self.task, self.peak, &mut self.store);
+            let ((), loaded) = rayon::join(
+                || {
+                    let rows = Rows { bytes: &sorted, stride };
+                    let pending = context.build(&rows, 0..rows.len() as u32, task);
+                    peak.sample();
+                    built.hold(pending, &rows);
+                    for step in above.into_iter().rev() {
+                        if let Step::Combine(cell, children) = step {
+                            built.combine(context, cell, children);
+                        }
+                    }
+                },
+                || {
+                    store.write(pages)?;
+                    next.map(|buckets| store.load(buckets, stride, spare)).transpose()
+                },
+            );
+            rows = loaded?;
+            spare = sorted;
+            self.peak.sample();
+            self.task.check()?;
+        }
+        Ok(())
+    }
+
+    /// Parts a bucket that is too large into smaller cells: some levels below the smallest cell that
+    /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
+    fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
+        let stride = self.context.rows.bytes();
+        let scratch = &mut *self.store.scratch;
+        let map = if bucket.extents.is_empty() { None } else { Some(scratch.map()?) };
+        let runs = bucket.runs(map.as_ref(), stride);
+        let blocks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(BLOCK_ROWS * stride)).collect();
+        let empty = || ([u32::MAX; 3], [0; 3]);
+        let join = |a: ([u32; 3], [u32; 3]), b: ([u32; 3], [u32; 3])| {
+            ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i])))
+        };
+        let bounds_of = |rows: &&[u8]| {
+            let positions = rows.chunks_exact(stride).map(position);
+            positions.fold(empty(), |bounds, p| join(bounds, (p, p)))
+        };
+        let (min, max) = blocks.par_iter().map(bounds_of).reduce(empty, join);
+        self.task.check()?;
+        let log2 = Cell::enclosing(min, max).log2.saturating_sub(PART_LEVELS);
+        // Rows in memory lie in blocks that others share, so they are not freed as they are parted.
+        let buffer_bytes_max =
+            if map.is_some() { self.buffer_bytes_max } else { self.buffer_bytes_max / 8 };
+        let mut partition = Partition::new(stride, log2, buffer_bytes_max);
+        for group in blocks.chunks(rayon::current_num_threads().max(1)) {
+            self.task.check()?;
+            let parted: Vec<_> =
+                group.par_iter().map(|rows| block_of_rows(rows, stride, log2)).collect();
+            parted.into_iter().try_for_each(|block| partition.add(block, scratch))?;
+        }
+        drop((blocks, runs));
+        drop(map);
+        scratch.release(std::mem::take(&mut bucket.extents));
+        drop(bucket);
+        partition.finish(scratch)
+    }
+
+    /// More coincident points than memory holds: a node's worth at a time, in the order of their records.
+    fn coincident(&mut self, bucket: Bucket, built: &mut Built) -> Result<(), BuildError> {
+        let stride = self.context.rows.bytes();
+        let scratch = &mut *self.store.scratch;
+        let map = if bucket.extents.is_empty() { None } else { Some(scratch.map()?) };
+        let rows = Coincident {
+            runs: bucket.runs(map.as_ref(), stride),
+            stride,
+            rows_max: self.chunk_rows_max.1,
+            task: self.task,
+        };
+        let (mut head, mut chain, mut carry) = (None, Vec::new(), Vec::new());
+        rows.in_order(&mut |row| {
+            carry.extend_from_slice(row);
+            if carry.len() == self.context.capacity * stride {
+                let rows = Rows { bytes: &carry, stride };
+                self.link(&rows, bucket.cell, built, &mut head, &mut chain)?;
+                carry.clear();
+            }
+            Ok(())
+        })?;
+        if !carry.is_empty() {
+            let rows = Rows { bytes: &carry, stride };
+            self.link(&rows, bucket.cell, built, &mut head, &mut chain)?;
+        }
+        drop(rows);
+        drop(map);
+        self.store.scratch.release(bucket.extents);
+        let mut head = head.ok_or_else(|| BuildError::Proof("a bucket lost its rows".into()))?;
+        for (moments, mut node) in chain.into_iter().rev() {
+            head.pending.moments.merge(&moments);
+            node.children = std::mem::take(&mut head.pending.children);
+            head.pending.children.push(node);
+        }
+        built.held.push(head);
+        Ok(())
+    }
+
+    /// The next node of a chain of coincident points: its head, or one that continues it.
+    fn link(
+        &mut self,
+        rows: &Rows<'_>,
+        cell: Cell,
+        built: &mut Built,
+        head: &mut Option<Held>,
+        chain: &mut Vec<(Moments, Subtree)>,
+    ) -> Result<(), BuildError> {
+        let pending = self.context.leaf(rows, 0..rows.len() as u32, cell);
+        self.task.advance(rows.len() as u64);
+        if head.is_none() {
+            *head = Some(Held { pending, rows: rows.bytes.to_vec() });
+        } else if let Some((moments, mut node)) = self.context.continuation(rows, pending) {
+            built.place(std::slice::from_mut(&mut node));
+            self.store.write(std::mem::take(&mut built.pages))?;
+            chain.push((moments, node));
         }
         Ok(())
     }

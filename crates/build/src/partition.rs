@@ -1,17 +1,98 @@
-//! Partition: rows go to buckets by the cell they lie in, in memory while they fit, else to scratch. Buckets
-//! are cells of one size that coarsens when there are too many, so no bounds need be known beforehand
-//! and lying ones do no harm.
+//! Partition: rows go to buckets by the cell they lie in, in memory while they fit, else to scratch. A block
+//! of rows is sorted into cells on any thread; buckets then take its parts as they lie. Cells are of one
+//! size that coarsens when there are too many, so no bounds need be known beforehand and lying ones do no
+//! harm.
 
 use crate::error::BuildError;
 use crate::row::position;
 use crate::scratch::{Extent, Scratch};
-use esker_points::Cell;
+use esker_points::{Cell, morton};
+use memmap2::Mmap;
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Buckets at most; beyond, their cells double.
-const BUCKETS_MAX: usize = 1 << 13;
-/// Bytes of a bucket's first and of its largest block.
-const BLOCK_BYTES: (usize, usize) = (1 << 10, 1 << 16);
+pub const BUCKETS_MAX: usize = 1 << 14;
+
+/// Rows sorted into cells of one size.
+pub struct Block {
+    log2: u8,
+    rows: Vec<u8>,
+    /// The corners of the cells, and the rows of each.
+    parts: Vec<([u32; 3], Range<u32>)>,
+}
+
+impl Block {
+    /// Sorts rows into cells of `2^log2` steps: `positions` is what stands in the rows that `fill` hands
+    /// over in the same order, whole ones, any number at a time. Below 2^32 rows.
+    pub fn new(
+        stride: usize,
+        log2: u8,
+        positions: impl Iterator<Item = [u32; 3]>,
+        fill: impl FnOnce(&mut dyn FnMut(&[u8])),
+    ) -> Self {
+        let (part_of, mut parts) = parts_of(log2, positions);
+        let mut end = 0;
+        for (_, range) in &mut parts {
+            // The count of rows was its end.
+            *range = end..end + range.end;
+            end = range.end;
+        }
+        let mut next: Vec<usize> = parts.iter().map(|p| p.1.start as usize * stride).collect();
+        let mut rows = vec![0; part_of.len() * stride];
+        let mut from = 0;
+        fill(&mut |more| {
+            let count = more.len() / stride;
+            let mut start = 0;
+            // Neighbours in a file mostly share a cell.
+            for alike in part_of[from..from + count].chunk_by(|a, b| a == b) {
+                let bytes = &more[start..start + alike.len() * stride];
+                let to = &mut next[alike[0] as usize];
+                rows[*to..*to + bytes.len()].copy_from_slice(bytes);
+                (start, *to) = (start + bytes.len(), *to + bytes.len());
+            }
+            from += count;
+        });
+        Self { log2, rows, parts }
+    }
+}
+
+/// Which cell each position lies in, numbered as they come, and the cells with the count of their positions.
+fn parts_of(
+    log2: u8,
+    positions: impl Iterator<Item = [u32; 3]>,
+) -> (Vec<u32>, Vec<([u32; 3], Range<u32>)>) {
+    let mut parts: Vec<([u32; 3], Range<u32>)> = Vec::new();
+    let mut by_corner = Cells::default();
+    let mut part_of = Vec::with_capacity(positions.size_hint().0);
+    let mut last: Option<(Cell, u32)> = None;
+    for p in positions {
+        let part = match last {
+            Some((cell, part)) if cell.contains(p) => part,
+            _ => {
+                let cell = Cell::containing(p, log2);
+                let part = *by_corner.entry(key(cell.corner)).or_insert(parts.len() as u32);
+                if part as usize == parts.len() {
+                    parts.push((cell.corner, 0..0));
+                }
+                last = Some((cell, part));
+                part
+            }
+        };
+        parts[part as usize].1.end += 1;
+        part_of.push(part);
+    }
+    (part_of, parts)
+}
+
+/// Rows of a bucket in a block that others share.
+#[derive(Clone, Debug)]
+struct Piece {
+    block: Arc<Vec<u8>>,
+    rows: Range<u32>,
+}
 
 /// The rows of one cell.
 #[derive(Debug)]
@@ -21,9 +102,23 @@ pub struct Bucket {
     /// Number of rows.
     pub rows: u64,
     /// Rows in memory.
-    pub blocks: Vec<Vec<u8>>,
+    pieces: Vec<Piece>,
     /// Rows in scratch.
     pub extents: Vec<Extent>,
+}
+
+impl Bucket {
+    fn new(cell: Cell) -> Self {
+        Self { cell, rows: 0, pieces: Vec::new(), extents: Vec::new() }
+    }
+
+    /// Its rows, as whole runs; those in scratch by a mapping made since.
+    pub fn runs<'a>(&'a self, map: Option<&'a Mmap>, stride: usize) -> Vec<&'a [u8]> {
+        let bytes = |p: &Piece| p.rows.start as usize * stride..p.rows.end as usize * stride;
+        let held = self.pieces.iter().map(|p| &p.block[bytes(p)]);
+        let stored = self.extents.iter().filter_map(|e| e.of(map?));
+        held.chain(stored).collect()
+    }
 }
 
 /// Rows by cell.
@@ -31,7 +126,7 @@ pub struct Partition {
     stride: usize,
     log2: u8,
     buckets: Vec<Bucket>,
-    by_corner: HashMap<[u32; 3], usize>,
+    by_corner: Cells,
     buffered_bytes: usize,
     buffer_bytes_max: usize,
 }
@@ -43,67 +138,52 @@ impl Partition {
             stride,
             log2,
             buckets: Vec::new(),
-            by_corner: HashMap::new(),
+            by_corner: Cells::default(),
             buffered_bytes: 0,
             buffer_bytes_max,
         }
     }
 
-    /// Adds whole rows.
+    /// Log2 of the cells' edge.
+    pub fn log2(&self) -> u8 {
+        self.log2
+    }
+
+    /// Adds a block, of cells no larger than this partition's.
     ///
     /// # Errors
     /// Where scratch space fails.
-    pub fn add(&mut self, rows: &[u8], scratch: &mut Scratch) -> Result<(), BuildError> {
-        // Neighbours in a file mostly share a bucket.
-        let mut last: Option<(Cell, usize)> = None;
-        for row in rows.chunks_exact(self.stride) {
-            let p = position(row);
-            let index = match last {
-                Some((cell, index)) if cell.contains(p) => index,
-                _ => {
-                    let index = self.bucket_of(p);
-                    last = Some((self.buckets[index].cell, index));
-                    index
-                }
-            };
-            let last = self.buckets[index].blocks.last();
-            if last.is_none_or(|b| b.len() + self.stride > b.capacity()) {
-                self.open_block(index, scratch)?;
-            }
-            let bucket = &mut self.buckets[index];
-            bucket.rows += 1;
-            if let Some(block) = bucket.blocks.last_mut() {
-                block.extend_from_slice(row);
-            }
-        }
-        Ok(())
-    }
-
-    /// Gives a bucket room for more rows.
-    fn open_block(&mut self, index: usize, scratch: &mut Scratch) -> Result<(), BuildError> {
-        // Asked for each block: many buckets may be full at once.
-        if self.buffered_bytes >= self.buffer_bytes_max.max(1) {
+    pub fn add(&mut self, block: Block, scratch: &mut Scratch) -> Result<(), BuildError> {
+        debug_assert!(block.log2 <= self.log2);
+        let bytes = block.rows.len() + block.parts.len() * size_of::<Piece>();
+        if self.buffered_bytes > 0 && self.buffered_bytes + bytes > self.buffer_bytes_max {
             self.spill(scratch)?;
         }
-        let blocks = &mut self.buckets[index].blocks;
-        let before = blocks.last().map_or(BLOCK_BYTES.0 / 2, Vec::capacity);
-        let bytes = (before * 2).min(BLOCK_BYTES.1).max(self.stride);
-        blocks.push(Vec::with_capacity(bytes));
         self.buffered_bytes += bytes;
+        let rows = Arc::new(block.rows);
+        for (corner, range) in block.parts {
+            let index = self.bucket_of(corner);
+            let bucket = &mut self.buckets[index];
+            bucket.rows += range.len() as u64;
+            bucket.pieces.push(Piece { block: Arc::clone(&rows), rows: range });
+        }
+        if self.buffered_bytes > self.buffer_bytes_max {
+            self.spill(scratch)?;
+        }
         Ok(())
     }
 
     fn bucket_of(&mut self, p: [u32; 3]) -> usize {
         let cell = Cell::containing(p, self.log2);
-        if let Some(&index) = self.by_corner.get(&cell.corner) {
-            return index;
+        if let Some(&index) = self.by_corner.get(&key(cell.corner)) {
+            return index as usize;
         }
         if self.buckets.len() >= BUCKETS_MAX && self.log2 < 32 {
             self.coarsen();
             return self.bucket_of(p);
         }
-        self.buckets.push(Bucket { cell, rows: 0, blocks: Vec::new(), extents: Vec::new() });
-        self.by_corner.insert(cell.corner, self.buckets.len() - 1);
+        self.buckets.push(Bucket::new(cell));
+        self.by_corner.insert(key(cell.corner), self.buckets.len() as u32 - 1);
         self.buckets.len() - 1
     }
 
@@ -114,23 +194,28 @@ impl Partition {
         let mut joined: Vec<Bucket> = Vec::new();
         for mut bucket in std::mem::take(&mut self.buckets) {
             let cell = Cell::containing(bucket.cell.corner, self.log2);
-            let index = *self.by_corner.entry(cell.corner).or_insert(joined.len());
-            if index == joined.len() {
-                joined.push(Bucket { cell, rows: 0, blocks: Vec::new(), extents: Vec::new() });
+            let index = *self.by_corner.entry(key(cell.corner)).or_insert(joined.len() as u32);
+            if index as usize == joined.len() {
+                joined.push(Bucket::new(cell));
             }
-            joined[index].rows += bucket.rows;
-            joined[index].blocks.append(&mut bucket.blocks);
-            joined[index].extents.append(&mut bucket.extents);
+            let into = &mut joined[index as usize];
+            into.rows += bucket.rows;
+            into.pieces.append(&mut bucket.pieces);
+            into.extents.append(&mut bucket.extents);
         }
         self.buckets = joined;
     }
 
-    /// Moves all rows in memory to scratch.
+    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies together.
     fn spill(&mut self, scratch: &mut Scratch) -> Result<(), BuildError> {
-        for bucket in &mut self.buckets {
+        let mut along: Vec<&mut Bucket> = self.buckets.iter_mut().collect();
+        along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
+        for bucket in along {
             let mut whole: Option<Extent> = None;
-            for block in bucket.blocks.drain(..) {
-                let extent = scratch.append(&block)?;
+            for piece in bucket.pieces.drain(..) {
+                let Range { start, end } = piece.rows;
+                let rows = start as usize * self.stride..end as usize * self.stride;
+                let extent = scratch.append(&piece.block[rows])?;
                 match &mut whole {
                     Some(w) => w.bytes += extent.bytes,
                     None => whole = Some(extent),
@@ -151,9 +236,44 @@ impl Partition {
         if self.buckets.iter().any(|b| !b.extents.is_empty()) {
             self.spill(scratch)?;
         }
-        self.buckets.sort_unstable_by_key(|b| esker_points::morton::encode3(b.cell.corner));
+        self.buckets.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
         Ok(self.buckets)
     }
+}
+
+/// Numbers by the corners of cells.
+type Cells = HashMap<u128, u32, BuildHasherDefault<CornerHasher>>;
+
+/// The corner of a cell as a number.
+fn key([x, y, z]: [u32; 3]) -> u128 {
+    u128::from(x) | u128::from(y) << 32 | u128::from(z) << 64
+}
+
+/// A quick hash of a corner: asked for every point of a scan without order.
+#[derive(Default)]
+struct CornerHasher(u64);
+
+impl Hasher for CornerHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u128(b.into()));
+    }
+
+    fn write_u128(&mut self, corner: u128) {
+        // Odd numbers without a pattern: the fraction of the golden ratio, and FNV's prime.
+        let mixed = (self.0 ^ corner as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ ((corner >> 64) as u64).wrapping_mul(0x0100_0000_01b3);
+        self.0 = (mixed ^ mixed >> 32).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(26);
+    }
+}
+
+/// Sorts whole rows into cells of `2^log2` steps.
+pub fn block_of_rows(rows: &[u8], stride: usize, log2: u8) -> Block {
+    let positions = rows.chunks_exact(stride).map(position);
+    Block::new(stride, log2, positions, |take| take(rows))
 }
 
 #[cfg(test)]
@@ -169,15 +289,15 @@ mod tests {
             let mut scratch = Scratch::new(folder.path()).unwrap();
             let mut partition = Partition::new(12, log2, memory);
             for part in rows_of(&points).chunks(12 * 7) {
-                partition.add(part, &mut scratch).unwrap();
+                let log2 = partition.log2();
+                partition.add(block_of_rows(part, 12, log2), &mut scratch).unwrap();
             }
             let buckets = partition.finish(&mut scratch).unwrap();
             let map = scratch.map().ok();
             let mut back = Vec::new();
             for bucket in &buckets {
                 let mut rows = 0;
-                let stored = bucket.extents.iter().map(|e| &map.as_ref().unwrap()[e.offset as usize..][..e.bytes as usize]);
-                for row in bucket.blocks.iter().map(Vec::as_slice).chain(stored).flat_map(|b| b.chunks(12)) {
+                for row in bucket.runs(map.as_ref(), 12).into_iter().flat_map(|b| b.chunks(12)) {
                     prop_assert!(bucket.cell.contains(position(row)));
                     back.push(position(row));
                     rows += 1;
@@ -199,7 +319,7 @@ mod tests {
         let points: Vec<_> = (0..60_000u32)
             .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i << 16])
             .collect();
-        partition.add(&rows_of(&points), &mut scratch).unwrap();
+        partition.add(block_of_rows(&rows_of(&points), 12, 0), &mut scratch).unwrap();
         let buckets = partition.finish(&mut scratch).unwrap();
         assert!(buckets.len() <= BUCKETS_MAX);
         assert_eq!(buckets.iter().map(|b| b.rows).sum::<u64>(), 60_000);

@@ -3,11 +3,10 @@
 //! where there are several. Comparing rows bytewise after the coordinates breaks ties.
 
 use esker_points::{Batch, MultisetHash, PointClass, Schema};
-use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows converted by one task.
-const TASK_ROWS: usize = 1 << 13;
+/// Rows made before they are used: they stay in the first-level cache meanwhile.
+const BLOCK_ROWS: usize = 256;
 
 /// Where things stand in a row.
 #[derive(Clone, Debug)]
@@ -17,6 +16,17 @@ pub struct RowLayout {
     class_at: Option<usize>,
     bytes: usize,
     classes: Vec<ClassLayout>,
+}
+
+/// Points as they come from a reader.
+#[derive(Clone, Copy, Debug)]
+pub struct Incoming<'a> {
+    /// The points.
+    pub batch: &'a Batch,
+    /// Their class.
+    pub class: u16,
+    /// For each attribute of the batch, the file's.
+    pub to_file: &'a [usize],
 }
 
 #[derive(Clone, Debug)]
@@ -90,49 +100,48 @@ impl RowLayout {
         hash.add(class.seed, scratch);
     }
 
-    /// Turns a batch of points of `class` into rows; `to_file[i]` is the file's attribute for the
-    /// batch's attribute `i`. Adds their hash to `hash`.
-    pub fn rows_of(
-        &self,
-        batch: &Batch,
-        class: u16,
-        to_file: &[usize],
-        hash: &mut MultisetHash,
-    ) -> Vec<u8> {
-        let mut rows = vec![0u8; batch.len() * self.bytes];
-        *hash += rows
-            .par_chunks_mut(TASK_ROWS * self.bytes)
-            .enumerate()
-            .map(|(task, part)| {
-                self.fill(batch, task * TASK_ROWS, class, to_file, part);
-                let (mut sum, mut scratch) = (MultisetHash::default(), Vec::new());
-                part.chunks_exact(self.bytes).for_each(|r| self.hash(r, &mut scratch, &mut sum));
-                sum
-            })
-            .reduce(MultisetHash::default, |mut a, b| {
-                a += b;
-                a
-            });
-        rows
+    /// Makes rows of a batch and hands them to `take` in order, a few at a time. Their hash.
+    pub fn for_each_rows(&self, points: &Incoming<'_>, take: &mut dyn FnMut(&[u8])) -> MultisetHash {
+        let (mut hash, mut scratch) = (MultisetHash::default(), Vec::new());
+        let mut rows = vec![0u8; BLOCK_ROWS * self.bytes];
+        let count = points.batch.len();
+        for first in (0..count).step_by(BLOCK_ROWS) {
+            let rows = &mut rows[..(count - first).min(BLOCK_ROWS) * self.bytes];
+            self.fill(points, first, rows);
+            rows.chunks_exact(self.bytes).for_each(|r| self.hash(r, &mut scratch, &mut hash));
+            take(rows);
+        }
+        hash
     }
 
-    fn fill(&self, batch: &Batch, first: usize, class: u16, to_file: &[usize], rows: &mut [u8]) {
-        let n = rows.len() / self.bytes;
-        for (row, p) in rows.chunks_exact_mut(self.bytes).zip(&batch.positions[first..]) {
-            for (slot, c) in row.chunks_exact_mut(4).zip(p) {
-                slot.copy_from_slice(&c.to_le_bytes());
-            }
+    /// The rows of a batch from point `first` on.
+    fn fill(&self, points: &Incoming<'_>, first: usize, rows: &mut [u8]) {
+        let Incoming { batch, class, to_file } = points;
+        for (row, [x, y, z]) in rows.chunks_exact_mut(self.bytes).zip(&batch.positions[first..]) {
+            row[..4].copy_from_slice(&x.to_le_bytes());
+            row[4..8].copy_from_slice(&y.to_le_bytes());
+            row[8..12].copy_from_slice(&z.to_le_bytes());
             if let Some(at) = self.class_at {
                 row[at..at + 2].copy_from_slice(&class.to_le_bytes());
             }
         }
-        for (column, &attribute) in batch.columns.iter().zip(to_file) {
-            let range = self.attributes[attribute].clone();
-            let values = column[first * range.len()..][..n * range.len()].chunks_exact(range.len());
-            for (row, value) in rows.chunks_exact_mut(self.bytes).zip(values) {
-                row[range.clone()].copy_from_slice(value);
+        for (column, &attribute) in batch.columns.iter().zip(*to_file) {
+            let Range { start, end } = self.attributes[attribute];
+            let values = &column[first * (end - start)..];
+            match end - start {
+                1 => put::<1>(rows, self.bytes, start, values),
+                2 => put::<2>(rows, self.bytes, start, values),
+                4 => put::<4>(rows, self.bytes, start, values),
+                _ => put::<8>(rows, self.bytes, start, values),
             }
         }
+    }
+}
+
+/// Puts values of `N` bytes at `at` of each row.
+fn put<const N: usize>(rows: &mut [u8], stride: usize, at: usize, values: &[u8]) {
+    for (row, value) in rows.chunks_exact_mut(stride).zip(values.chunks_exact(N)) {
+        row[at..at + N].copy_from_slice(value);
     }
 }
 
@@ -184,8 +193,8 @@ mod tests {
         batch.positions.push([1, 2, 3]);
         batch.columns = vec![7.5f64.to_le_bytes().to_vec(), vec![9]];
 
-        let mut hash_alone = MultisetHash::default();
-        RowLayout::new(&a, &alone).rows_of(&batch, 0, &[0, 1], &mut hash_alone);
+        let one = Incoming { batch: &batch, class: 0, to_file: &[0, 1] };
+        let hash_alone = RowLayout::new(&a, &alone).for_each_rows(&one, &mut |_| ());
 
         let union = a.union(&Schema::new(vec![Attribute::new("intensity", AttrType::U16)]));
         let classes = [
@@ -193,8 +202,9 @@ mod tests {
             PointClass { present: vec![0, 2], colour_depth: ColourDepth::Sixteen },
         ];
         let layout = RowLayout::new(&union, &classes);
-        let mut hash_union = MultisetHash::default();
-        let rows = layout.rows_of(&batch, 1, &[0, 2], &mut hash_union);
+        let other = Incoming { batch: &batch, class: 1, to_file: &[0, 2] };
+        let mut rows = Vec::new();
+        let hash_union = layout.for_each_rows(&other, &mut |some| rows.extend_from_slice(some));
         assert_eq!(hash_alone, hash_union);
         assert_eq!((layout.class(&rows), position(&rows)), (1, [1, 2, 3]));
         assert_eq!(rows.len(), layout.bytes());

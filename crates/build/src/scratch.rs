@@ -4,8 +4,11 @@
 use crate::error::BuildError;
 use memmap2::Mmap;
 use std::fs::File;
-use std::io::{Seek, Write};
+use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+
+/// Bytes written to the file together.
+const WRITE_BYTES: usize = 4 << 20;
 
 /// A run of bytes in the scratch file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,12 +28,15 @@ impl Extent {
 
 /// A growing file without a name, gone with the process.
 pub struct Scratch {
-    file: File,
+    file: BufWriter<File>,
     folder: PathBuf,
     /// Length of the file.
     bytes: u64,
-    /// Bytes of before it was cleared.
-    cleared_bytes: u64,
+    /// Bytes ever written.
+    written_bytes: u64,
+    /// Bytes not yet released.
+    held_bytes: u64,
+    held_bytes_peak: u64,
 }
 
 impl Scratch {
@@ -41,7 +47,19 @@ impl Scratch {
     pub fn new(folder: &Path) -> Result<Self, BuildError> {
         let file = tempfile::tempfile_in(folder)
             .map_err(|e| BuildError::scratch(folder, "cannot make a scratch file", e))?;
-        Ok(Self { file, folder: folder.to_owned(), bytes: 0, cleared_bytes: 0 })
+        Ok(Self {
+            file: BufWriter::with_capacity(WRITE_BYTES, file),
+            folder: folder.to_owned(),
+            bytes: 0,
+            written_bytes: 0,
+            held_bytes: 0,
+            held_bytes_peak: 0,
+        })
+    }
+
+    /// Where it lies.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// Appends bytes.
@@ -54,12 +72,20 @@ impl Scratch {
             .map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))?;
         let extent = Extent { offset: self.bytes, bytes: bytes.len() as u64 };
         self.bytes += extent.bytes;
+        self.written_bytes += extent.bytes;
+        self.held_bytes += extent.bytes;
+        self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
         Ok(extent)
     }
 
-    /// Bytes ever written: the peak of scratch space is at most this.
+    /// Bytes ever written.
     pub fn bytes(&self) -> u64 {
-        self.cleared_bytes + self.bytes
+        self.written_bytes
+    }
+
+    /// The most bytes that were held at once.
+    pub fn bytes_peak(&self) -> u64 {
+        self.held_bytes_peak
     }
 
     /// Begins anew; all extents are void.
@@ -67,9 +93,10 @@ impl Scratch {
     /// # Errors
     /// Where the system refuses.
     pub fn clear(&mut self) -> Result<(), BuildError> {
-        self.cleared_bytes += std::mem::take(&mut self.bytes);
+        (self.bytes, self.held_bytes) = (0, 0);
         self.file
-            .set_len(0)
+            .flush()
+            .and_then(|()| self.file.get_ref().set_len(0))
             .and_then(|()| self.file.rewind())
             .map_err(|e| BuildError::scratch(&self.folder, "cannot clear scratch data", e))
     }
@@ -77,38 +104,37 @@ impl Scratch {
     /// The file's content so far.
     ///
     /// # Errors
-    /// Where the system refuses the mapping.
-    pub fn map(&self) -> Result<Mmap, BuildError> {
+    /// Where the disk is full, or the system refuses the mapping.
+    pub fn map(&mut self) -> Result<Mmap, BuildError> {
+        self.file
+            .flush()
+            .map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))?;
         // SAFETY: the file has no name and this process alone holds it; it is only appended to, cut only when
         // no extent is left (`clear` takes `&mut self` where no map lives), and holes
         // are punched only in extents that nobody reads any more, so the mapped bytes never change under
         // a reader and the mapping never reaches past the file's end.
-        unsafe { Mmap::map(&self.file) }
+        unsafe { Mmap::map(self.file.get_ref()) }
             .map_err(|e| BuildError::scratch(&self.folder, "cannot map scratch data", e))
     }
 
-    /// Gives an extent's space back to the system. Best effort: what is not given back is freed at the end.
-    pub fn release(&self, extent: Extent) {
-        punch(&self.file, extent);
+    /// Gives the space of extents back to the system, neighbours together. Best effort: what is not given
+    /// back is freed at the end.
+    pub fn release(&mut self, mut extents: Vec<Extent>) {
+        extents.sort_unstable_by_key(|e| e.offset);
+        for run in extents.chunk_by(|a, b| a.offset + a.bytes == b.offset) {
+            let bytes = run.iter().map(|e| e.bytes).sum();
+            self.held_bytes -= bytes;
+            punch(self.file.get_ref(), Extent { offset: run[0].offset, bytes });
+        }
     }
 }
 
 #[cfg(target_os = "linux")]
 fn punch(file: &File, extent: Extent) {
-    use std::os::fd::AsRawFd;
-    let (Ok(offset), Ok(bytes)) = (i64::try_from(extent.offset), i64::try_from(extent.bytes))
-    else {
-        return;
-    };
-    // SAFETY: fallocate takes no pointers; the descriptor is open as long as `file` lives.
-    unsafe {
-        libc::fallocate(
-            file.as_raw_fd(),
-            libc::FALLOC_FL_PUNCH_HOLE | libc::FALLOC_FL_KEEP_SIZE,
-            offset,
-            bytes,
-        );
-    }
+    use rustix::fs::{FallocateFlags, fallocate};
+    let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+    // Not every file system knows holes.
+    let _ = fallocate(file, hole, extent.offset, extent.bytes);
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -124,7 +150,7 @@ mod tests {
         let mut scratch = Scratch::new(folder.path()).unwrap();
         let a = scratch.append(&[1; 10_000]).unwrap();
         let b = scratch.append(&[2; 10_000]).unwrap();
-        scratch.release(a);
+        scratch.release(vec![a]);
         let map = scratch.map().unwrap();
         assert_eq!(&map[b.offset as usize..][..b.bytes as usize], &[2; 10_000]);
         assert_eq!(scratch.bytes(), 20_000);
@@ -132,7 +158,7 @@ mod tests {
         scratch.clear().unwrap();
         let c = scratch.append(&[3; 10]).unwrap();
         assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
-        assert_eq!(scratch.bytes(), 20_010);
+        assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_010, 20_000));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::sample::choose;
 use crate::shape::{Moments, Shape};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
-use esker_format::{Histograms, NodeStatistics, PageLayout, PagePoints, encode_page};
+use esker_format::{Histograms, NodeStatistics, PageLayout, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
 use esker_points::{Cell, MultisetHash, Node, quant};
 use rayon::prelude::*;
@@ -247,37 +247,6 @@ impl Context {
         };
         // Half the largest f32 keeps a multiple of it finite.
         spacing.clamp(step.max(1e-30), 1e30)
-    }
-
-    /// The columns of a page, and the hash of its points.
-    fn page_points(
-        &self,
-        rows: &Rows<'_>,
-        own: &[u32],
-        radius_codes: Vec<u8>,
-    ) -> (PagePoints, MultisetHash) {
-        let (mut hash, mut scratch) = (MultisetHash::default(), Vec::new());
-        let mut points = PagePoints {
-            positions: Vec::with_capacity(own.len()),
-            radius_codes,
-            classes: Vec::new(),
-            columns: Vec::with_capacity(self.rows.attribute_count()),
-        };
-        for &i in own {
-            let row = rows.row(i);
-            self.rows.hash(row, &mut scratch, &mut hash);
-            points.positions.push(rows.position(i));
-            if self.rows.has_class() {
-                points.classes.push(self.rows.class(row));
-            }
-        }
-        for attribute in 0..self.rows.attribute_count() {
-            let range = self.rows.attribute(attribute);
-            let mut column = Vec::with_capacity(own.len() * range.len());
-            own.iter().for_each(|&i| column.extend_from_slice(&rows.row(i)[range.clone()]));
-            points.columns.push(column);
-        }
-        (points, hash)
     }
 }
 

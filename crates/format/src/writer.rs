@@ -67,6 +67,11 @@ impl FileWriter {
         Ok(())
     }
 
+    /// Where the next page will stand.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
     /// Appends a page of [`crate::encode_page`]; its place in the file.
     ///
     /// # Errors
