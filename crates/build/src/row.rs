@@ -101,7 +101,11 @@ impl RowLayout {
     }
 
     /// Makes rows of a batch and hands them to `take` in order, a few at a time. Their hash.
-    pub fn for_each_rows(&self, points: &Incoming<'_>, take: &mut dyn FnMut(&[u8])) -> MultisetHash {
+    pub fn for_each_rows(
+        &self,
+        points: &Incoming<'_>,
+        take: &mut dyn FnMut(&[u8]),
+    ) -> MultisetHash {
         let (mut hash, mut scratch) = (MultisetHash::default(), Vec::new());
         let mut rows = vec![0u8; BLOCK_ROWS * self.bytes];
         let count = points.batch.len();

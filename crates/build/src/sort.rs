@@ -100,7 +100,11 @@ impl<'a> Runs<'a> {
             let rows = run.chunks_exact(self.stride).enumerate();
             keys.extend(rows.map(|(i, row)| key(before as usize + i, row)));
         }
-        if self.rows > TASK_ROWS { keys.par_sort_unstable() } else { keys.sort_unstable() }
+        if self.rows > TASK_ROWS {
+            keys.par_sort_unstable()
+        } else {
+            keys.sort_unstable()
+        }
         self.sort_ties(keys, index_bits);
         let mask = (1u64 << index_bits) - 1;
         out.par_chunks_exact_mut(self.stride)
@@ -173,7 +177,8 @@ mod tests {
 
     #[test]
     fn runs_too_large_to_be_brought_together_are_sorted_alike() {
-        let points: Vec<_> = (0..200_000u32).map(|i| [i.wrapping_mul(2_654_435_761), i % 3, 7]).collect();
+        let points: Vec<_> =
+            (0..200_000u32).map(|i| [i.wrapping_mul(2_654_435_761), i % 3, 7]).collect();
         let bytes = rows_of(&points);
         let (a, b) = bytes.split_at(12 * 77_777);
         assert!(bytes.len() > STAGED_BYTES && points.len() > TASK_ROWS);
