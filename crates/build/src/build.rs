@@ -8,7 +8,7 @@ use crate::row::RowLayout;
 use crate::scratch::Scratch;
 use crate::tree::{Context, Subtree};
 use esker_format::{
-    CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
+    Codec, CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
 use esker_scan::Source;
@@ -36,6 +36,8 @@ pub struct Options {
     pub node_capacity: u32,
     /// Overrides what is detected of 16-bit colours.
     pub colour_depth: Option<ColourDepth>,
+    /// How planes that are not drawn are compressed.
+    pub compress: Codec,
 }
 
 impl Default for Options {
@@ -45,6 +47,7 @@ impl Default for Options {
             scratch: None,
             node_capacity: 1 << 16,
             colour_depth: None,
+            compress: Codec::default(),
         }
     }
 }
@@ -173,7 +176,7 @@ pub fn build_shared(
 
     let context = Context {
         rows: RowLayout::new(&plan.schema, &plan.classes),
-        pages: PageLayout::new(&plan.schema, &plan.classes),
+        pages: PageLayout::new(&plan.schema, &plan.classes).with_codec(options.compress),
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
         histograms: (0..rayon::current_num_threads().max(1))
@@ -326,6 +329,8 @@ fn metadata(
         schema: plan.schema.clone(),
         classes: plan.classes.clone(),
         node_capacity: options.node_capacity,
+        estimated_normals: false,
+        codec: options.compress,
         sources: reports.iter().enumerate().map(record).collect(),
         forest: Vec::new(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),

@@ -24,6 +24,7 @@ impl Context {
             positions: Vec::with_capacity(own.len()),
             radius_codes,
             classes: Vec::new(),
+            normals: Vec::new(),
             columns: ranges.iter().map(|r| Vec::with_capacity(own.len() * r.len())).collect(),
         };
         for block in own.chunks(BLOCK_ROWS) {

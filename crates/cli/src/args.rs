@@ -7,7 +7,7 @@ use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
-use esker_engine::{ColourDepth, Method, quantity};
+use esker_engine::{Codec, ColourDepth, Method, quantity};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -327,6 +327,9 @@ pub struct BuildHow {
     /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input where not said.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
+    /// How attributes that are not drawn are compressed; nothing is lost.
+    #[arg(long, value_enum, default_value_t)]
+    pub compress: Compress,
     /// Threads; one a core where not said.
     #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub threads: usize,
@@ -439,6 +442,27 @@ pub enum ColourBits {
     /// The full 16 bits, or 8 bits in the upper byte.
     #[value(name = "16")]
     Sixteen,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum Compress {
+    /// LZ4: costs little.
+    #[default]
+    Fast,
+    /// Zstandard: smaller, slower.
+    Small,
+    /// Not at all.
+    None,
+}
+
+impl From<Compress> for Codec {
+    fn from(arg: Compress) -> Self {
+        match arg {
+            Compress::Fast => Self::Fast,
+            Compress::Small => Self::Small,
+            Compress::None => Self::None,
+        }
+    }
 }
 
 impl From<ColourBits> for ColourDepth {

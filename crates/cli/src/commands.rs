@@ -170,6 +170,7 @@ fn options(how: &BuildHow) -> BuildOptions {
         scratch: how.scratch.clone(),
         node_capacity: how.node_capacity,
         colour_depth: how.colour_bits.map(Into::into),
+        compress: how.compress.into(),
     }
 }
 

@@ -2,8 +2,7 @@
 
 use crate::quantity::{grouped, readable_bytes};
 use anyhow::Result;
-use esker_format::{EskerFile, Metadata};
-use esker_points::quant::residual_bytes;
+use esker_format::{EskerFile, Metadata, PlaneKind};
 use esker_points::{Node, NodeTable, Task};
 use esker_scan::{OpenOptions, SourceInfo};
 use serde_json::{Value, json};
@@ -66,7 +65,9 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "small_nodes_share": small_share(table, footer.node_capacity),
         "depths": depths(table),
         "bytes": footer.file_bytes,
-        "bytes_a_point": bytes_a_point(&file),
+        "bytes_a_point": bytes_a_point(&file)?,
+        "compress": metadata.codec.name(),
+        "normals": metadata.normals_name(),
         "table_bytes_a_node": size_of::<Node>(),
         "table_bytes": footer.table.bytes,
         "multiset_hash": footer.hash.to_string(),
@@ -134,27 +135,32 @@ fn depths(table: &NodeTable) -> Vec<Value> {
         .collect()
 }
 
-/// Bytes a point of hot planes, residuals, and everything else in the pages.
-fn bytes_a_point(file: &EskerFile) -> Value {
+/// Bytes a point of hot planes, residuals, and everything else in the pages; and of each plane.
+fn bytes_a_point(file: &EskerFile) -> Result<Value> {
     let layout = file.layout();
-    let (mut pages, mut hot, mut residual, mut directories) = (0u64, 0u64, 0u64, 0u64);
-    for node in &file.table().nodes {
-        let n = node.points();
-        pages += u64::from(node.page_bytes);
-        let planes =
-            layout.planes().iter().filter(|p| p.hot && p.kind != esker_format::PlaneKind::Residual);
-        hot += planes.map(|p| u64::from(p.value_bytes) * n as u64).sum::<u64>();
-        residual += (residual_bytes(node.hot_shift) * n) as u64;
-        directories += layout.directory_bytes() as u64;
-    }
     let points = file.footer().points.max(1) as f64;
-    json!({
+    let (mut hot, mut residual, mut cold) = (0u64, 0u64, 0u64);
+    let mut planes = Vec::new();
+    for (plane, bytes) in layout.planes().iter().zip(file.plane_bytes()?) {
+        *match plane.kind {
+            PlaneKind::Residual => &mut residual,
+            _ if plane.hot => &mut hot,
+            _ => &mut cold,
+        } += bytes;
+        let name = match plane.kind {
+            PlaneKind::Attribute(a) => layout.schema().attributes[usize::from(a)].name.clone(),
+            kind => kind.name(),
+        };
+        planes.push(json!({"plane": name, "hot": plane.hot, "bytes": bytes as f64 / points}));
+    }
+    Ok(json!({
         "hot": hot as f64 / points,
         "residual": residual as f64 / points,
-        "cold": pages.saturating_sub(hot + residual + directories) as f64 / points,
-        "directories": directories as f64 / points,
+        "cold": cold as f64 / points,
+        "directories": layout.directory_bytes() as f64 * file.table().nodes.len() as f64 / points,
         "all": file.footer().file_bytes as f64 / points,
-    })
+        "planes": planes,
+    }))
 }
 
 /// [`info`] for people.
@@ -230,6 +236,12 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
         bytes("cold"),
         info["table_bytes_a_node"]
     ));
+    let planes = each["planes"].as_array().into_iter().flatten();
+    let planes: Vec<_> = planes
+        .filter_map(|p| Some(format!("{} {:.2}", p["plane"].as_str()?, p["bytes"].as_f64()?)))
+        .collect();
+    let codec = info["compress"].as_str().unwrap_or("?");
+    lines.push(format!("planes       {} (bytes a point; {codec})", planes.join(", ")));
     for source in info["sources"].as_array().into_iter().flatten() {
         let colours =
             source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));

@@ -1,6 +1,7 @@
 //! A page's directory: one entry a plane with its kind, encoding, place, length and checksum. Entries
 //! stand in the file's order of planes; what is not as computed is damage.
 
+use crate::codec::Encoding;
 use crate::error::Fault;
 use crate::layout::{
     ALIGNMENT, DIRECTORY_ENTRY_BYTES, DIRECTORY_HEAD_BYTES, PageLayout, PlaneSpec,
@@ -10,20 +11,11 @@ use std::ops::Range;
 /// First bytes of every page.
 pub const PAGE_MAGIC: [u8; 4] = *b"ESPG";
 
-/// How a plane's values are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
-    /// One value a point.
-    Raw,
-    /// One value for all points; cold planes only.
-    Constant,
-}
-
 /// One plane of one page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// How it is stored; `None` for an encoding of an unknown kind of plane.
-    pub encoding: Option<Encoding>,
+    /// How it is stored.
+    pub encoding: Encoding,
     /// Place from the start of the page.
     pub offset: u32,
     /// Length on disk.
@@ -57,7 +49,7 @@ impl Directory {
         for (plane, entry) in layout.planes().iter().zip(&self.entries) {
             out.extend_from_slice(&plane.kind.number().to_le_bytes());
             out.extend_from_slice(&plane.kind.attribute().to_le_bytes());
-            out.push(u8::from(entry.encoding == Some(Encoding::Constant)));
+            out.push(entry.encoding.number());
             out.extend_from_slice(&[0; 3]);
             for field in [entry.offset, entry.bytes, entry.crc] {
                 out.extend_from_slice(&field.to_le_bytes());
@@ -123,25 +115,27 @@ fn decode_entry(
     if record[5..8] != [0; 3] {
         return fault("reserved bytes are not zero");
     }
-    let mut entry = Entry {
-        encoding: None,
+    let entry = Entry {
+        encoding: Encoding::from_number(record[4]),
         offset: u32_at(record, 8),
         bytes: u32_at(record, 12),
         crc: u32_at(record, 16),
     };
-    let raw_bytes = PageLayout::raw_bytes(plane, points, hot_shift);
     if !plane.hot && !plane.kind.is_written() {
         return Ok(entry);
     }
-    let (encoding, expected) = match record[4] {
-        0 => (Encoding::Raw, raw_bytes),
-        1 if !plane.hot => (Encoding::Constant, u64::from(plane.value_bytes)),
-        _ => return fault("a plane's encoding is unknown"),
+    let raw_bytes = PageLayout::raw_bytes(plane, points, hot_shift);
+    let bytes = u64::from(entry.bytes);
+    let fits = match entry.encoding {
+        Encoding::Raw => bytes == raw_bytes,
+        _ if plane.hot => return fault("a hot plane is not raw"),
+        Encoding::Constant => bytes == u64::from(plane.value_bytes),
+        Encoding::Lz4 | Encoding::Zstd => bytes < raw_bytes,
+        Encoding::Unknown(_) => true,
     };
-    if u64::from(entry.bytes) != expected {
+    if !fits {
         return fault("a plane's length does not suit the node's points");
     }
-    entry.encoding = Some(encoding);
     Ok(entry)
 }
 

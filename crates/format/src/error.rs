@@ -1,5 +1,6 @@
 //! What can be wrong with an .esker file or with writing one: the file, the part, what to do.
 
+use crate::layout::PlaneKind;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -65,14 +66,30 @@ pub struct Fault {
     pub section: String,
     /// What is wrong with it.
     pub fault: String,
+    /// Whether it is not damaged, but of a later version.
+    pub is_later: bool,
 }
 
 impl Fault {
     pub(crate) fn new(section: impl Into<String>, fault: impl Into<String>) -> Self {
-        Self { section: section.into(), fault: fault.into() }
+        Self { section: section.into(), fault: fault.into(), is_later: false }
+    }
+
+    pub(crate) fn unknown_encoding(number: u8) -> Self {
+        let fault = format!("encoding {number} is of a later version; use a newer Esker");
+        Self { is_later: true, ..Self::new("values", fault) }
+    }
+
+    /// The same fault, told of a plane.
+    pub(crate) fn of_plane(self, kind: PlaneKind) -> Self {
+        Self { section: format!("{} plane", kind.name()), ..self }
     }
 
     pub(crate) fn damaged(self, path: &Path) -> FormatError {
+        if self.is_later {
+            let what = format!("{}: {}", self.section, self.fault);
+            return FormatError::Unsupported { path: path.into(), what };
+        }
         FormatError::Damaged { path: path.into(), section: self.section, fault: self.fault }
     }
 

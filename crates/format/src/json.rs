@@ -1,6 +1,7 @@
 //! The metadata's JSON: one structure an object, apart from the types that the rest of the program uses, so
 //! that these can change without the file. Numbers that JSON does not have are strings.
 
+use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
@@ -101,6 +102,10 @@ pub(crate) struct MetadataJson {
     node_capacity: u32,
     attributes: Vec<AttributeJson>,
     classes: Vec<PointClass>,
+    #[serde(default)]
+    normals: String,
+    #[serde(default)]
+    compress: Codec,
     planes: Vec<PlaneJson>,
     sources: Vec<SourceJson>,
     forest: Vec<TreeJson>,
@@ -119,6 +124,8 @@ impl MetadataJson {
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
             classes: metadata.classes.clone(),
+            normals: metadata.normals_name().into(),
+            compress: metadata.codec,
             planes: metadata.layout().planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
             forest: metadata.forest.iter().map(tree_json).collect(),
@@ -139,10 +146,18 @@ impl MetadataJson {
             schema: Schema { attributes: self.attributes.into_iter().map(attribute).collect() },
             classes: self.classes,
             node_capacity: self.node_capacity,
+            estimated_normals: self.normals == "estimated",
+            codec: self.compress,
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
             generator: self.generator,
         };
+        if !self.normals.is_empty() && self.normals != metadata.normals_name() {
+            return Err(Fault::new(
+                "metadata",
+                "the origin of normals does not suit the attributes",
+            ));
+        }
         Ok((metadata, planes.collect(), blocks))
     }
 }

@@ -2,6 +2,7 @@
 //! metadata. Hot planes are raw and stand first, so that their places follow from a node's record alone;
 //! cold planes are found through the page's directory.
 
+use crate::codec::Codec;
 use crate::error::Fault;
 use esker_points::attribute::names;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
@@ -74,6 +75,23 @@ impl PlaneKind {
         !matches!(self, Self::Unknown(_) | Self::Tangents | Self::ClipLines)
     }
 
+    /// A word for it.
+    pub fn name(self) -> String {
+        match self {
+            Self::Position => "position".into(),
+            Self::Residual => "residual".into(),
+            Self::Colour => "colour".into(),
+            Self::Intensity => "intensity".into(),
+            Self::Normal => "normal".into(),
+            Self::Tangents => "tangents".into(),
+            Self::ClipLines => "clip lines".into(),
+            Self::Class => "class".into(),
+            Self::ColourRemainder => "colour remainder".into(),
+            Self::Attribute(index) => format!("attribute {index}"),
+            Self::Unknown(number) => format!("of unknown kind {number}"),
+        }
+    }
+
     /// The attribute it belongs to, [`NO_ATTRIBUTE`] for most.
     pub fn attribute(self) -> u16 {
         if let Self::Attribute(index) = self { index } else { NO_ATTRIBUTE }
@@ -139,10 +157,12 @@ pub struct PageLayout {
     present: Vec<bool>,
     colours: Vec<Option<ColourSource>>,
     homes: Vec<Home>,
+    estimated_normals: bool,
+    codec: Codec,
 }
 
 impl PageLayout {
-    /// The layout that this version writes for a schema and its classes.
+    /// The layout that this version writes for a schema and its classes, with the default codec.
     pub fn new(schema: &Schema, classes: &[PointClass]) -> Self {
         let attributes = schema.attributes.len();
         let mut present = vec![false; attributes * classes.len()];
@@ -171,9 +191,25 @@ impl PageLayout {
             present,
             colours,
             homes,
+            estimated_normals: false,
+            codec: Codec::default(),
         };
         layout.set_planes(layout.derive_planes());
         layout
+    }
+
+    /// The same with a hot normal plane that the builder estimates; where the points have exact normals,
+    /// nothing changes.
+    pub fn with_estimated_normals(mut self) -> Self {
+        self.estimated_normals = self.schema.normals().is_none();
+        self.set_planes(self.derive_planes());
+        self
+    }
+
+    /// The same with cold planes compressed so.
+    pub fn with_codec(mut self, codec: Codec) -> Self {
+        self.codec = codec;
+        self
     }
 
     fn set_planes(&mut self, planes: Vec<PlaneSpec>) {
@@ -192,7 +228,7 @@ impl PageLayout {
         if self.homes.contains(&Home::Intensity) {
             planes.push(hot(PlaneKind::Intensity, 2));
         }
-        if self.schema.normals().is_some() {
+        if self.schema.normals().is_some() || self.estimated_normals {
             planes.push(hot(PlaneKind::Normal, 4));
         }
         planes.push(hot(PlaneKind::Residual, 0));
@@ -210,18 +246,13 @@ impl PageLayout {
         planes
     }
 
-    /// The layout of a file whose metadata lists these planes. Planes of kinds that this version does
-    /// not know may stand among those that it knows.
+    /// The same for a file whose metadata list these planes. Planes of kinds that this version does not
+    /// know may stand among those that it knows.
     ///
     /// # Errors
-    /// Where the planes that this version knows are not those that schema and classes ask for.
-    pub fn with_planes(
-        schema: &Schema,
-        classes: &[PointClass],
-        planes: Vec<PlaneSpec>,
-    ) -> Result<Self, Fault> {
-        let mut layout = Self::new(schema, classes);
-        if !planes.iter().filter(|p| p.kind.is_written()).eq(layout.planes.iter()) {
+    /// Where the planes that this version knows are not those of this layout.
+    pub fn with_planes(mut self, planes: Vec<PlaneSpec>) -> Result<Self, Fault> {
+        if !planes.iter().filter(|p| p.kind.is_written()).eq(self.planes.iter()) {
             return Err(Fault::new("metadata", "the list of planes does not suit the attributes"));
         }
         let first_cold = planes.iter().position(|p| !p.hot).unwrap_or(planes.len());
@@ -231,8 +262,18 @@ impl PageLayout {
         if planes.iter().any(|p| p.value_bytes > VALUE_BYTES_MAX) {
             return Err(Fault::new("metadata", "a plane's values are longer than any can be"));
         }
-        layout.set_planes(planes);
-        Ok(layout)
+        self.set_planes(planes);
+        Ok(self)
+    }
+
+    /// How cold planes are compressed when written.
+    pub fn codec(&self) -> Codec {
+        self.codec
+    }
+
+    /// Whether the normal plane holds estimates: then [`crate::PagePoints`] have a column of them.
+    pub fn has_estimated_normals(&self) -> bool {
+        self.estimated_normals
     }
 
     /// The attributes of the file.

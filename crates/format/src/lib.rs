@@ -5,6 +5,7 @@
 #[cfg(target_endian = "big")]
 compile_error!("the node table is used as it lies on disk, little-endian");
 
+pub mod codec;
 pub mod columns;
 pub mod directory;
 pub mod error;
@@ -13,18 +14,23 @@ mod json;
 pub mod layout;
 pub mod metadata;
 pub mod page;
+mod planes;
+mod points;
 pub mod read_at;
 pub mod reader;
 pub mod statistics;
 pub mod table;
+mod values;
 pub mod verify;
 pub mod writer;
 
+pub use codec::{Codec, Encoding};
 pub use error::FormatError;
 pub use footer::{Footer, VERSION};
 pub use layout::{PageLayout, PlaneKind};
 pub use metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
-pub use page::{Page, PagePoints, encode_page};
+pub use page::{Page, encode_page};
+pub use points::PagePoints;
 pub use read_at::{FileSource, ReadAt};
 pub use reader::{EskerFile, Planes};
 pub use statistics::{Histograms, NodeStatistics, Ranges, Statistics};

@@ -1,6 +1,7 @@
 //! Schema and metadata: what the file says of itself and of its sources, as JSON with exact numbers, and
 //! beside it the blocks of the sources kept verbatim, as one run of bytes that the JSON points into.
 
+use crate::codec::Codec;
 use crate::error::Fault;
 use crate::json::{BlockPlace, MetadataJson};
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
@@ -27,6 +28,11 @@ pub struct Metadata {
     pub bounds: Option<[[u32; 3]; 2]>,
     /// Points that a node is meant to hold at most.
     pub node_capacity: u32,
+    /// Whether the normal plane was estimated by the builder; where the points have exact normals, it is
+    /// made from those, and this is false.
+    pub estimated_normals: bool,
+    /// How cold planes were compressed.
+    pub codec: Codec,
     /// Where the points come from, in the order given.
     pub sources: Vec<SourceRecord>,
     /// Other files whose trees, over the same lattice, belong to this one. None are read yet.
@@ -93,7 +99,17 @@ pub(crate) struct Decoded {
 impl Metadata {
     /// The layout of the pages that such a file has.
     pub fn layout(&self) -> PageLayout {
-        PageLayout::new(&self.schema, &self.classes)
+        let layout = PageLayout::new(&self.schema, &self.classes).with_codec(self.codec);
+        if self.estimated_normals { layout.with_estimated_normals() } else { layout }
+    }
+
+    /// Where the normal plane comes from: `none` where there is none, `source`, `estimated`.
+    pub fn normals_name(&self) -> &'static str {
+        match self.schema.normals() {
+            Some(_) => "source",
+            None if self.estimated_normals => "estimated",
+            None => "none",
+        }
     }
 
     /// The greatest of the sources' rounding errors.
@@ -128,7 +144,7 @@ impl Metadata {
         let (metadata, planes, blocks) = json.parts()?;
         check_blocks(&blocks, verbatim_bytes)?;
         metadata.check()?;
-        let layout = PageLayout::with_planes(&metadata.schema, &metadata.classes, planes)?;
+        let layout = metadata.layout().with_planes(planes)?;
         Ok(Decoded { metadata, layout, blocks })
     }
 
@@ -158,6 +174,9 @@ impl Metadata {
             if last > attributes.len() || class.present.windows(2).any(|w| w[0] >= w[1]) {
                 return fault("a class names attributes that do not exist, or twice");
             }
+        }
+        if self.estimated_normals && self.schema.normals().is_some() {
+            return fault("normals are exact and estimated at once");
         }
         let classes_max = self.classes.len().max(1);
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {

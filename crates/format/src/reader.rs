@@ -1,13 +1,14 @@
 //! Reading a file: footer, metadata and table are read, copied and checked when it is opened; pages, planes
 //! and statistics by positioned reads when asked for, each against its checksum.
 
+use crate::codec;
 use crate::directory::Directory;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, Section, header};
 use crate::json::BlockPlace;
 use crate::layout::{PageLayout, PlaneKind};
 use crate::metadata::{METADATA_BYTES_MAX, Metadata};
-use crate::page::{Page, expand};
+use crate::page::Page;
 use crate::read_at::{FileSource, ReadAt};
 use crate::statistics::Statistics;
 use crate::table;
@@ -47,7 +48,7 @@ impl fmt::Debug for EskerFile {
 }
 
 impl EskerFile {
-    /// Opens a file.
+    /// Opens a file: its own tree alone, not those of other files that it names.
     ///
     /// # Errors
     /// Where it cannot be read, has no valid footer, another version, or is damaged.
@@ -72,11 +73,6 @@ impl EskerFile {
         let decoded =
             Metadata::decode(&json, footer.verbatim.bytes).map_err(|f| f.damaged(name))?;
         drop(json);
-        if !decoded.metadata.forest.is_empty() {
-            let what = "it is a forest, which names further files; this version reads single files \
-                        only: use a newer Esker";
-            return Err(FormatError::Unsupported { path: name.into(), what: what.into() });
-        }
         let table = read_table(name, source.as_ref(), &footer)?;
         table::check(&table, &decoded.layout, footer.table.offset, footer.points)
             .and_then(|()| check_counts(&footer, &decoded.metadata))
@@ -175,7 +171,18 @@ impl EskerFile {
         let record = self.node(node)?;
         let mut bytes = vec![0; record.page_bytes as usize];
         self.read_exact_at(&mut bytes, record.page_offset)?;
-        let directory = self.directory_of(record, &bytes).map_err(self.in_node(node))?;
+        self.page_of(node, bytes)
+    }
+
+    /// The page of a node from its bytes, which may also be made anew; every plane is checked.
+    ///
+    /// # Errors
+    /// Where they are damaged.
+    pub fn page_of(&self, node: u32, bytes: Vec<u8>) -> Result<Page<'_>, FormatError> {
+        let record = self.node(node)?;
+        let page_bytes = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+        let directory =
+            self.directory_of(record, &bytes, page_bytes).map_err(self.in_node(node))?;
         for (plane, entry) in self.layout.planes().iter().zip(&directory.entries) {
             if crc32fast::hash(&bytes[entry.range()]) != entry.crc {
                 let fault = Fault::new(format!("{:?}", plane.kind), "its checksum does not match");
@@ -184,17 +191,40 @@ impl EskerFile {
         }
         Ok(Page {
             layout: &self.layout,
-            bytes,
             directory,
             points: record.points(),
             box_min: record.box_min,
             hot_shift: record.hot_shift,
+            bytes,
         })
     }
 
-    fn directory_of(&self, record: &Node, bytes: &[u8]) -> Result<Directory, Fault> {
+    /// Bytes that each plane of the layout takes in all pages; reads every page's directory.
+    ///
+    /// # Errors
+    /// Where one cannot be read or is damaged.
+    pub fn plane_bytes(&self) -> Result<Vec<u64>, FormatError> {
+        let mut sums = vec![0; self.layout.planes().len()];
+        let mut head = vec![0; self.layout.directory_bytes()];
+        for (node, record) in (0..).zip(&self.table.nodes) {
+            self.read_exact_at(&mut head, record.page_offset)?;
+            let directory =
+                self.directory_of(record, &head, record.page_bytes).map_err(self.in_node(node))?;
+            for (sum, entry) in sums.iter_mut().zip(&directory.entries) {
+                *sum += u64::from(entry.bytes);
+            }
+        }
+        Ok(sums)
+    }
+
+    fn directory_of(
+        &self,
+        record: &Node,
+        bytes: &[u8],
+        page_bytes: u32,
+    ) -> Result<Directory, Fault> {
         let points = record.points();
-        Directory::decode(&self.layout, bytes, points, record.hot_shift, record.page_bytes)
+        Directory::decode(&self.layout, bytes, points, record.hot_shift, page_bytes)
     }
 
     /// Reads these planes of a node, with as few reads as they need, each checked. Planes that the file
@@ -213,7 +243,8 @@ impl EskerFile {
             .fold(self.layout.directory_bytes() as u64, u64::max);
         let mut head = vec![0; hot_end as usize];
         self.read_exact_at(&mut head, record.page_offset)?;
-        let directory = self.directory_of(record, &head).map_err(self.in_node(node))?;
+        let directory =
+            self.directory_of(record, &head, record.page_bytes).map_err(self.in_node(node))?;
         let mut planes = Planes::default();
         for &kind in kinds {
             let Some(index) = self.layout.plane_index(kind) else { continue };
@@ -231,7 +262,10 @@ impl EskerFile {
                 let fault = Fault::new(format!("{kind:?}"), "its checksum does not match");
                 return Err(self.in_node(node)(fault));
             }
-            planes.planes.push((kind, expand(&entry, &stored, points)));
+            let value_bytes = self.layout.planes()[index].value_bytes as usize;
+            let values = codec::decode(entry.encoding, &stored, value_bytes, points)
+                .map_err(|fault| self.in_node(node)(fault.of_plane(kind)))?;
+            planes.planes.push((kind, values));
         }
         Ok(planes)
     }

@@ -4,33 +4,31 @@
 
 use crate::error::Fault;
 use crate::layout::PageLayout;
-use crate::page::PagePoints;
+use crate::points::PagePoints;
+use crate::values::{Bins, count_bytes, finite_range, present, raw_range};
 use esker_points::attribute::names;
 use esker_points::{AttrType, NodeTable, Schema};
 
-/// Bins of a histogram.
-pub const BINS: usize = 256;
+pub use crate::values::BINS;
+
 const SIGN: u64 = 1 << 63;
 
-/// An unsigned number that orders as the value does; `None` for NaN.
-pub(crate) fn key(ty: AttrType, value: &[u8]) -> Option<u64> {
-    let mut raw = [0u8; 8];
-    raw[..ty.size()].copy_from_slice(&value[..ty.size()]);
-    let bits = u64::from_le_bytes(raw);
+/// An unsigned number that orders as the value, which is not NaN, does.
+fn key(ty: AttrType, value: [u8; 8]) -> u64 {
+    let bits = u64::from_le_bytes(value);
     let signed = |bits: u32| ((bits as i64) << (64 - 8 * ty.size()) >> (64 - 8 * ty.size())) as u64;
     match ty {
-        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => Some(bits),
-        AttrType::I8 | AttrType::I16 | AttrType::I32 => Some(signed(bits as u32) ^ SIGN),
-        AttrType::I64 => Some(bits ^ SIGN),
+        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => bits,
+        AttrType::I8 | AttrType::I16 | AttrType::I32 => signed(bits as u32) ^ SIGN,
+        AttrType::I64 => bits ^ SIGN,
         AttrType::F32 => real_key(f64::from(f32::from_bits(bits as u32))),
         AttrType::F64 => real_key(f64::from_bits(bits)),
     }
 }
 
-fn real_key(v: f64) -> Option<u64> {
+fn real_key(v: f64) -> u64 {
     let bits = (v + 0.0).to_bits();
-    let ordered = if bits & SIGN == 0 { bits | SIGN } else { !bits };
-    (!v.is_nan()).then_some(ordered)
+    if bits & SIGN == 0 { bits | SIGN } else { !bits }
 }
 
 fn real(key: u64) -> f64 {
@@ -38,7 +36,7 @@ fn real(key: u64) -> f64 {
 }
 
 /// Appends the value that a key stands for.
-pub(crate) fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
+fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
     let bits = match ty {
         AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => key,
         AttrType::I8 | AttrType::I16 | AttrType::I32 | AttrType::I64 => key ^ SIGN,
@@ -46,24 +44,6 @@ pub(crate) fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
         AttrType::F64 => real(key).to_bits(),
     };
     out.extend_from_slice(&bits.to_le_bytes()[..ty.size()]);
-}
-
-/// Least and greatest where there is no value: least above greatest.
-fn no_values(ty: AttrType) -> (u64, u64) {
-    let bits = 8 * ty.size() as u32;
-    match ty {
-        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => {
-            (u64::MAX >> (64 - bits), 0)
-        }
-        AttrType::I8 | AttrType::I16 | AttrType::I32 | AttrType::I64 => {
-            let max = i64::MAX >> (64 - bits);
-            (max as u64 ^ SIGN, !max as u64 ^ SIGN)
-        }
-        AttrType::F32 | AttrType::F64 => {
-            let at = |v| real_key(v).unwrap_or_default();
-            (at(f64::INFINITY), at(f64::NEG_INFINITY))
-        }
-    }
 }
 
 /// Least and greatest of each attribute and the classes of one node's own points.
@@ -77,18 +57,12 @@ pub struct NodeStatistics {
 impl NodeStatistics {
     /// Of these points.
     pub fn of(layout: &PageLayout, points: &PagePoints) -> Self {
-        let attributes = &layout.schema().attributes;
-        let ranges = attributes.iter().enumerate().map(|(a, attribute)| {
-            let size = attribute.ty.size();
-            let mut range = no_values(attribute.ty);
-            for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
-                if layout.has_attribute(points.class(i), a)
-                    && let Some(key) = key(attribute.ty, value)
-                {
-                    range = (range.0.min(key), range.1.max(key));
-                }
-            }
-            range
+        let mut scratch = Vec::new();
+        let attributes = layout.schema().attributes.iter().enumerate();
+        let ranges = attributes.map(|(a, attribute)| {
+            let range = raw_range(attribute.ty, present(layout, points, a, &mut scratch));
+            let [least, greatest] = range.map(|value| key(attribute.ty, value));
+            (least, greatest)
         });
         Self { ranges: ranges.collect(), class_bits: class_bits(layout, points) }
     }
@@ -97,10 +71,9 @@ impl NodeStatistics {
 fn class_bits(layout: &PageLayout, points: &PagePoints) -> [u64; 4] {
     let mut bits = [0; 4];
     if let Some(a) = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8) {
-        for (i, &class) in points.columns[a].iter().enumerate() {
-            if layout.has_attribute(points.class(i), a) {
-                bits[usize::from(class >> 6)] |= 1 << (class & 63);
-            }
+        let counts = count_bytes(present(layout, points, a, &mut Vec::new()));
+        for (class, _) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
+            bits[class / 64] |= 1 << (class % 64);
         }
     }
     bits
@@ -120,31 +93,16 @@ impl Ranges {
 
     /// Adds raw values of one attribute, all of points that have it.
     pub fn add_column(&mut self, attribute: usize, ty: AttrType, column: &[u8]) {
+        let of = finite_range(ty, column);
         let range = &mut self.ranges[attribute];
-        for value in column.chunks_exact(ty.size()) {
-            let v = ty.to_f64(value) + 0.0;
-            if v.is_finite() {
-                *range = (range.0.min(v), range.1.max(v));
-            }
-        }
+        *range = (range.0.min(of.0), range.1.max(of.1));
     }
 
     /// Adds all attributes of these points.
     pub fn add(&mut self, layout: &PageLayout, points: &PagePoints) {
+        let mut scratch = Vec::new();
         for (a, attribute) in layout.schema().attributes.iter().enumerate() {
-            let size = attribute.ty.size();
-            if layout.classes().len() <= 1 {
-                // A single class: the usual case, without asking for each point.
-                if layout.has_attribute(0, a) {
-                    self.add_column(a, attribute.ty, &points.columns[a]);
-                }
-                continue;
-            }
-            for (i, value) in points.columns[a].chunks_exact(size).enumerate() {
-                if layout.has_attribute(points.class(i), a) {
-                    self.add_column(a, attribute.ty, value);
-                }
-            }
+            self.add_column(a, attribute.ty, present(layout, points, a, &mut scratch));
         }
     }
 
@@ -218,24 +176,10 @@ impl Ranges {
         layout: &PageLayout,
         points: &PagePoints,
     ) -> [u64; BINS] {
+        let (least, greatest) = self.ranges[a];
         let ty = layout.schema().attributes[a].ty;
-        let (lo, hi) = self.ranges[a];
-        let mut counts = [0; BINS];
-        for (i, value) in points.columns[a].chunks_exact(ty.size()).enumerate() {
-            let v = ty.to_f64(value);
-            if layout.has_attribute(points.class(i), a) && v >= lo && v <= hi && v.is_finite() {
-                counts[bin(v, lo, hi)] += 1;
-            }
-        }
-        counts
+        Bins::new(least, greatest).counts(ty, present(layout, points, a, &mut Vec::new()))
     }
-}
-
-/// The bin of a value; halves, so that the widest range does not overflow.
-fn bin(v: f64, lo: f64, hi: f64) -> usize {
-    let width = hi / 2.0 - lo / 2.0;
-    // Zero by zero is NaN, which becomes 0.
-    (((v / 2.0 - lo / 2.0) / width * BINS as f64) as usize).min(BINS - 1)
 }
 
 /// The side table: columns over the nodes, in table order.

@@ -2,9 +2,12 @@
 //! compared: pages from their points, boxes, statistics, the multiset hash. Nodes are checked in parallel
 //! in the current rayon pool; each thread holds one page.
 
+use crate::codec::{Encoding, is_constant};
 use crate::error::{Fault, FormatError};
 use crate::layout::PageLayout;
-use crate::page::{PagePoints, encode_page};
+use crate::page::Page;
+use crate::planes::Values;
+use crate::points::PagePoints;
 use crate::reader::EskerFile;
 use crate::statistics::{Histograms, NodeStatistics, Ranges, Statistics};
 use crate::table::check_pages_fill;
@@ -112,39 +115,69 @@ fn verify_node(
         Fault { section, ..fault }.damaged(file.path())
     };
     let points = page.points().map_err(fault)?;
-    check_box(node, &points).map_err(fault)?;
+    let [low, high] = check_box(node, &points).map_err(fault)?;
     check_contour(node, &file.metadata().lattice, &points).map_err(fault)?;
     check_absent(layout, &points).map_err(fault)?;
-    // Planes of unknown kinds cannot be made again; where there are none, every byte can.
-    let known = layout.planes().iter().all(|p| p.kind.is_written());
-    if known && encode_page(layout, node.box_min, node.hot_shift, &points) != page.bytes() {
-        return Err(fault(Fault::new("planes", "they are not those that the exact points give")));
-    }
+    check_planes(node, &page, &points).map_err(fault)?;
     let statistics = NodeStatistics::of(layout, &points);
     let hash = points.hash(layout);
     let mut ranges = Ranges::new(layout.schema());
     ranges.add(layout, &points);
-    for a in 0..layout.schema().attributes.len() {
-        let counts = stored.counts_of(a, layout, &points);
-        lock(sums).histograms.add_counts(a, &counts);
-    }
+    let counts: Vec<_> = (0..layout.schema().attributes.len())
+        .map(|a| stored.counts_of(a, layout, &points))
+        .collect();
     let mut sums = lock(sums);
     sums.points += points.len() as u64;
     sums.hash += hash;
-    for &p in &points.positions {
-        let [low, high] = sums.bounds.unwrap_or([p, p]);
-        let join = |f: fn(u32, u32) -> u32, a: [u32; 3]| [0, 1, 2].map(|i| f(a[i], p[i]));
-        sums.bounds = Some([join(u32::min, low), join(u32::max, high)]);
+    for (a, counts) in counts.iter().enumerate() {
+        sums.histograms.add_counts(a, counts);
     }
+    let [least, greatest] = sums.bounds.unwrap_or([low, high]);
+    let join = |f: fn(u32, u32) -> u32, a: [u32; 3], b: [u32; 3]| [0, 1, 2].map(|i| f(a[i], b[i]));
+    sums.bounds = Some([join(u32::min, least, low), join(u32::max, greatest, high)]);
     sums.ranges.merge(&ranges);
     drop(sums);
     task.advance(points.len() as u64);
     Ok(statistics)
 }
 
+/// Every plane holds what the exact points give, stored as the format asks, and the bytes between are zero.
+/// How well a plane was compressed is the writer's affair.
+fn check_planes(node: &Node, page: &Page<'_>, points: &PagePoints) -> Result<(), Fault> {
+    let layout = page.layout;
+    let values = Values { layout, box_min: node.box_min, hot_shift: node.hot_shift, points };
+    let mut expected = Vec::new();
+    let mut end = layout.directory_bytes();
+    for (plane, entry) in layout.planes().iter().zip(&page.directory().entries) {
+        let range = entry.range();
+        let fault = |what| Err(Fault::new("planes", what).of_plane(plane.kind));
+        if page.bytes()[end..range.start].iter().any(|&b| b != 0) {
+            return fault("the bytes before it are not zero");
+        }
+        end = range.end;
+        // Planes of unknown kinds cannot be made again.
+        if !plane.kind.is_written() {
+            continue;
+        }
+        expected.clear();
+        values.push(plane, &mut expected);
+        if page.plane(plane.kind)?.as_ref() != Some(&expected) {
+            return fault("it is not the one that the exact points give");
+        }
+        let is_constant = is_constant(&expected, plane.value_bytes as usize);
+        if !plane.hot && is_constant != (entry.encoding == Encoding::Constant) {
+            return fault("one value for all points is not stored once");
+        }
+    }
+    if page.bytes()[end..].iter().any(|&b| b != 0) {
+        return Err(Fault::new("planes", "the bytes behind them are not zero"));
+    }
+    Ok(())
+}
+
 /// Points lie in the node's cell; its integer box begins at their least coordinates and drops no more bits
-/// than they need.
-fn check_box(node: &Node, points: &PagePoints) -> Result<(), Fault> {
+/// than they need. Gives their least and greatest coordinates.
+fn check_box(node: &Node, points: &PagePoints) -> Result<[[u32; 3]; 2], Fault> {
     let fault = |what: &str| Err(Fault::new("position plane", what));
     let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
     for p in &points.positions {
@@ -160,7 +193,7 @@ fn check_box(node: &Node, points: &PagePoints) -> Result<(), Fault> {
     if min != node.box_min || hot_shift(extent) != node.hot_shift {
         return fault("the node's integer box is not that of its points");
     }
-    Ok(())
+    Ok([min, max])
 }
 
 /// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`, and its

@@ -153,17 +153,7 @@ fn claims_of_the_footer_are_not_believed() {
 }
 
 #[test]
-fn forests_and_other_versions_are_refused_by_name() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.esker");
-    let (schema, classes) = tree::mixed_schema();
-    let points = tree::points_of(&schema, &classes, 10, 20, 3);
-    let mut metadata = tree::metadata(schema, classes);
-    metadata.forest =
-        vec![esker_format::TreeRef { path: "b.esker".into(), footer_hash: u128::MAX }];
-    tree::write(&path, &metadata, &points, 15);
-    let error = EskerFile::open(&path).err().unwrap().to_string();
-    assert!(error.contains("forest"), "{error}");
+fn other_versions_are_refused_by_name() {
     let mut bytes = small_file();
     let at = bytes.len() - esker_format::footer::FOOTER_BYTES;
     bytes[at + 8] = 9;

@@ -19,7 +19,7 @@ fn later_layout(today: &PageLayout) -> PageLayout {
     let mut planes = today.planes().to_vec();
     planes.insert(1, unknown(40, true));
     planes.push(unknown(41, false));
-    PageLayout::with_planes(today.schema(), today.classes(), planes).unwrap()
+    today.clone().with_planes(planes).unwrap()
 }
 
 /// Adds a column of kind 99 behind all others.

@@ -5,8 +5,8 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use esker_format::{
-    CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, PageLayout, PagePoints, Ranges,
-    SourceRecord, Statistics, encode_page,
+    Codec, CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, PageLayout, PagePoints,
+    Ranges, SourceRecord, Statistics, encode_page,
 };
 use esker_points::lattice::GridKind;
 use esker_points::node::{NONE, Node, SHAPE_CONTINUATION};
@@ -45,6 +45,8 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         classes,
         bounds: None,
         node_capacity: 64,
+        estimated_normals: false,
+        codec: Codec::Fast,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],
         generator: "tests".into(),
@@ -61,6 +63,10 @@ pub fn take(points: &PagePoints, layout: &PageLayout, indices: &[usize]) -> Page
         } else {
             indices.iter().map(|&i| points.classes[i]).collect()
         },
+        normals: points
+            .normals
+            .first()
+            .map_or(vec![], |_| indices.iter().map(|&i| points.normals[i]).collect()),
         columns: sizes
             .zip(&points.columns)
             .map(|(s, c)| indices.iter().flat_map(|&i| c[i * s..][..s].to_vec()).collect())
@@ -270,6 +276,10 @@ pub fn schemas() -> impl Strategy<Value = (Schema, Vec<PointClass>)> {
             .collect();
         (schema, classes)
     })
+}
+
+pub fn codecs() -> impl Strategy<Value = Codec> {
+    prop::sample::select(vec![Codec::None, Codec::Fast, Codec::Small])
 }
 
 /// Points with arbitrary values in everything that they have. `spread` bits of coordinates differ.

@@ -3,8 +3,8 @@
 
 use bytemuck::Zeroable;
 use esker_format::{
-    EskerFile, FileWriter, Histograms, Metadata, NodeStatistics, PagePoints, Ranges, Statistics,
-    encode_page,
+    Codec, EskerFile, FileWriter, Histograms, Metadata, NodeStatistics, PagePoints, Ranges,
+    Statistics, encode_page,
 };
 use esker_points::node::NONE;
 use esker_points::quant::hot_shift;
@@ -42,6 +42,8 @@ fn metadata() -> Metadata {
         bounds: None,
         node_capacity: 1000,
         sources: vec![],
+        estimated_normals: false,
+        codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),
     }
@@ -184,6 +186,7 @@ fn part(schema: &Schema, positions: &[[u32; 3]], own: &[usize]) -> PagePoints {
         positions: own.iter().map(|&p| positions[p]).collect(),
         radius_codes: own.iter().map(|&p| p as u8).collect(),
         classes: vec![],
+        normals: vec![],
         columns: schema.attributes.iter().map(column).collect(),
     }
 }
