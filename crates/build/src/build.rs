@@ -1,5 +1,6 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
+use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken, open};
 use crate::levels::{Raiser, Store, assemble};
@@ -38,6 +39,8 @@ pub struct Options {
     pub colour_depth: Option<ColourDepth>,
     /// How planes that are not drawn are compressed.
     pub compress: Codec,
+    /// Whether inputs of different coordinate reference systems are taken as they are.
+    pub ignore_crs: bool,
 }
 
 impl Default for Options {
@@ -48,6 +51,7 @@ impl Default for Options {
             node_capacity: 1 << 16,
             colour_depth: None,
             compress: Codec::default(),
+            ignore_crs: false,
         }
     }
 }
@@ -244,7 +248,17 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
             options.node_capacity
         ));
     }
-    Ok(())
+    if options.ignore_crs {
+        return Ok(());
+    }
+    let mut systems: Vec<_> =
+        sources.iter().map(|s| s.info()).filter(|i| i.crs.is_some()).collect();
+    systems.sort_by_key(|i| i.path.as_os_str().as_encoded_bytes());
+    let said = systems
+        .iter()
+        .map(|i| (i.path.display().to_string(), i.crs.as_ref().map_or("", |c| &c.text)));
+    let said: Vec<_> = said.collect();
+    one_system(said.iter().map(|(path, text)| (path.as_str(), *text)))
 }
 
 fn same_file(a: &Path, b: &Path) -> bool {

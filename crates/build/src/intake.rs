@@ -8,6 +8,7 @@ use crate::partition::{BUCKETS_MAX, Block, Partition};
 use crate::row::{Incoming, RowLayout};
 use crate::scratch::Scratch;
 use esker_format::Ranges;
+use esker_points::lattice::GridKind;
 use esker_points::{
     Batch, Cell, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
 };
@@ -244,8 +245,19 @@ impl Intake {
         task: &dyn Task,
         peak: &Peak,
     ) -> Result<(Plan, Taken), BuildError> {
-        // Each source can be wrong about its bounds once; colours are corrected all at once.
-        for _ in 0..self.sources.len() + 2 {
+        // A header may claim more room than its points have: the lattice must not be coarser for it.
+        let scale = self.plan()?.lattice.scale;
+        let finest = |axis: usize| {
+            self.grids.iter().map(|g| g.grid.scale[axis]).fold(f64::INFINITY, f64::min)
+        };
+        if (0..3).any(|axis| scale[axis] > finest(axis)) {
+            task.note(
+                "the inputs' bounds need a lattice coarser than their coordinates; measuring them",
+            );
+            self.measure(0, task)?;
+        }
+        // Bounds and colours can be wrong once each, bounds again where an input changes meanwhile.
+        for _ in 0..4 {
             let mut plan = self.plan()?;
             let void = match self.read(&plan, scratch, buffer_bytes_max, task, peak)? {
                 Ok(taken) => match self.correct_colours(&mut plan, &taken.reports) {
@@ -258,8 +270,8 @@ impl Intake {
             match void {
                 Void::Bounds(source) => {
                     let path = self.sources[source].info().path.display().to_string();
-                    task.note(&format!("{path}: points lie outside its header's bounds; measuring them and starting again"));
-                    self.grids[source].bounds = self.sources[source].survey(task)?;
+                    task.note(&format!("{path}: points lie outside its header's bounds; measuring what is left and starting again"));
+                    self.measure(source, task)?;
                 }
                 Void::Colours => task.note(
                     "colours are of another depth than the first points showed; starting again",
@@ -267,6 +279,18 @@ impl Intake {
             }
         }
         Err(BuildError::Options("the inputs change while they are read".into()))
+    }
+
+    /// True bounds of this source and of all after it: where one header lies, others may, and each of them would start
+    /// the reading again.
+    fn measure(&mut self, from: usize, task: &dyn Task) -> Result<(), BuildError> {
+        task.phase("measuring", None, "points");
+        for (source, grid) in self.sources.iter().zip(&mut self.grids).skip(from) {
+            if grid.kind == GridKind::Integer {
+                grid.bounds = source.survey(task)?;
+            }
+        }
+        Ok(())
     }
 
     fn read(

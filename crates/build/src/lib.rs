@@ -6,6 +6,7 @@ pub mod build;
 mod chunk;
 mod coincident;
 mod contour;
+pub mod crs;
 pub mod error;
 mod gather;
 mod intake;

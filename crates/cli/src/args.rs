@@ -330,6 +330,10 @@ pub struct BuildHow {
     /// How attributes that are not drawn are compressed; nothing is lost.
     #[arg(long, value_enum, default_value_t)]
     pub compress: Compress,
+    /// Take the coordinates of inputs as they are where their coordinate reference systems differ, which is refused
+    /// else.
+    #[arg(long)]
+    pub ignore_crs: bool,
     /// Threads; one a core where not said.
     #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub threads: usize,

@@ -171,6 +171,7 @@ fn options(how: &BuildHow) -> BuildOptions {
         node_capacity: how.node_capacity,
         colour_depth: how.colour_bits.map(Into::into),
         compress: how.compress.into(),
+        ignore_crs: how.ignore_crs,
     }
 }
 

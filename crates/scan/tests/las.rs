@@ -243,10 +243,6 @@ fn chunk_tables_that_lie_are_refused_without_believing_them() {
     bytes[table + 4..table + 8].copy_from_slice(&u32::MAX.to_le_bytes());
     let error = open(&on_disk(&bytes)).err().unwrap().to_string();
     assert!(error.contains("claims 4294967295 chunks"), "{error}");
-    let mut bytes = good;
-    bytes[247..255].copy_from_slice(&11u64.to_le_bytes());
-    let error = open(&on_disk(&bytes)).err().unwrap().to_string();
-    assert!(error.contains("claims 11 points"), "{error}");
 }
 
 #[test]
@@ -318,19 +314,69 @@ fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
 #[test]
 fn counts_that_lie_are_named_or_put_right() {
     let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
-    let with_count = |count: u32| {
-        let mut bytes = file.las();
+    let with_count = |count: u32, bytes: usize| {
+        let mut bytes = file.las()[..bytes].to_vec();
         bytes[107..111].copy_from_slice(&count.to_le_bytes());
         on_disk(&bytes)
     };
-    let error = open(&with_count(11)).err().unwrap().to_string();
-    assert!(error.contains("claims 11 points") && error.contains("for 10 only"), "{error}");
-    assert!(!error.contains('\n'));
-    for (claimed, read_points) in [(0, 10), (4, 4)] {
-        let disk = with_count(claimed);
+    let all = file.las().len();
+    for claimed in [0, 4, 9, 11, 5000, u32::MAX] {
+        let disk = with_count(claimed, all);
         let source = open(&disk).unwrap();
-        assert_eq!(source.info().notes.len(), 1, "{:?}", source.info().notes);
-        assert_eq!(read(source.as_ref()).unwrap().1.points, read_points);
+        let [note] = &source.info().notes[..] else { panic!("{:?}", source.info().notes) };
+        assert!(note.contains(&format!("claims {claimed} points")) && note.contains("10 whole"));
+        assert_eq!(source.info().points_hint, 10);
+        assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
+    }
+    // Cut within a record, it is the file that is wrong.
+    let error = open(&with_count(11, all - 7)).err().unwrap().to_string();
+    assert!(error.contains("claims 11 points") && error.contains("for 9 only"), "{error}");
+    assert!(!error.contains('\n'));
+    // What is no whole number of records may be anything.
+    let disk = with_count(8, all - 7);
+    let source = open(&disk).unwrap();
+    assert!(source.info().notes[0].contains("33 bytes behind"), "{:?}", source.info().notes);
+    assert_eq!(read(source.as_ref()).unwrap().1.points, 8);
+}
+
+#[test]
+fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
+    let file = file_of(Variant { format: 7, minor: 4, extra: 3 }, plain_points(1000, 3));
+    for good in [file.laz(300), file.laz_of_varying_chunks(&[400, 1, 99, 500]), file.laz(5000)] {
+        for claimed in [0u64, 1, 899, 901, 999, 1001, 4999, 1 << 40, u64::MAX] {
+            let mut bytes = good.clone();
+            bytes[247..255].copy_from_slice(&claimed.to_le_bytes());
+            let disk = on_disk(&bytes);
+            let source = open(&disk).unwrap();
+            let [note] = &source.info().notes[..] else { panic!("{:?}", source.info().notes) };
+            assert!(
+                note.contains(&format!("claims {claimed} points")) && note.contains("hold 1000")
+            );
+            assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
+        }
+    }
+    // Older chunks don't tell: what is left out is said, what is missing is an error.
+    let file = file_of(Variant { format: 3, minor: 2, extra: 0 }, plain_points(1000, 0));
+    let with_count = |claimed: u32| {
+        let mut bytes = file.laz(300);
+        bytes[107..111].copy_from_slice(&claimed.to_le_bytes());
+        on_disk(&bytes)
+    };
+    let disk = with_count(500);
+    let source = open(&disk).unwrap();
+    assert!(source.info().notes[0].contains("2 of its 4 chunks"), "{:?}", source.info().notes);
+    assert_equal(&read(source.as_ref()).unwrap().0, &file.points[..500], file.variant);
+    let error = open(&with_count(2000)).err().unwrap().to_string();
+    assert!(error.contains("claims 2000 points") && error.contains("at most 1200"), "{error}");
+    let disk = with_count(1100);
+    assert!(read(open(&disk).unwrap().as_ref()).is_err());
+    // No points at all are none.
+    for (format, minor) in [(3, 2), (7, 4)] {
+        let empty = file_of(Variant { format, minor, extra: 0 }, Vec::new());
+        let disk = on_disk(&empty.laz(300));
+        let source = open(&disk).unwrap();
+        assert_eq!((source.info().points_hint, source.info().notes.len()), (0, 0));
+        assert_eq!(read(source.as_ref()).unwrap().1.points, 0);
     }
 }
 

@@ -53,14 +53,15 @@ pub fn record(records: &Records) -> Option<&Vlr> {
 }
 
 impl Compression {
-    /// Checks the record against the header and reads the chunk table.
+    /// Checks the record against the header and reads the chunk table. Where the chunks tell how many points they hold
+    /// and the header claims another count, that is put right.
     ///
     /// # Errors
     /// Where the record is of a kind that is not read or contradicts the header, and where the chunk
     /// table is damaged or has fewer points than the header claims.
     pub fn read(
         vlr: &Vlr,
-        header: &Header,
+        header: &mut Header,
         file: &mut File,
         file_bytes: u64,
         path: &Path,
@@ -79,7 +80,7 @@ impl Compression {
             start: header.points_start,
             end: file_bytes,
         };
-        if header.points == 0 || compressor == 1 {
+        if compressor == 1 || header.points == 0 && !is_layered {
             found.chunks = (header.points == 0).then(Vec::new);
             return Ok(found);
         }
@@ -88,6 +89,17 @@ impl Compression {
         found.start = header.points_start + 8;
         let is_variable = size == VARIABLE || size == 0;
         match table_at {
+            // Nothing is claimed: only a table that makes sense tells otherwise.
+            _ if header.points == 0 => {
+                found.end = table_at
+                    .filter(|at| *at >= found.start && *at + 8 <= file_bytes)
+                    .unwrap_or(found.start);
+                let chunks = found.read_table(file, header.record_bytes, is_variable, path);
+                let mut chunks = chunks.unwrap_or_default();
+                found.correct_count(&mut chunks, is_variable, file, header, notes).map_err(io)?;
+                found.chunks = Some(if header.points > 0 { chunks } else { Vec::new() });
+                return Ok(found);
+            }
             Some(at) if at < found.start || at + 8 > file_bytes => {
                 let what = format!(
                     "the chunk table is said to stand at byte {at}, but the file ends at {file_bytes}: it is cut short or damaged"
@@ -96,7 +108,8 @@ impl Compression {
             }
             Some(at) => {
                 found.end = at;
-                let chunks = found.read_table(file, header.record_bytes, is_variable, path)?;
+                let mut chunks = found.read_table(file, header.record_bytes, is_variable, path)?;
+                found.correct_count(&mut chunks, is_variable, file, header, notes).map_err(io)?;
                 found.chunks = Some(found.trim(chunks, header.points, path, notes)?);
             }
             None if is_layered => {
@@ -174,6 +187,44 @@ impl Compression {
             chunks.push(chunk);
         }
         Ok(chunks)
+    }
+
+    /// Takes the count of points from the chunks, where they tell: a table of varying chunks does, and the head of a
+    /// layered chunk, of which only the last one can have fewer than the rest.
+    fn correct_count(
+        &self,
+        chunks: &mut Vec<Chunk>,
+        is_variable: bool,
+        file: &mut File,
+        header: &mut Header,
+        notes: &mut Vec<String>,
+    ) -> std::io::Result<()> {
+        // Some writers begin a chunk that gets no point.
+        while chunks.last().is_some_and(|c| c.points == 0) {
+            chunks.pop();
+        }
+        let before = chunks.iter().rev().skip(1).map(|c| u64::from(c.bytes)).sum::<u64>();
+        let Some(last) = chunks.last_mut() else { return Ok(()) };
+        if !is_variable {
+            let Some(layers) = self.layers else { return Ok(()) };
+            let mut head = Vec::new();
+            file.seek(SeekFrom::Start(self.start + before))?;
+            let head_bytes = layered_head_bytes(header.record_bytes, layers) as u64;
+            file.take(head_bytes).read_to_end(&mut head)?;
+            match layered_chunk(&head, header.record_bytes, layers) {
+                Some(told) if (1..=last.points).contains(&told.points) => last.points = told.points,
+                _ => return Ok(()),
+            }
+        }
+        let held = chunks.iter().map(|c| u64::from(c.points)).sum();
+        if held != header.points {
+            notes.push(format!(
+                "the header claims {} points, but its chunks hold {held}; these are read",
+                header.points
+            ));
+            header.points = held;
+        }
+        Ok(())
     }
 
     /// Finds layered chunks without a table: each tells its count and the sizes of its layers.

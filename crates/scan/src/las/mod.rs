@@ -129,9 +129,9 @@ fn points_of(
     })
 }
 
-/// Holds the count of uncompressed points against the bytes that are there. Fewer points than claimed
-/// are an error, since points would be lost in silence; a count of 0 that was never filled in is
-/// replaced by the number of whole records.
+/// Holds the count of uncompressed points against the bytes that are there. Where these are whole records, their
+/// number is the true count, whatever the header claims; where a record is cut and points are missing, so is the
+/// file.
 fn check_count(
     header: &mut Header,
     file_bytes: u64,
@@ -144,7 +144,14 @@ fn check_count(
     let record_bytes = header.record_bytes as u64;
     let room = file_bytes - header.points_start;
     let (whole, available) = (room / record_bytes, (end - header.points_start) / record_bytes);
-    if header.points > whole {
+    let is_whole = (end - header.points_start).is_multiple_of(record_bytes) && available > 0;
+    if is_whole && (header.points > whole || header.points < available) {
+        notes.push(format!(
+            "the header claims {} points, but {available} whole records are there; these are read",
+            header.points
+        ));
+        header.points = available;
+    } else if header.points > whole {
         let what = format!(
             "the header claims {} points, but there are bytes for {whole} only: it is cut short or damaged",
             header.points
@@ -156,14 +163,6 @@ fn check_count(
             "records behind the points are said to begin after {available} of {} points; all points are read",
             header.points
         ));
-    } else if header.points == 0
-        && available > 0
-        && (end - header.points_start).is_multiple_of(record_bytes)
-    {
-        notes.push(format!(
-            "the header claims no points, but {available} whole records are there and are read"
-        ));
-        header.points = available;
     } else if header.points < available {
         notes.push(format!(
             "{} bytes behind the {} points that the header claims are left out",
