@@ -149,24 +149,16 @@ fn have_the_same_hash(folder: &Path) {
 /// and `--memory`, and 5 % of it.
 #[cfg(unix)]
 fn within_memory(scan: &Path, points: u64) {
-    use crate::program::esker_within;
+    use crate::program::{empty_kib, esker_within};
     const MEMORY_KIB: u64 = 1 << 20;
     let folder = Folder::new();
-    let tiny = folder.write("tiny.xyz", "0 0 0\n1 2 3\n");
     let out = folder.file("out.esker");
     let arguments = |scan: &Path| {
         let words = ["--memory", "1GiB", "--json", "--progress", "none"].map(Into::into);
         let files = ["build".into(), scan.to_owned(), "-o".into(), out.clone()];
         files.into_iter().chain(words).collect::<Vec<PathBuf>>()
     };
-    let (mut fails, mut works) = (0, MEMORY_KIB);
-    while works - fails > 512 {
-        let middle = fails.midpoint(works);
-        let outcome = esker_within(middle, 60, arguments(&tiny));
-        *(if outcome.code == Some(0) { &mut works } else { &mut fails }) = middle;
-    }
-    assert!(works < 128 << 10, "the empty program needs {works} KiB");
-    let limit_kib = works + MEMORY_KIB + MEMORY_KIB / 20;
+    let limit_kib = empty_kib() + MEMORY_KIB + MEMORY_KIB / 20;
     let report = esker_within(limit_kib, 600, arguments(scan)).json();
     assert_eq!((&report["points_in"], &report["points_out"]), (&points.into(), &points.into()));
     assert_eq!(report["rounding_error_max"], 0.0);

@@ -15,7 +15,9 @@ mod data;
 mod devices;
 mod draw;
 mod folder;
+mod hostile;
 mod interrupt;
+mod las;
 mod pictures;
 mod program;
 mod proof;
@@ -34,6 +36,7 @@ fn main() {
     let mut trials = Vec::new();
     // The longest first.
     data::trials(&mut trials);
+    hostile::trials(&mut trials);
     synthetic::trials(&mut trials);
     bad::trials(&mut trials);
     bench_build::trials(&mut trials);

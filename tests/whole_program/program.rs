@@ -66,10 +66,42 @@ pub fn esker_within<S: AsRef<OsStr>>(
     hangs_after_s: u64,
     arguments: impl IntoIterator<Item = S>,
 ) -> Outcome {
+    run(under(&format!("ulimit -d {data_kib}"), arguments), hangs_after_s)
+}
+
+/// Runs `esker` after these words of a shell, which set a limit.
+#[cfg(unix)]
+pub fn esker_under<S: AsRef<OsStr>>(
+    limit: &str,
+    arguments: impl IntoIterator<Item = S>,
+) -> Outcome {
+    run(under(limit, arguments), HANGS_AFTER_S)
+}
+
+#[cfg(unix)]
+fn under<S: AsRef<OsStr>>(limit: &str, arguments: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new("sh");
-    command.args(["-c", &format!("ulimit -d {data_kib} && exec \"$0\" \"$@\""), ESKER]);
-    command.args(arguments);
-    run(command, hangs_after_s)
+    command.args(["-c", &format!("{limit} && exec \"$0\" \"$@\""), ESKER]).args(arguments);
+    command
+}
+
+/// Anonymous memory of the empty program, KiB: the least limit under which it builds three points.
+#[cfg(unix)]
+pub fn empty_kib() -> u64 {
+    static KIB: std::sync::OnceLock<u64> = std::sync::OnceLock::new();
+    *KIB.get_or_init(|| {
+        let folder = crate::folder::Folder::new();
+        let tiny = folder.write("tiny.xyz", "0 0 0\n1 2 3\n4 5 6\n");
+        let words = ["build".into(), tiny, "-o".into(), folder.file("tiny.esker")];
+        let (mut fails, mut works) = (0, 1 << 20);
+        while works - fails > 512 {
+            let middle = u64::midpoint(fails, works);
+            let outcome = esker_within(middle, 60, &words);
+            *(if outcome.code == Some(0) { &mut works } else { &mut fails }) = middle;
+        }
+        assert!(works < 128 << 10, "the empty program needs {works} KiB");
+        works
+    })
 }
 
 /// Builds `inputs` into `out`; the report.

@@ -1,0 +1,178 @@
+//! Hostile clouds and hostile machines: whatever the shape of a cloud, building keeps to its memory under a limit that
+//! the system holds (`RLIMIT_DATA`); more inputs than the system lets be open; a disk that is full in the middle.
+//! Inputs that lie or contradict each other are told so.
+
+use crate::folder::Folder;
+use crate::las;
+use crate::program::{build, esker, verify};
+use crate::trial;
+use libtest_mimic::Trial;
+
+pub fn trials(trials: &mut Vec<Trial>) {
+    #[cfg(unix)]
+    unix::trials(trials);
+    trials.push(trial("hostile: counts that lie are told with the true one", counts));
+    trials.push(trial("hostile: inputs of two reference systems are refused by name", systems));
+}
+
+/// A number from 0 to `n - 1` by its place in a sequence (splitmix64).
+fn below(seed: u64, n: u32) -> i32 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (((z ^ (z >> 31)) >> 32) * u64::from(n) >> 32) as i32
+}
+
+fn scattered(i: u64) -> [i32; 3] {
+    [0, 1, 2].map(|axis| below(3 * i + axis, 1_000_000))
+}
+
+fn counts() {
+    let folder = Folder::new();
+    let out = folder.file("out.esker");
+    for (name, is_compressed) in [("a.las", false), ("a.laz", true)] {
+        let scan = folder.file(name);
+        las::write(&scan, "", is_compressed, 10_000, scattered);
+        for claimed in [0, 1, 9_999, 10_001, 4_000_000_000_000] {
+            las::claim(&scan, claimed);
+            let report = build(&[&scan], &out, &[]);
+            assert_eq!(report["points_out"], 10_000, "{name}, {claimed} claimed");
+            let notes = report["notes"].to_string();
+            assert!(notes.contains("10000") && notes.contains(&claimed.to_string()), "{notes}");
+            assert_eq!(verify(&out, &[&scan]).json()["points"], 10_000);
+        }
+    }
+}
+
+fn systems() {
+    let folder = Folder::new();
+    let [a, b] = [("a.las", "Lambert"), ("b.las", "Mercator")].map(|(name, system)| {
+        let scan = folder.file(name);
+        las::write(&scan, &format!("PROJCS[\"{system}\"]"), false, 100, scattered);
+        scan
+    });
+    let out = folder.file("out.esker");
+    let words = ["build".as_ref(), a.as_os_str(), b.as_os_str(), "-o".as_ref(), out.as_os_str()];
+    let outcome = esker(words);
+    let error = outcome.error();
+    for word in ["a.las", "b.las", "`Lambert`", "`Mercator`", "--ignore-crs"] {
+        assert!(error.contains(word), "{error}");
+    }
+    assert_eq!(folder.names(), ["a.las", "b.las"]);
+    let report = build(&[&a, &b], &out, &["--ignore-crs"]);
+    assert_eq!(report["points_out"], 200);
+    assert!(report["notes"].to_string().contains("different coordinate"), "{report}");
+    verify(&out, &[&a, &b]).json();
+}
+
+#[cfg(unix)]
+mod unix {
+    use super::*;
+    use crate::program::{Outcome, empty_kib, esker_under, esker_within};
+    use std::path::{Path, PathBuf};
+
+    /// Points whose rows are more than the least memory holds.
+    const POINTS: u64 = 2_000_000;
+    /// The least `--memory`.
+    const MEMORY_KIB: u64 = 256 << 10;
+
+    type Position = fn(u64) -> [i32; 3];
+
+    const CLOUDS: [(&str, Position); 5] = [
+        ("one place", |_| [77, -5, 9]),
+        ("a volume", scattered),
+        ("all of the lattice", |i| {
+            [0, 1, 2].map(|axis| below(3 * i + axis, u32::MAX).wrapping_mul(2))
+        }),
+        ("two places, and points far apart", |i| match i % 3 {
+            0 => [i32::MIN; 3],
+            1 => [i32::MAX; 3],
+            _ => [below(i, 1000), i32::MIN + (i >> 3) as i32, 0],
+        }),
+        ("a plane of pairs and one far point", |i| match i {
+            0 => [i32::MAX, 3, i32::MIN],
+            _ => [(i / 2 % 1000) as i32, (i / 2000) as i32, 0],
+        }),
+    ];
+
+    pub fn trials(trials: &mut Vec<Trial>) {
+        for (name, position) in CLOUDS {
+            let name = format!("hostile: {name} within its memory");
+            trials.push(trial(&name, move || keeps_within(false, position)));
+        }
+        let name = "hostile: one chunk of all points within its memory";
+        trials.push(trial(name, || keeps_within(true, scattered)));
+        trials.push(trial("hostile: more inputs than may be open", many_inputs));
+        trials.push(trial("hostile: a full disk leaves nothing behind", full_disk));
+    }
+
+    fn words(scans: &[PathBuf], out: &Path, scratch: &Path) -> Vec<PathBuf> {
+        let memory = format!("{MEMORY_KIB}KiB");
+        let mut words: Vec<PathBuf> = vec!["build".into()];
+        words.extend(scans.iter().cloned());
+        let more = ["--memory", &memory, "--json", "--progress", "none", "-o"];
+        words.extend(more.map(PathBuf::from));
+        words.extend([out.to_owned(), "--scratch".into(), scratch.to_owned()]);
+        words
+    }
+
+    fn keeps_within(is_compressed: bool, position: Position) {
+        let folder = Folder::new();
+        let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
+        las::write(&scan, "", is_compressed, POINTS, position);
+        let limit_kib = empty_kib() + MEMORY_KIB + MEMORY_KIB / 20;
+        let words = words(&[scan.clone()], &out, &folder.file(""));
+        let report = esker_within(limit_kib, 300, words).json();
+        assert_eq!(report["points_out"], POINTS, "{report}");
+        let peak = report["peak_anon_bytes"].as_u64().unwrap();
+        assert!(peak <= (MEMORY_KIB + MEMORY_KIB / 20) << 10, "{peak} bytes at the peak");
+        let verified = verify(&out, &[&scan]).json();
+        assert_eq!((&verified["points"], &verified["ok"]), (&POINTS.into(), &true.into()));
+        assert_eq!(folder.names(), ["out.esker", "scan"], "nothing else is left");
+    }
+
+    fn many_inputs() {
+        let folder = Folder::new();
+        let scans: Vec<_> = (0..300).map(|i| folder.file(&format!("{i}.laz"))).collect();
+        for (i, scan) in scans.iter().enumerate() {
+            las::write(scan, "", true, 50, |j| scattered(50 * i as u64 + j));
+        }
+        let out = folder.file("out.esker");
+        let report = esker_under("ulimit -n 64", words(&scans, &out, &folder.file(""))).json();
+        assert_eq!(report["points_out"], 15_000, "{report}");
+        let mut words = ["verify".into(), out, "--json".into(), "--against".into()].to_vec();
+        words.extend(scans);
+        assert_eq!(esker_under("ulimit -n 64", words).json()["points"], 15_000);
+    }
+
+    /// As the system tells of a full disk, but by the size of a file: an error of the write that passes it.
+    fn full_disk() {
+        let folder = Folder::new();
+        let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
+        let scratch = folder.file("scratch");
+        std::fs::create_dir(&scratch).unwrap();
+        let fails = |kib: u64| -> Outcome {
+            // Files are counted in blocks of 512 bytes; without the trap a signal would end the program.
+            let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
+            let outcome = esker_under(&limit, words(&[scan.clone()], &out, &scratch));
+            outcome.error();
+            assert_eq!(folder.names(), ["scan", "scratch"], "after {kib} KiB");
+            let left = std::fs::read_dir(&scratch).unwrap().count();
+            assert_eq!(left, 0, "scratch is left after {kib} KiB");
+            outcome
+        };
+        // In memory but for the file itself, from its first page to its footer. What is printed goes to files too.
+        las::write(&scan, "", false, 100_000, scattered);
+        let bytes = build(&[&scan], &out, &[])["bytes_out"].as_u64().unwrap();
+        std::fs::remove_file(&out).unwrap();
+        for kib in [16, bytes >> 12, bytes >> 11, (bytes >> 10) - 1] {
+            let outcome = fails(kib);
+            assert!(outcome.error().contains("out.esker"), "{}", outcome.stderr);
+        }
+        // Scratch is what passes the limit first.
+        las::write(&scan, "", false, POINTS, scattered);
+        let outcome = fails(10 << 10);
+        let error = outcome.error();
+        assert!(error.contains("scratch") && error.contains("free space"), "{error}");
+    }
+}
