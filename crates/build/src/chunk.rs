@@ -20,7 +20,7 @@ impl Context {
             // Nothing is offered: what is above has nothing to do, and the caller asks again.
             return self.leaf(rows, range.start..range.start, cell);
         }
-        if n <= self.capacity {
+        if n <= self.leaf_points_max() {
             task.advance(n as u64);
             return self.leaf(rows, range, cell);
         }

@@ -3,6 +3,7 @@
 
 pub mod against;
 pub mod build;
+mod candidates;
 mod chunk;
 mod coincident;
 mod contour;
@@ -12,7 +13,6 @@ mod gather;
 mod intake;
 mod levels;
 pub mod memory;
-mod ntree;
 mod order;
 mod partition;
 mod rest;
@@ -21,6 +21,7 @@ mod sample;
 mod scratch;
 mod shape;
 mod sort;
+mod spacing;
 mod thin;
 mod tree;
 mod turn;

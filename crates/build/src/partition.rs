@@ -279,7 +279,7 @@ pub fn block_of_rows(rows: &[u8], stride: usize, log2: u8) -> Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ntree::tests::rows_of;
+    use crate::candidates::tests::rows_of;
     use proptest::prelude::*;
 
     proptest! {

@@ -1,192 +1,175 @@
-//! The points that thinning has not yet picked, in columns along the n-tree's order: how far each is from the picked
-//! ones, and which of them are near a place. Neighbours are found by the n-tree's cells, so along a line or in a
-//! plane where that is the local shape; distances are in space, in its quantised coordinates.
+//! The points that thinning may still pick, along the Morton curve: how far each is from the picked ones, and
+//! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
+//! neighbours; distances are in space.
 
-use crate::ntree::{Entry, NTree};
 use std::ops::Range;
 
-/// Instead of an entry, of a point that is picked.
-pub const PICKED: u32 = u32::MAX;
+/// Points of a block.
+const LANES: usize = 4;
+/// The edge of the cells by which neighbours are found is at least so many radii, and less than twice as many.
+const EDGE_RADII: f64 = 1.0;
 
-/// Points in columns, over which the innermost loop of a build runs.
+/// Four points in a cache line, over which the innermost loop of a build runs.
+#[repr(C, align(64))]
+#[derive(Clone, Copy)]
+struct Block {
+    q: [[i32; LANES]; 3],
+    nearest2: [f32; LANES],
+}
+
+/// No points: what is at distance 0 is never picked.
+const EMPTY: Block = Block { q: [[0; LANES]; 3], nearest2: [0.0; LANES] };
+
+impl Block {
+    /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
+    /// millionth.
+    #[inline]
+    fn tell(&mut self, p: [i32; 3]) {
+        for lane in 0..LANES {
+            let d = |axis: usize| self.q[axis][lane].wrapping_sub(p[axis]) as f32;
+            let (x, y, z) = (d(0), d(1), d(2));
+            let d2 = x * x + y * y + z * z;
+            let nearest2 = self.nearest2[lane];
+            self.nearest2[lane] = if d2 < nearest2 { d2 } else { nearest2 };
+        }
+    }
+}
+
+/// Points in blocks, and where those of each cell stand.
 #[derive(Default)]
 pub struct Rest {
-    /// Quantised coordinates.
-    q: [Vec<i32>; 3],
-    /// Square of the distance to the nearest picked point, where that is within the radius; else any that is not.
-    pub nearest2: Vec<f32>,
-    /// The turn at which a cell below has picked it.
-    pub placed: Vec<u16>,
-    /// Its entry in the n-tree; [`PICKED`] once picked.
-    pub entry: Vec<u32>,
+    blocks: Vec<Block>,
+    /// Which candidate each is.
+    pub candidate: Vec<u32>,
     cells: Cells,
-    /// Level of the n-tree whose cells are no smaller than the radius. (Half as large they follow the ball more
-    /// closely, but finding them costs more than it saves: twice the time in a volume.)
-    level: u32,
+    /// Log2 of the edge of the cells.
+    log2: u32,
+}
+
+/// Log2 of the edge of the cells, in steps, by which neighbours within a radius are found.
+pub fn cell_log2(radius: f64) -> u32 {
+    ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
 }
 
 impl Rest {
-    /// The entries of a tree that are candidates, when the radius has this square.
-    pub fn new(tree: &NTree, is_candidate: impl Fn(usize) -> bool, radius2: f32) -> Self {
-        let mut rest = Self::default();
-        for (i, entry) in tree.entries.iter().enumerate() {
-            if is_candidate(i) {
-                rest.add(i as u32, entry);
+    /// Takes other points: candidates in order, with the squares of their distances to the nearest picked one.
+    pub fn refill(&mut self, q: &[[i32; 3]], points: impl Iterator<Item = (u32, f32)>, log2: u32) {
+        self.log2 = log2;
+        self.candidate.clear();
+        self.blocks.clear();
+        for (candidate, nearest2) in points {
+            let lane = self.candidate.len() % LANES;
+            if lane == 0 {
+                self.blocks.push(EMPTY);
             }
-        }
-        rest.level = level_at(tree, radius2);
-        rest.find_cells(tree);
-        rest
-    }
-
-    fn add(&mut self, index: u32, entry: &Entry) {
-        (0..3).for_each(|axis| self.q[axis].push(entry.q[axis] as i32));
-        self.nearest2.push(f32::INFINITY);
-        self.placed.push(entry.turn);
-        self.entry.push(index);
-    }
-
-    /// Quantised coordinates of a point.
-    pub fn position(&self, i: usize) -> [i32; 3] {
-        [self.q[0][i], self.q[1][i], self.q[2][i]]
-    }
-
-    /// Chooses the cells for a radius. Points already picked leave, and others move up, when the cells change:
-    /// then it answers yes.
-    pub fn settle(&mut self, tree: &NTree, radius2: f32) -> bool {
-        let level = level_at(tree, radius2);
-        if level == self.level {
-            return false;
-        }
-        self.level = level;
-        self.forget_picked();
-        self.find_cells(tree);
-        true
-    }
-
-    fn forget_picked(&mut self) {
-        let kept: Vec<usize> = (0..self.entry.len()).filter(|&i| self.entry[i] != PICKED).collect();
-        for (to, &from) in kept.iter().enumerate() {
-            self.q.iter_mut().for_each(|column| column[to] = column[from]);
-            self.nearest2[to] = self.nearest2[from];
-            self.placed[to] = self.placed[from];
-            self.entry[to] = self.entry[from];
-        }
-        self.q.iter_mut().for_each(|column| column.truncate(kept.len()));
-        self.nearest2.truncate(kept.len());
-        self.placed.truncate(kept.len());
-        self.entry.truncate(kept.len());
-    }
-
-    fn find_cells(&mut self, tree: &NTree) {
-        let cell = |i| tree.cell_at(self.position(i).map(|c| c as u32), self.level);
-        self.cells = Cells::new((0..self.entry.len()).map(cell));
-    }
-
-    /// Tells all points within the radius that one is picked.
-    pub fn tell(&mut self, tree: &NTree, picked: [i32; 3], radius2: f32) {
-        let radius2 = f64::from(radius2);
-        let q = picked.map(|c| c as u32);
-        let log2 = tree.cell_log2(self.level);
-        let reach = radius2.sqrt() as u32;
-        let end = ((1u64 << tree.cell_log2(0)) - 1) as u32;
-        let cells = |axis: usize| {
-            if axis >= tree.dimension as usize {
-                return 0..=0;
+            if let Some(block) = self.blocks.last_mut() {
+                let p = q[candidate as usize];
+                (0..3).for_each(|axis| block.q[axis][lane] = p[axis]);
+                block.nearest2[lane] = nearest2;
             }
-            q[axis].saturating_sub(reach) >> log2..=q[axis].saturating_add(reach).min(end) >> log2
-        };
-        // Square of the distance to a cell along an axis; cells are unbounded along axes beyond the dimension.
-        let gap2 = |axis: usize, cell: u32| {
-            if axis >= tree.dimension as usize {
-                return 0;
+            self.candidate.push(candidate);
+        }
+        self.cells.fill(self.candidate.iter().map(|&c| q[c as usize].map(|c| c >> log2)));
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.candidate.len()
+    }
+
+    /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
+    /// else any that is not.
+    #[inline]
+    pub fn nearest2(&self, i: usize) -> f32 {
+        self.blocks[i / LANES].nearest2[i % LANES]
+    }
+
+    /// The first point from `i` on which is so far from picked ones.
+    #[inline]
+    pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
+        let (mut block, mut lane) = (i / LANES, i % LANES);
+        while let Some(b) = self.blocks.get(block) {
+            for l in lane..LANES {
+                if b.nearest2[l] >= least2 {
+                    return Some(block * LANES + l);
+                }
             }
-            let (low, high) = (cell << log2, (cell << log2) + ((1 << log2) - 1));
-            u64::from(low.saturating_sub(q[axis]).max(q[axis].saturating_sub(high))).pow(2)
-        };
-        for z in cells(2) {
-            for y in cells(1) {
-                let gap2_yz = gap2(2, z) + gap2(1, y);
-                for x in cells(0) {
-                    if (gap2_yz + gap2(0, x)) as f64 >= radius2 {
-                        continue;
+            (block, lane) = (block + 1, 0);
+        }
+        None
+    }
+
+    /// Tells all points within a radius, itself among them, that one is picked.
+    #[inline]
+    pub fn tell(&mut self, p: [i32; 3], reach: i32) {
+        let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
+        let high = p.map(|c| c.saturating_add(reach) >> self.log2);
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    if let Some(run) = self.cells.find([x, y, z]) {
+                        self.blocks[run].iter_mut().for_each(|block| block.tell(p));
                     }
-                    let cell = tree.cell_number([x, y, z]);
-                    let Some(range) = self.cells.find(cell) else { continue };
-                    self.tell_run(range, picked);
                 }
             }
         }
     }
-
-    /// Tells a run of points that one is picked.
-    fn tell_run(&mut self, run: Range<usize>, picked: [i32; 3]) {
-        let [x, y, z] = self.q.each_ref().map(|column| &column[run.clone()]);
-        let nearest2 = &mut self.nearest2[run];
-        for (((nearest2, x), y), z) in nearest2.iter_mut().zip(x).zip(y).zip(z) {
-            let d2 = distance2([*x, *y, *z], picked);
-            if d2 < *nearest2 {
-                *nearest2 = d2;
-            }
-        }
-    }
 }
 
-/// The level of the n-tree whose cells are no smaller than a radius.
-fn level_at(tree: &NTree, radius2: f32) -> u32 {
-    let radius = f64::from(radius2).sqrt();
-    let is_enough = |level: &u32| (1u64 << tree.cell_log2(level + 1)) as f64 >= radius;
-    (0..tree.depth()).take_while(is_enough).count() as u32
-}
-
-/// Of quantised coordinates, which are below 2^31: differences are exact, and the rounding of their squares, the same
-/// everywhere, moves a radius by a ten millionth.
-fn distance2(a: [i32; 3], b: [i32; 3]) -> f32 {
-    let d = |i: usize| a[i].wrapping_sub(b[i]) as f32;
-    d(0) * d(0) + d(1) * d(1) + d(2) * d(2)
-}
-
-/// Where the points of each cell stand: a table of cell numbers with open addressing.
+/// Which blocks hold the points of each cell: a table with open addressing.
 #[derive(Default)]
 struct Cells {
-    slots: Vec<(u64, u32, u32)>,
-    mask: usize,
+    slots: Vec<Slot>,
+    shift: u32,
+    runs: Vec<Slot>,
 }
+
+/// A cell's key, and its blocks; the end is 0 where there is none.
+type Slot = (u64, u32, u32);
 
 impl Cells {
     /// From the cell of each point; equal ones stand together.
-    fn new(cells: impl Iterator<Item = u64>) -> Self {
-        let mut runs: Vec<(u64, u32, u32)> = Vec::new();
+    fn fill(&mut self, cells: impl Iterator<Item = [i32; 3]>) {
+        self.runs.clear();
+        let mut last = None;
         for (i, cell) in cells.enumerate() {
-            match runs.last_mut() {
-                Some(last) if last.0 == cell => last.2 += 1,
-                _ => runs.push((cell, i as u32, i as u32 + 1)),
+            let block = (i / LANES) as u32;
+            match self.runs.last_mut() {
+                Some(run) if last == Some(cell) => run.2 = block + 1,
+                _ => self.runs.push((key(cell), block, block + 1)),
             }
+            last = Some(cell);
         }
-        let size = (runs.len() * 2).next_power_of_two().max(2);
-        let mut table = Self { slots: vec![(0, 0, 0); size], mask: size - 1 };
-        for run in runs {
-            let mut at = table.home(run.0);
-            while table.slots[at].2 > 0 {
-                at = (at + 1) & table.mask;
+        let size = (self.runs.len() * 2).next_power_of_two().max(2);
+        self.shift = 64 - size.ilog2();
+        self.slots.clear();
+        self.slots.resize(size, (0, 0, 0));
+        for &run in &self.runs {
+            let mut at = (run.0 >> self.shift) as usize;
+            while self.slots[at].2 > 0 {
+                at = (at + 1) & (size - 1);
             }
-            table.slots[at] = run;
+            self.slots[at] = run;
         }
-        table
     }
 
-    fn home(&self, cell: u64) -> usize {
-        (cell.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & self.mask
-    }
-
-    fn find(&self, cell: u64) -> Option<Range<usize>> {
-        let mut at = self.home(cell);
+    #[inline]
+    fn find(&self, cell: [i32; 3]) -> Option<Range<usize>> {
+        let key = key(cell);
+        let mut at = (key >> self.shift) as usize;
         loop {
             match self.slots[at] {
                 (_, _, 0) => return None,
-                (c, first, end) if c == cell => return Some(first as usize..end as usize),
-                _ => at = (at + 1) & self.mask,
+                (k, first, end) if k == key => return Some(first as usize..end as usize),
+                _ => at = (at + 1) & (self.slots.len() - 1),
             }
         }
     }
+}
+
+/// A number for a cell. Should two cells ever share one, points of one of them are told less than they could be.
+fn key(cell: [i32; 3]) -> u64 {
+    const ODD: [u64; 3] = [0x9e37_79b9_7f4a_7c15, 0xd1b5_4a32_d192_ed03, 0x8cb9_2ba7_2f3d_8dd7];
+    let part = |axis: usize| (cell[axis] as u64).wrapping_mul(ODD[axis]);
+    part(0).wrapping_add(part(1)).wrapping_add(part(2))
 }

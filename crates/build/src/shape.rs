@@ -2,6 +2,8 @@
 //! file's unit, its eigen-system, and the dimension of the n-tree (kanzok2015, section 3.1, equation 1,
 //! after Westin et al. 1997).
 
+use esker_points::Cell;
+
 /// Below this linearity, planarity or sphericity counts as nothing (kanzok2015, section 3.1).
 const THRESHOLD: f64 = 0.03;
 
@@ -29,6 +31,38 @@ impl Moments {
         for (square, (i, j)) in self.square.iter_mut().zip(PAIRS) {
             *square += i128::from(u64::from(p[i]) * u64::from(p[j]));
         }
+    }
+
+    /// Of points near a corner: no coordinate is below it, nor 2^22 or more above it. Sums of local coordinates
+    /// are quick.
+    fn of_near(points: impl Iterator<Item = [u32; 3]>, corner: [u32; 3]) -> Self {
+        let (mut count, mut sum, mut square) = (0u64, [0u64; 3], [0u64; 6]);
+        for p in points {
+            let local = [0, 1, 2].map(|i| u64::from(p[i].wrapping_sub(corner[i])));
+            count += 1;
+            (0..3).for_each(|i| sum[i] = sum[i].wrapping_add(local[i]));
+            for (square, (i, j)) in square.iter_mut().zip(PAIRS) {
+                *square = square.wrapping_add(local[i] * local[j]);
+            }
+        }
+        let (n, c) = (i128::from(count), corner.map(i128::from));
+        let local = sum.map(i128::from);
+        let mut moments =
+            Self { count, sum: [0, 1, 2].map(|i| local[i] + n * c[i]), square: [0; 6] };
+        for ((out, square), (i, j)) in moments.square.iter_mut().zip(square).zip(PAIRS) {
+            *out = i128::from(square) + c[i] * local[j] + c[j] * local[i] + n * c[i] * c[j];
+        }
+        moments
+    }
+
+    /// Of points that lie in a cell, below 2^20 of them.
+    pub fn of(points: impl Iterator<Item = [u32; 3]>, cell: &Cell) -> Self {
+        if cell.log2 <= 22 {
+            return Self::of_near(points, cell.corner);
+        }
+        let mut moments = Self::default();
+        points.for_each(|p| moments.add(p));
+        moments
     }
 
     /// Adds all of another's points.
@@ -138,6 +172,15 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sums_of_local_coordinates_are_those_of_absolute_ones(points in prop::collection::vec([0u32..1 << 22, 0u32..1 << 22, 0u32..1 << 22], 1..100), corner in [0u32..1 << 10, 0u32..1 << 10, 0u32..1 << 10]) {
+            let cell = Cell { corner: corner.map(|c| c << 22), log2: 22 };
+            let points: Vec<_> = points.iter().map(|p| [0, 1, 2].map(|i| p[i] + cell.corner[i])).collect();
+            prop_assert_eq!(Moments::of(points.iter().copied(), &cell), moments(&points));
+        }
+    }
 
     fn moments(points: &[[u32; 3]]) -> Moments {
         let mut m = Moments::default();

@@ -1,225 +1,240 @@
 //! Thinning: points picked so that no two are nearer than a radius and none is farther from a picked one,
 //! with a radius that shrinks turn by turn (progressive Poisson-disk sampling; maximal at each turn). Every
-//! beginning of the sequence so is an even sample, given the points that were there before.
+//! beginning of the sequence so is an even sample.
 //!
 //! Each point that is not yet picked knows its distance to the nearest picked one: a picked point tells all
-//! within the radius. It waits for the turn at which that distance is enough, and is looked at only then.
+//! within the radius. A turn is a pass over these distances along the Morton curve.
 
-use crate::ntree::NTree;
-use crate::rest::{PICKED, Rest};
-use crate::turn::{TURNS_PER_OCTAVE, radius_at};
+use crate::candidates::Candidates;
+use crate::rest::{Rest, cell_log2};
+use crate::turn::{LAST_TURN, radius_at, turn_at};
 
-/// Multiplier of the golden ratio: multiples are spread evenly, however few or many.
-const GOLDEN: u32 = 0x9e37_79b9;
-/// Undoes it, modulo 2^32.
-const GOLDEN_INVERSE: u32 = 0x144c_bc89;
+/// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
+/// of a turn leave no gap in the cell below, but without one of them, for the sake of a point out of turn, the gap
+/// can be almost twice the radius. (Gaps over 1.5 times those of Poisson-disk samples: 8 of 7,838 prefixes where the
+/// cell above waits for the whole radius, none where it waits for 0.6 to 0.7 of it.)
+const DUE_SHARE: f32 = 0.65;
 
-/// A point that a cell below has picked at an earlier turn is picked so many turns before its distance is enough,
-/// that is from 0.65 of the radius on: the points of a turn leave no gap in the cell below, but without one of them,
-/// for the sake of a point out of turn, the gap can be almost twice the radius. (Gaps over 1.5 times those of
-/// Poisson-disk samples: 8 of 7,838 prefixes where the cell above waits for the whole radius, none where it and
-/// the node's own order wait for 0.6 to 0.7 of it.)
-const DUE_TURNS: usize = 10;
+/// While the radius is large, a part of the points is enough to thin among: the first in each octree cell whose
+/// edge is at most this share of the radius, and those that a cell below has picked by then.
+const PART_EDGE: f64 = 0.125;
 
-/// What a point is to a thinning.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// Picked before.
-    Picked,
-    /// May be picked.
-    Candidate,
-    /// Not there.
-    Absent,
-}
+/// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
+const GOLDEN: usize = 0x9e37_79b9;
+const GOLDEN_BITS: u32 = 32;
 
-/// What is picked at a turn.
-pub struct Step {
-    /// The turn.
-    pub turn: u16,
-    /// Entries, in the n-tree's order.
-    pub entries: Vec<u32>,
-}
-
-/// The points still to be picked from, along the n-tree's order. Iterates over turns at which there is something to
-/// pick, until what is left coincides, as far as the n-tree can tell, with what is picked.
+/// Points being picked, one turn after the other.
 pub struct Thinning<'a> {
-    tree: &'a NTree,
-    first_turn: u16,
-    /// Square of the radius of each turn, from the first to that of quantising, in quantised steps.
-    radii2: Vec<f32>,
-    /// The next turn, after the first.
-    next: usize,
+    candidates: &'a Candidates,
+    /// The turn at which a cell below has picked each; empty where none has.
+    placed: &'a [u16],
+    /// The turn at which each was picked; [`LAST_TURN`] before.
+    pub turns: Vec<u16>,
+    /// Those picked, in this order.
+    pub picked: Vec<u32>,
+    /// How many were picked before the last turn.
+    pub picked_before: usize,
+    /// Whether points are on a line.
+    is_line: bool,
+    /// The next turn.
+    turn: u16,
     rest: Rest,
-    /// Those that wait for each turn, as they are looked at: see [`Thinning::place`].
-    waiting: Vec<Vec<u64>>,
+    /// Log2 of the edge of the cells by which `rest` finds neighbours, once it is filled.
+    log2: Option<u32>,
+    /// Points share no cell of this edge's log2, or are left out of `rest` for now.
+    part_log2: u8,
+    is_over: bool,
 }
 
 impl<'a> Thinning<'a> {
-    /// Begins at a turn, with the part that each entry plays.
-    pub fn new(tree: &'a NTree, part: impl Fn(usize) -> Part, first_turn: u16) -> Self {
-        let radius = |turn| tree.quantised(radius_at(turn)) as f32;
-        let radii2 = (first_turn..).map(radius).take_while(|r| *r > 1.0).map(|r| r * r);
-        let radii2: Vec<f32> = radii2.chain([1.0]).collect();
-        let rest = Rest::new(tree, |i| part(i) == Part::Candidate, radii2[0]);
-        let mut thinning = Self {
-            tree,
-            first_turn,
-            waiting: vec![Vec::new(); radii2.len()],
-            radii2,
-            next: 0,
-            rest,
-        };
-        for (i, entry) in tree.entries.iter().enumerate() {
-            if part(i) == Part::Picked {
-                thinning.rest.tell(tree, entry.q.map(|c| c as i32), thinning.radii2[0]);
-            }
-        }
-        thinning.wait();
-        thinning
-    }
-
-    /// The points left, in the n-tree's order.
-    pub fn left(&self) -> Vec<u32> {
-        self.rest.entry.iter().copied().filter(|&e| e != PICKED).collect()
-    }
-
-    /// The next turn.
-    pub fn turn(&self) -> u16 {
-        self.first_turn + self.next as u16
-    }
-
-    /// The first turn whose radius a distance is enough for.
-    fn enough(&self, nearest2: f32) -> usize {
-        // The bits of a float are nearly its logarithm: with 23 of them for an octave of squares, right within one.
-        const SHIFT: u32 = 23 - (TURNS_PER_OCTAVE / 2).ilog2();
-        let below = self.radii2[0].to_bits().saturating_sub(nearest2.to_bits()) >> SHIFT;
-        let mut turn = (below as usize).min(self.radii2.len());
-        while turn > 0 && self.radii2[turn - 1] <= nearest2 {
-            turn -= 1;
-        }
-        while turn < self.radii2.len() && self.radii2[turn] > nearest2 {
-            turn += 1;
-        }
-        turn
-    }
-
-    /// The turn for which a point waits; `None` where it coincides with a picked one.
-    fn turn_of(&self, i: usize) -> Option<usize> {
-        let enough = self.enough(self.rest.nearest2[i]);
-        let placed = usize::from(self.rest.placed[i].saturating_sub(self.first_turn));
-        let turn = enough.min(enough.saturating_sub(DUE_TURNS).max(placed));
-        (turn < self.radii2.len()).then_some(turn)
-    }
-
-    /// Where a point stands among those that are looked at in a turn: first what a cell below has picked first.
-    /// Then along the curve, which is fast; but on a line that would pack points as tightly as can be and leave
-    /// gaps of almost twice the radius, so there in an order that leaves and returns.
-    fn place(&self, i: u32) -> u64 {
-        let order = if self.tree.dimension == 1 { i.wrapping_mul(GOLDEN) } else { i };
-        u64::from(self.rest.placed[i as usize]) << 32 | u64::from(order)
-    }
-
-    /// The point that stands there.
-    fn point_at(&self, place: u64) -> usize {
-        let order = place as u32;
-        let i = if self.tree.dimension == 1 { order.wrapping_mul(GOLDEN_INVERSE) } else { order };
-        i as usize
-    }
-
-    /// Has all points left wait for their turns.
-    fn wait(&mut self) {
-        self.waiting.iter_mut().for_each(Vec::clear);
-        for i in 0..self.rest.entry.len() {
-            if let Some(turn) = self.turn_of(i) {
-                let place = self.place(i as u32);
-                self.waiting[turn.max(self.next)].push(place);
-            }
+    /// Begins at a radius, in the file's unit. `placed` is empty or has a turn for each candidate; `turns` has those
+    /// of the points that are picked before, [`LAST_TURN`] for the others.
+    pub fn new(
+        candidates: &'a Candidates,
+        placed: &'a [u16],
+        turns: Vec<u16>,
+        radius: f64,
+        dimension: u32,
+    ) -> Self {
+        let picked = (0..).zip(&turns).filter(|(_, turn)| **turn != LAST_TURN);
+        let picked: Vec<u32> = picked.map(|(i, _)| i).collect();
+        Self {
+            candidates,
+            placed,
+            picked_before: picked.len(),
+            turns,
+            picked,
+            is_line: dimension == 1,
+            turn: turn_at(radius),
+            rest: Rest::default(),
+            log2: None,
+            part_log2: Candidates::ALONE,
+            is_over: false,
         }
     }
 
-    /// Picks what can be picked at a turn.
-    fn pick(&mut self, turn: usize) -> Vec<u32> {
-        let mut picked = Vec::new();
-        let mut waiting = std::mem::take(&mut self.waiting[turn]);
-        waiting.sort_unstable();
-        for place in waiting {
-            let i = self.point_at(place);
-            match self.turn_of(i) {
-                Some(later) if later > turn => self.waiting[later].push(place),
-                Some(_) => {
-                    picked.push(std::mem::replace(&mut self.rest.entry[i], PICKED));
-                    self.rest.tell(self.tree, self.rest.position(i), self.radii2[turn]);
+    /// Goes on turn by turn until so many are picked, or all.
+    pub fn pick(&mut self, wanted: usize) {
+        while self.picked.len() < wanted && !self.is_over {
+            self.picked_before = self.picked.len();
+            self.take_turn();
+        }
+    }
+
+    fn take_turn(&mut self) {
+        if self.log2 != Some(cell_log2(self.radius())) {
+            if self.is_complete() {
+                // On to the turn at which there is something to pick.
+                let farthest2 = self.farthest2();
+                if farthest2 < 1.0 {
+                    return self.finish();
                 }
-                None => {}
+                let farthest = f64::from(farthest2).sqrt() * self.candidates.step;
+                self.turn = self.turn.max(turn_at(farthest));
             }
+            self.settle();
         }
-        picked.sort_unstable();
-        picked
+        self.pick_at(self.radius());
+        if self.radius() <= 1.0 {
+            self.finish();
+        }
+        self.turn += 1;
     }
-}
 
-impl Iterator for Thinning<'_> {
-    type Item = Step;
+    /// The radius of the next turn, in steps.
+    fn radius(&self) -> f64 {
+        (radius_at(self.turn) / self.candidates.step).max(1.0)
+    }
 
-    fn next(&mut self) -> Option<Step> {
-        while self.next < self.radii2.len() {
-            let turn = self.next;
-            if self.waiting[turn].is_empty() {
-                self.next += 1;
-                continue;
-            }
-            if self.rest.settle(self.tree, self.radii2[turn]) {
-                self.wait();
-            }
-            let entries = self.pick(turn);
-            self.next += 1;
-            if !entries.is_empty() {
-                return Some(Step { turn: self.first_turn + turn as u16, entries });
+    /// Whether `rest` has all points that are to be picked, apart from coincident ones.
+    fn is_complete(&self) -> bool {
+        self.log2.is_some() && self.part_log2 == 0
+    }
+
+    /// Square of the greatest distance to a picked point among those left.
+    fn farthest2(&self) -> f32 {
+        (0..self.rest.len()).map(|i| self.rest.nearest2(i)).fold(0.0, f32::max)
+    }
+
+    /// Chooses cells, and the points to look at, for the next turns.
+    fn settle(&mut self) {
+        let radius = self.radius();
+        let (log2, q) = (cell_log2(radius), &self.candidates.q);
+        if self.is_complete() {
+            let old = std::mem::take(&mut self.rest);
+            let left = (0..old.len()).map(|i| (old.candidate[i], old.nearest2(i)));
+            self.rest.refill(q, left.filter(|p| p.1 > 0.0), log2);
+        } else {
+            self.part_log2 = self.part_log2(radius);
+            let until = turn_at(radius * self.candidates.step / 2.0);
+            let shared = &self.candidates.shared_log2;
+            let is_in = |i: usize| {
+                let is_placed = || self.placed.get(i).is_some_and(|&turn| turn <= until);
+                self.turns[i] == LAST_TURN && (shared[i] > self.part_log2 || is_placed())
+            };
+            let part = (0..shared.len()).filter(|&i| is_in(i)).map(|i| (i as u32, f32::INFINITY));
+            self.rest.refill(q, part, log2);
+            let reach = radius as i32 + 1;
+            self.picked.iter().for_each(|&i| self.rest.tell(q[i as usize], reach));
+        }
+        self.log2 = Some(log2);
+    }
+
+    /// Which points are enough down to half a radius; 0 where most are needed.
+    fn part_log2(&self, radius: f64) -> u8 {
+        let log2 = (radius / 2.0 * PART_EDGE).log2().floor().clamp(0.0, 31.0) as u8;
+        let shared = &self.candidates.shared_log2;
+        let enough = shared.iter().filter(|&&l| l > log2).count();
+        if enough * 2 > shared.len() { 0 } else { log2 }
+    }
+
+    /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a
+    /// line that would pack points as tightly as can be and leave gaps of almost twice the radius, so there in an
+    /// order that leaves and returns.
+    fn pick_at(&mut self, radius: f64) {
+        let radius2 = (radius * radius) as f32;
+        let reach = radius as i32 + 1;
+        if !self.placed.is_empty() {
+            let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
+            let mut from = 0;
+            while let Some(i) = self.rest.next_from(from, due2) {
+                if self.placed[self.rest.candidate[i] as usize] <= self.turn {
+                    self.take(i, reach);
+                }
+                from = i + 1;
             }
         }
-        None
+        if self.is_line {
+            let bits = self.rest.len().next_power_of_two().ilog2();
+            let multiplier = GOLDEN >> (GOLDEN_BITS - bits) | 1;
+            let spread =
+                (0..1 << bits).map(|i: usize| i.wrapping_mul(multiplier) & ((1 << bits) - 1));
+            for i in spread {
+                if i < self.rest.len() && self.rest.nearest2(i) >= radius2 {
+                    self.take(i, reach);
+                }
+            }
+        } else {
+            let mut from = 0;
+            while let Some(i) = self.rest.next_from(from, radius2) {
+                self.take(i, reach);
+                from = i + 1;
+            }
+        }
+    }
+
+    fn take(&mut self, i: usize, reach: i32) {
+        let candidate = self.rest.candidate[i];
+        self.turns[candidate as usize] = self.turn;
+        self.picked.push(candidate);
+        self.rest.tell(self.candidates.q[candidate as usize], reach);
+    }
+
+    /// What is left coincides with what is picked: it comes last.
+    fn finish(&mut self) {
+        self.is_over = true;
+        for i in 0..self.turns.len() {
+            if self.turns[i] == LAST_TURN {
+                self.turns[i] = self.turn;
+                self.picked.push(i as u32);
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ntree::tests::{rows_of, tree_of};
-    use crate::turn::turn_at;
+    use crate::candidates::tests::candidates_of;
     use proptest::prelude::*;
 
     proptest! {
         #[test]
-        fn every_step_is_maximal_and_keeps_its_distance(points in prop::collection::vec([0u32..4000, 0u32..4000, 0u32..4000], 2..300), flat: bool, there_every in 2usize..20, placed_every in 1usize..9) {
+        fn every_turn_is_maximal_and_keeps_its_distance(points in prop::collection::vec([0u32..4000, 0u32..4000, 0u32..4000], 2..400), flat: bool, placed_every in 1usize..9) {
             let points: Vec<_> = points.into_iter().map(|p| if flat { [p[0], p[1], 7] } else { p }).collect();
-            let bytes = rows_of(&points);
-            let mut tree = tree_of(&points, &bytes, [0.01; 3]);
-            let first_turn = turn_at(20.0);
-            let placed = |i: usize| placed_every > 1 && i.is_multiple_of(placed_every);
-            (0..points.len()).filter(|&i| placed(i)).for_each(|i| tree.entries[i].turn = first_turn + i as u16 % 40);
-            let there = |i: usize| i.is_multiple_of(there_every);
-            let part = |i: usize| if there(i) { Part::Picked } else { Part::Candidate };
-            let mut thinning = Thinning::new(&tree, part, first_turn);
-            let mut picked: Vec<usize> = (0..points.len()).filter(|&i| there(i)).collect();
-            while let Some(step) = thinning.next() {
-                let radius2 = tree.quantised(radius_at(step.turn)).max(1.0).powi(2);
-                let away = |a: usize, b: usize| -> f64 { (0..3).map(|i| (f64::from(tree.entries[a].q[i]) - f64::from(tree.entries[b].q[i])).powi(2)).sum() };
-                for (k, &e) in step.entries.iter().enumerate() {
-                    let before = picked.iter().copied().chain(step.entries[..k].iter().map(|&i| i as usize));
-                    for other in before {
-                        let is_due = |i: usize| tree.entries[i].turn <= step.turn;
-                        let share2: f64 = if is_due(e as usize) || is_due(other) { 0.42 } else { 1.0 - 1e-6 };
-                        prop_assert!(away(e as usize, other) >= radius2 * share2);
+            let candidates = candidates_of(&points, [0.01; 3]);
+            let first = turn_at(20.0);
+            let placed = |i: usize| if i % placed_every == 1 { first + i as u16 % 20 } else { LAST_TURN };
+            let placed: Vec<u16> = (0..points.len()).map(placed).collect();
+            let mut thinning = Thinning::new(&candidates, &placed, vec![LAST_TURN; points.len()], 40.96, 3);
+            let away2 = |a: u32, b: u32| -> f64 { (0..3).map(|i| f64::from(candidates.q[a as usize][i] - candidates.q[b as usize][i]).powi(2)).sum() };
+            while !thinning.is_over {
+                thinning.pick(thinning.picked.len() + 1);
+                let turn = thinning.turn - 1;
+                let radius2 = (radius_at(turn) / 0.01).max(1.0).powi(2);
+                for k in thinning.picked_before..thinning.picked.len() {
+                    let is_due = |i: u32| placed[i as usize] <= turn;
+                    for other in 0..k {
+                        let (a, b) = (thinning.picked[k], thinning.picked[other]);
+                        let share2: f64 = if is_due(a) || is_due(b) { 0.42 } else { 1.0 - 1e-6 };
+                        prop_assert!(thinning.is_over || away2(a, b) >= (radius2 * share2).max(1.0));
                     }
                 }
-                picked.extend(step.entries.iter().map(|&i| i as usize));
-                for left in thinning.left() {
-                    prop_assert!(picked.iter().any(|&p| away(left as usize, p) < radius2 * (1.0 + 1e-6)));
+                for left in (0..points.len() as u32).filter(|&i| thinning.turns[i as usize] == LAST_TURN) {
+                    prop_assert!(thinning.part_log2 > 0 || thinning.picked.iter().any(|&p| away2(left, p) < radius2 * (1.0 + 1e-6)));
                 }
             }
-            for left in thinning.left() {
-                prop_assert!(picked.iter().any(|&p| tree.entries[p].q == tree.entries[left as usize].q));
-            }
+            prop_assert_eq!(thinning.picked.len(), points.len());
         }
     }
 }

@@ -2,12 +2,13 @@
 //! an even sample of what its children offer, and what it takes, they lose. A node is finished, and its
 //! page made, when the cell above has taken its share.
 
+use crate::candidates::Candidates;
 use crate::contour;
-use crate::ntree::NTree;
-use crate::order::{order, radii};
+use crate::order::{order, parts};
 use crate::row::{RowLayout, Rows};
-use crate::sample::choose;
+use crate::sample::{choose, place};
 use crate::shape::{Moments, Shape};
+use crate::spacing::{radii, spacing};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
 use esker_format::{Histograms, NodeStatistics, PageLayout, encode_page};
@@ -17,7 +18,9 @@ use rayon::prelude::*;
 use std::sync::Mutex;
 
 /// A radius is at most so many times its node's spacing: a lone point must not become a blob.
-const RADIUS_SPACINGS_MAX: f32 = 8.0;
+const RADIUS_SPACINGS_MAX: f64 = 8.0;
+/// A cell is not split before it has so many nodes' points.
+const LEAF_NODES: usize = 2;
 
 /// What every step of the building knows.
 pub struct Context {
@@ -43,6 +46,8 @@ pub struct Pending {
     pub offered: Vec<u32>,
     /// The turn of each of these in thinning; empty where no sample has placed them.
     pub turns: Vec<u16>,
+    /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
+    pub radii: Vec<f32>,
     /// What lies below.
     pub children: Children,
 }
@@ -102,29 +107,26 @@ impl Drop for Children {
     }
 }
 
-impl Pending {
-    /// A turn for each point offered.
-    fn all_turns(&self) -> impl Iterator<Item = u16> + '_ {
-        let placed = self.turns.iter().copied();
-        placed.chain(std::iter::repeat(LAST_TURN)).take(self.offered.len())
-    }
-}
-
 impl Context {
-    /// A cell that fits a node.
+    /// A cell that is not split: it offers all of its points.
     pub fn leaf(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
-        let mut moments = Moments::default();
-        points.clone().for_each(|i| moments.add(rows.position(i)));
         Pending {
             cell,
-            moments,
+            moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
             offered: points.collect(),
             turns: Vec::new(),
+            radii: Vec::new(),
             children: Children::default(),
         }
     }
 
-    /// More coincident points than a node holds: the first offers itself, the rest continues it.
+    /// Points that a cell may have without being split. What the cells above leave of them may be more than a node
+    /// holds: then nodes continue it.
+    pub fn leaf_points_max(&self) -> usize {
+        self.capacity * LEAF_NODES
+    }
+
+    /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
     pub fn coincident(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
         let mut head = self.leaf(rows, points.start..points.start + self.capacity as u32, cell);
         let rest = (points.start + self.capacity as u32..points.end).step_by(self.capacity);
@@ -152,69 +154,117 @@ impl Context {
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
-        let candidates: Vec<u32> =
-            children.iter().flat_map(|c| c.offered.iter().copied()).collect();
-        let shape = Shape::of(moments.covariance(self.scale));
-        let turns: Vec<u16> = children.iter().flat_map(Pending::all_turns).collect();
-        let tree = NTree::new(rows, &candidates, &turns, &cell, &shape, self.scale);
-        let sample = choose(&tree, self.capacity);
-        let mut chosen: Vec<(u32, u16)> = tree
-            .entries
-            .iter()
-            .zip(&sample.chosen)
-            .filter_map(|(entry, turn)| Some((entry.row, (*turn)?)))
-            .collect();
-        chosen.sort_unstable();
-        drop(tree);
-        for child in &children {
+        let offered: Vec<u32> = children.iter().flat_map(|c| c.offered.iter().copied()).collect();
+        let dimension = Shape::of(moments.covariance(self.scale)).dimension;
+        let candidates = Candidates::new(rows, &offered, &cell, self.scale);
+        let placed = placed(&children, offered.len());
+        let mut turns = choose(&candidates, &placed, self.capacity, self.edge(&cell), dimension);
+        let mut parts = Vec::with_capacity(children.len());
+        let mut start = 0;
+        for child in children {
+            let part = start..start + child.offered.len();
+            start = part.end;
             // A node keeps a point of its own, or it could not stand between the one above and those below.
-            let gone = |row: &u32| chosen.binary_search_by_key(row, |c| c.0).is_ok();
-            if !child.children.is_empty() && child.offered.iter().all(gone) {
-                chosen.retain(|(row, _)| *row != child.offered[0]);
+            if !child.children.is_empty() && turns[part.clone()].iter().all(|t| *t != LAST_TURN) {
+                turns[part.start] = LAST_TURN;
             }
+            parts.push((child, part));
         }
-        let (offered, turns): (Vec<u32>, Vec<u16>) = chosen.into_iter().unzip();
-        let children = children
-            .into_par_iter()
-            .filter_map(|child| self.finish(rows, child, &offered, Some(sample.spacing)))
-            .collect();
-        let children = Children(children);
-        Pending { cell, moments, offered, turns, children }
+        let chosen: Vec<usize> = (0..offered.len()).filter(|&i| turns[i] != LAST_TURN).collect();
+        let radii = self.radii(&candidates, |i| turns[i] != LAST_TURN, dimension);
+        drop(candidates);
+        let mut pending = Pending {
+            cell,
+            moments,
+            offered: chosen.iter().map(|&i| offered[i]).collect(),
+            turns: chosen.iter().map(|&i| turns[i]).collect(),
+            radii: chosen.iter().map(|&i| radii[i]).collect(),
+            children: Children::default(),
+        };
+        let above = self.spacing(&pending, chosen.len(), dimension, None);
+        let finish = |(child, part)| self.finish(rows, child, &turns[part], Some(above));
+        pending.children = Children(parts.into_par_iter().filter_map(finish).collect());
+        pending
     }
 
-    /// Finishes a cell of whose offer `taken` (rows, ascending; others may be among them) have gone to the
-    /// cell above, whose sample has the spacing `above`. `None` where nothing is left of it, which only
-    /// happens to cells without children (see [`Context::combine`]).
+    /// Finishes a cell of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
+    /// have a turn in `taken`. What a node does not hold continues it. `None` where nothing is left, which only happens
+    /// to cells without children (see [`Context::combine`]).
     pub fn finish(
         &self,
         rows: &Rows<'_>,
-        pending: Pending,
-        taken: &[u32],
+        mut pending: Pending,
+        taken: &[u16],
         above: Option<f64>,
     ) -> Option<Subtree> {
         let shape = Shape::of(pending.moments.covariance(self.scale));
-        let tree =
-            NTree::new(rows, &pending.offered, &pending.turns, &pending.cell, &shape, self.scale);
-        let gone: Vec<bool> =
-            tree.entries.iter().map(|e| taken.binary_search(&e.row).is_ok()).collect();
-        let order = order(&tree, &gone, above);
-        if order.entries.is_empty() {
-            return None;
+        if pending.turns.is_empty() {
+            let cell = &pending.cell;
+            let candidates = Candidates::new(rows, &pending.offered, cell, self.scale);
+            let edge = self.edge(cell);
+            pending.turns = place(&candidates, taken, above, edge, shape.dimension);
+            pending.radii = self.radii(&candidates, |_| true, shape.dimension);
         }
-        let spacing = self.spacing(&tree, above);
-        let radii = radii(&tree);
-        let cap = spacing as f32 * RADIUS_SPACINGS_MAX;
-        let radius = |i: u32| match radii[i as usize] {
-            0.0 => spacing as f32,
-            r => r.min(cap),
+        let is_own = |i: &u32| taken.get(*i as usize).is_none_or(|&turn| turn == LAST_TURN);
+        let own: Vec<u32> = (0..pending.offered.len() as u32).filter(is_own).collect();
+        let turns: Vec<u16> = own.iter().map(|&i| pending.turns[i as usize]).collect();
+        let count = own.len().div_ceil(self.capacity) as u32;
+        let part_of = parts(&turns, count as usize);
+        let mut drawn = pending.offered.len();
+        let full = self.spacing(&pending, drawn, shape.dimension, above);
+        let mut below = std::mem::take(&mut pending.children);
+        for part in (0..count).rev() {
+            let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
+            let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
+            let spacing = self.spacing(&pending, drawn, shape.dimension, above);
+            drawn -= points.len();
+            let mut tree = self.node(rows, &pending, &points, &shape, [spacing, full], below);
+            if part == 0 {
+                return Some(tree);
+            }
+            tree.node.shape |= SHAPE_CONTINUATION;
+            below = Children(vec![tree]);
+        }
+        None
+    }
+
+    /// The radii of the offered points that are wanted, in the file's unit; 0 for the others.
+    fn radii(
+        &self,
+        candidates: &Candidates,
+        is_wanted: impl Fn(usize) -> bool,
+        dimension: u32,
+    ) -> Vec<f32> {
+        let wanted =
+            || candidates.offer.iter().zip(&candidates.q).filter(|(o, _)| is_wanted(**o as usize));
+        let mut out = vec![0.0; candidates.len()];
+        let steps = radii(wanted().map(|(_, q)| *q), dimension);
+        for ((&offer, _), steps) in wanted().zip(steps) {
+            out[offer as usize] = (f64::from(steps) * candidates.step) as f32;
+        }
+        out
+    }
+
+    /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
+    /// the second.
+    fn node(
+        &self,
+        rows: &Rows<'_>,
+        pending: &Pending,
+        points: &[u32],
+        shape: &Shape,
+        [spacing, full]: [f64; 2],
+        children: Children,
+    ) -> Subtree {
+        let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
+        let order = order(&turns);
+        let ordered = || order.points.iter().map(|&i| points[i as usize] as usize);
+        let radius = |i: usize| match pending.radii[i] {
+            0.0 => 1.0,
+            r => (f64::from(r) / full).min(RADIUS_SPACINGS_MAX),
         };
-        let codes = order
-            .entries
-            .iter()
-            .map(|&i| quant::radius_code(f64::from(radius(i)), spacing))
-            .collect();
-        let own: Vec<u32> = order.entries.iter().map(|&i| tree.entries[i as usize].row).collect();
-        drop(tree);
+        let codes = ordered().map(|i| quant::radius_code(radius(i) * spacing, spacing)).collect();
+        let own: Vec<u32> = ordered().map(|i| pending.offered[i]).collect();
 
         let (points, hash) = self.page_points(rows, &own, codes);
         let mut node = Node::zeroed();
@@ -233,14 +283,14 @@ impl Context {
         if let Ok(mut histograms) = self.histograms[slot].lock() {
             histograms.add(&self.pages, &points);
         }
-        Some(Subtree { node, page, statistics, hash, bounds, children: pending.children })
+        Subtree { node, page, statistics, hash, bounds, children }
     }
 
-    /// The spacing of a node: never more than that of the sample above, never zero.
-    fn spacing(&self, tree: &NTree, above: Option<f64>) -> f64 {
+    /// The spacing of the first `drawn` of a cell's points: never more than that of the sample above, never zero.
+    fn spacing(&self, pending: &Pending, drawn: usize, dimension: u32, above: Option<f64>) -> f64 {
         let step = self.scale.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-        let own = tree.spacing(&tree.occupied(), tree.entries.len());
-        let few = tree.entries.len() < 8;
+        let own = spacing(&pending.turns, drawn, pending.moments.count as usize, dimension);
+        let few = pending.offered.len() < 8;
         let spacing = match above {
             Some(above) if few || own > above => above,
             _ => own,
@@ -248,6 +298,24 @@ impl Context {
         // Half the largest f32 keeps a multiple of it finite.
         spacing.clamp(step.max(1e-30), 1e30)
     }
+
+    /// The edge of a cell, in the file's unit, along the axis of the longest steps.
+    fn edge(&self, cell: &Cell) -> f64 {
+        self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
+    }
+}
+
+/// The turns that cells below have given to what they offer, in all so many; empty where none has.
+fn placed(children: &[Pending], offered: usize) -> Vec<u16> {
+    if children.iter().all(|c| c.turns.is_empty()) {
+        return Vec::new();
+    }
+    let mut turns = Vec::with_capacity(offered);
+    for child in children {
+        turns.extend_from_slice(&child.turns);
+        turns.resize(turns.len() + child.offered.len() - child.turns.len(), LAST_TURN);
+    }
+    turns
 }
 
 /// Sets the integer box of a node's own points, and returns it; there is at least one.

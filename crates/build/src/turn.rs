@@ -1,9 +1,9 @@
 //! Turns: the ladder of radii on which all thinning goes down, the same for all cells of a file. A turn is a
-//! rung; sixteen to an octave. What is picked at a turn in one cell so is nearly what the cell above picks at the
-//! same turn, but for the borders between its children.
+//! rung. What is picked at a turn in one cell so is nearly what the cell above picks at the same turn, but for the
+//! borders between its children.
 
-/// Rungs in which the radius halves: a gap within a rung is at most a 24th wider than at its end.
-pub const TURNS_PER_OCTAVE: u16 = 16;
+/// Rungs in which the radius halves: a gap within a rung is at most a fifth wider than at its end.
+pub const TURNS_PER_OCTAVE: u16 = 4;
 
 /// Turn of points that no sample has placed.
 pub const LAST_TURN: u16 = u16::MAX;

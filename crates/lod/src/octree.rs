@@ -75,6 +75,14 @@ impl CompactOctree {
         for d in cells() {
             let (mut index, mut node) = (d.node, &table.nodes[d.node as usize]);
             if node.is_continuation() {
+                // The cell is drawn as densely as what continues it says.
+                while node.is_continuation() && node.parent < index {
+                    (index, node) = (node.parent, &table.nodes[node.parent as usize]);
+                    if let Some(&entry) = entry_of.get(&index) {
+                        let spacing = &mut entries[entry as usize].spacing;
+                        *spacing = spacing.min(d.effective_spacing);
+                    }
+                }
                 continue;
             }
             // Links the node to its parent, and parents that are not drawn to theirs.

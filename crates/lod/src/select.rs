@@ -293,7 +293,9 @@ impl<R: Residency> Walk<'_, R> {
 
     fn visit(&mut self, candidate: &Candidate) {
         let node = &self.table.nodes[candidate.node as usize];
-        if node.is_continuation() && self.options.target_spacing_px > 0.0 {
+        // Coincident points add nothing to a picture.
+        let is_coincident = node.is_continuation() && node.cell_log2 == 0;
+        if is_coincident && self.options.target_spacing_px > 0.0 {
             self.selection.counters.continuations += 1;
             return;
         }

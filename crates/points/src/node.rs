@@ -19,7 +19,7 @@ pub struct Node {
     pub cell_log2: u8,
     /// Bits 0-1: dimension of its n-tree (n = 2^dimension; 0 is a single point, 1 a line, 2 a plane,
     /// 3 a volume). Bit 2: the contour is oriented (else axis-parallel). Bit 3: it continues its parent
-    /// (same cell, more coincident points).
+    /// (same cell, the next of its points, as an even sample of more).
     pub shape: u8,
     /// Number of children, which stand one after the other in the table, in Morton order.
     pub child_count: u8,
