@@ -137,7 +137,7 @@ impl<'a> Runs<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ntree::tests::rows_of;
+    use crate::candidates::tests::rows_of;
     use crate::row::Rows;
     use proptest::prelude::*;
 

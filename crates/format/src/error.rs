@@ -54,6 +54,16 @@ pub enum FormatError {
         /// Which rule.
         fault: String,
     },
+    /// A file of a forest that does not belong to it.
+    #[error("{}: its tree {} {fault}", path.display(), tree.display())]
+    Forest {
+        /// The file that names it.
+        path: PathBuf,
+        /// What is named.
+        tree: PathBuf,
+        /// What is wrong with it, and what to do.
+        fault: String,
+    },
     /// The user asked to stop.
     #[error("{0}")]
     Cancelled(#[from] esker_points::Cancelled),

@@ -3,11 +3,13 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
+use crate::forest::TREES_MAX;
 use crate::json::{BlockPlace, MetadataJson};
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
 use esker_points::{ColourDepth, InputGrid, Lattice, PointClass, Schema};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::path::Path;
 
 /// Bytes of JSON that are written and read at most.
 pub const METADATA_BYTES_MAX: u64 = 1 << 30;
@@ -35,7 +37,8 @@ pub struct Metadata {
     pub codec: Codec,
     /// Where the points come from, in the order given.
     pub sources: Vec<SourceRecord>,
-    /// Other files whose trees, over the same lattice, belong to this one. None are read yet.
+    /// Other files whose trees, over the same lattice, belong to this one: all of them, also those that the
+    /// named ones name themselves.
     pub forest: Vec<TreeRef>,
     /// The program that wrote the file, with its version.
     pub generator: String,
@@ -83,7 +86,7 @@ pub struct SourceRecord {
 /// Another .esker file whose tree belongs to this one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TreeRef {
-    /// Path from this file.
+    /// Path from this file's folder, its parts joined by `/`.
     pub path: String,
     /// Its [`crate::Footer::name_hash`].
     pub footer_hash: u128,
@@ -181,6 +184,24 @@ impl Metadata {
         let classes_max = self.classes.len().max(1);
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {
             return fault("a source names a class that does not exist");
+        }
+        self.check_forest()
+    }
+}
+
+impl Metadata {
+    /// The named files are few enough, each by a way from this one's folder, and none twice.
+    fn check_forest(&self) -> Result<(), Fault> {
+        let fault = |what: &str| Err(Fault::new("metadata", what));
+        if self.forest.len() >= TREES_MAX {
+            return fault("it names more files than a forest can have");
+        }
+        if self.forest.iter().any(|t| t.path.is_empty() || Path::new(&t.path).has_root()) {
+            return fault("it names a file by no way from its own folder");
+        }
+        let hashes: HashSet<_> = self.forest.iter().map(|t| t.footer_hash).collect();
+        if hashes.len() < self.forest.len() {
+            return fault("it names a file twice");
         }
         Ok(())
     }

@@ -39,6 +39,12 @@ impl Planes {
     pub fn get(&self, kind: PlaneKind) -> Option<&[u8]> {
         self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
     }
+
+    /// The same planes by other names; those without one are left out.
+    pub(crate) fn renamed(self, name: impl Fn(PlaneKind) -> Option<PlaneKind>) -> Self {
+        let planes = self.planes.into_iter();
+        Self { planes: planes.filter_map(|(kind, bytes)| Some((name(kind)?, bytes))).collect() }
+    }
 }
 
 impl fmt::Debug for EskerFile {
@@ -48,7 +54,7 @@ impl fmt::Debug for EskerFile {
 }
 
 impl EskerFile {
-    /// Opens a file: its own tree alone, not those of other files that it names.
+    /// Opens a file: its own tree alone. [`crate::Forest::open`] opens those that it names as well.
     ///
     /// # Errors
     /// Where it cannot be read, has no valid footer, another version, or is damaged.
@@ -377,5 +383,5 @@ fn read_table(path: &Path, source: &dyn ReadAt, footer: &Footer) -> Result<NodeT
     if crc32fast::hash(bytes) != footer.table.crc {
         return Err(Fault::new("node table", "its checksum does not match").damaged(path));
     }
-    Ok(NodeTable { nodes })
+    Ok(NodeTable::of_tree(nodes))
 }

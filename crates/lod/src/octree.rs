@@ -11,10 +11,14 @@ const NONE: u32 = u32::MAX;
 
 /// The drawn cells. Entry `i` belongs to `drawn[i]`; entries behind those are undrawn nodes between
 /// drawn ones, which lead on and have the spacing of what is drawn above them.
+///
+/// A table of several trees makes several octrees, and a point is looked up from its own node's entry, so in
+/// its own tree's: that tree's points are an even sample of its own surfaces and close them by themselves.
+/// Another tree may be denser there and yet have none of its points on that surface, only in the same cell.
 #[derive(Clone, Debug, Default)]
 pub struct CompactOctree {
     entries: Vec<Entry>,
-    root: u32,
+    roots: Vec<u32>,
 }
 
 /// One cell in one cache line.
@@ -68,30 +72,20 @@ impl CompactOctree {
         let mut entries: Vec<_> = cells()
             .map(|d| Entry::of(&table.nodes[d.node as usize], d.effective_spacing))
             .collect();
-        // Entries by node; a continuation has its parent's cell and is never stepped down to.
         let mut entry_of: HashMap<u32, u32> =
             cells().zip(0u32..).map(|(d, i)| (d.node, i)).collect();
-        let mut root = NONE;
+        let mut roots = Vec::new();
+        // The entries of continuations, and of what they continue.
+        let mut continued = Vec::new();
         for d in cells() {
             let (mut index, mut node) = (d.node, &table.nodes[d.node as usize]);
-            if node.is_continuation() {
-                // The cell is drawn as densely as what continues it says.
-                while node.is_continuation() && node.parent < index {
-                    (index, node) = (node.parent, &table.nodes[node.parent as usize]);
-                    if let Some(&entry) = entry_of.get(&index) {
-                        let spacing = &mut entries[entry as usize].spacing;
-                        *spacing = spacing.min(d.effective_spacing);
-                    }
-                }
-                continue;
-            }
             // Links the node to its parent, and parents that are not drawn to theirs.
             loop {
                 let entry = entry_of[&index];
                 let Some(parent) =
                     table.nodes.get(node.parent as usize).filter(|_| node.parent < index)
                 else {
-                    root = entry;
+                    roots.push(entry);
                     break;
                 };
                 let known = entry_of.get(&node.parent).copied();
@@ -100,7 +94,9 @@ impl CompactOctree {
                     entries.push(Entry::of(parent, f32::NAN));
                     entry_of.insert(node.parent, above);
                 }
-                if let Some(octant) = octant_below(parent, &node.cell()) {
+                if node.is_continuation() {
+                    continued.push((index, entry, above));
+                } else if let Some(octant) = octant_below(parent, &node.cell()) {
                     entries[above as usize].children[usize::from(octant)] = entry;
                 }
                 if known.is_some() {
@@ -109,21 +105,36 @@ impl CompactOctree {
                 (index, node) = (node.parent, parent);
             }
         }
-        let mut octree = Self { entries, root };
-        octree.inherit();
+        let mut octree = Self { entries, roots };
+        octree.inherit(&continued);
+        octree.continue_cells(continued);
         octree
     }
 
+    /// A cell is one, however many nodes hold its points: what is below its last is below all, and what the
+    /// last makes of its spacing holds for the points of all.
+    fn continue_cells(&mut self, mut continued: Vec<(u32, u32, u32)>) {
+        // Children stand behind their parents in the table: from the last to the first.
+        continued.sort_unstable_by(|a, b| b.cmp(a));
+        for (_, entry, above) in continued {
+            let Entry { spacing, children, .. } = self.entries[entry as usize];
+            let above = &mut self.entries[above as usize];
+            (above.spacing, above.children) = (spacing, children);
+        }
+    }
+
     /// Gives entries that are not drawn the spacing of what is above them; 0 where nothing is.
-    fn inherit(&mut self) {
-        let mut open = vec![(self.root, 0.0f32)];
+    fn inherit(&mut self, continued: &[(u32, u32, u32)]) {
+        let below: HashMap<u32, u32> = continued.iter().map(|&(_, entry, head)| (head, entry)).collect();
+        let mut open: Vec<_> = self.roots.iter().map(|&root| (root, 0.0f32)).collect();
         while let Some((index, above)) = open.pop() {
             let Some(entry) = self.entries.get_mut(index as usize) else { continue };
             if entry.spacing.is_nan() {
                 entry.spacing = above;
             }
             let spacing = entry.spacing;
-            open.extend(entry.children.iter().filter(|&&c| c != NONE).map(|&c| (c, spacing)));
+            let children = entry.children.iter().copied().filter(|&c| c != NONE);
+            open.extend(children.chain(below.get(&index).copied()).map(|c| (c, spacing)));
         }
     }
 
@@ -149,16 +160,15 @@ impl CompactOctree {
         })
     }
 
-    /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point `p`;
-    /// 0 where none does.
+    /// Effective spacing, the file's unit, of the finest drawn cell that holds the lattice point `p`, of the
+    /// tree that is drawn finest there; 0 where none does.
     pub fn spacing_at(&self, p: [u32; 3]) -> f32 {
-        match self.entries.get(self.root as usize) {
-            Some(root) if root.contains(p) => self.descend(root, p),
-            _ => 0.0,
-        }
+        let roots = self.roots.iter().filter_map(|&root| self.entries.get(root as usize));
+        let drawn = roots.filter(|root| root.contains(p)).map(|root| self.descend(root, p));
+        drawn.filter(|&spacing| spacing > 0.0).reduce(f32::min).unwrap_or(0.0)
     }
 
-    /// As [`CompactOctree::spacing_at`], from the cell of `drawn[index]` downwards: the shorter way
+    /// The same in the tree of `drawn[index]`, from the cell of `drawn[index]` downwards: the shorter way
     /// for a point of that node. The spacing of `drawn[index]` where `p` is outside of its cell (hot
     /// positions without residuals can be, by half a hot step).
     ///

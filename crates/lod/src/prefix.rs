@@ -18,11 +18,29 @@ pub fn spacing(node: &Node) -> f64 {
 /// `count` points and all of its ancestors' are drawn. Where the node shows only a share of its greatest
 /// face (`facing`, 0 to 1), it is the distance that fills the picture as well face-on: foreshortening
 /// brings points together, so that splats need not grow by what it lets be left out. Never less than the
-/// node's spacing.
-pub fn effective_spacing(node: &Node, count: usize, prefix: usize, facing: f64) -> f64 {
-    let left = count as f64 / prefix.max(1) as f64;
+/// node's spacing. `above` is [`share_above`].
+pub fn effective_spacing(
+    node: &Node,
+    count: usize,
+    prefix: usize,
+    facing: f64,
+    above: f64,
+) -> f64 {
+    let own = prefix.max(1) as f64 / count as f64;
+    let left = (above + (1.0 - above) * own).recip();
     let apart = left.powf(1.0 / f64::from(dimension(node)));
     spacing(node) * (apart * facing.sqrt()).max(1.0)
+}
+
+/// The share of the density in a node's cell that its parent's points have there by themselves: only a
+/// continuation's parent has all of its points in that cell. 0 for others, whose parents have few.
+pub fn share_above(node: &Node, parent: Option<&Node>) -> f64 {
+    match parent.filter(|_| node.is_continuation()).map(spacing) {
+        Some(above) if above > 0.0 => {
+            (spacing(node) / above).powi(dimension(node) as i32).clamp(0.0, 1.0)
+        }
+        _ => 0.0,
+    }
 }
 
 /// What the picture shows of a node.
@@ -34,6 +52,8 @@ pub struct Shown {
     pub facing: f64,
     /// Area of its silhouette, pixels; infinite where that is not known.
     pub area_px: f64,
+    /// [`share_above`].
+    pub above: f64,
 }
 
 /// The smallest prefix of whole strata, at least one point, that is dense enough: its points are at most
@@ -45,6 +65,9 @@ pub fn wanted(node: &Node, count: usize, shown: &Shown, target_spacing_px: f64) 
         return count;
     }
     let share = (shown.spacing_px / target_spacing_px).powi(dimension(node) as i32);
+    // What the points above give already, its own need not.
+    let share =
+        if shown.above < 1.0 { (share - shown.above) / (1.0 - shown.above) } else { share };
     let by_spacing = count as f64 * share * shown.facing.clamp(0.0, 1.0);
     let by_area = shown.area_px / target_spacing_px.powi(2);
     // A rounding error above a whole number must not cost a stratum.
@@ -106,9 +129,32 @@ mod tests {
     fn spacing_grows_with_the_root_of_what_is_left_out() {
         for (dimension, factor) in [(0, 16.0), (1, 16.0), (2, 4.0), (3, 4.0)] {
             let node = node(&[16, 240], dimension, 0.5);
-            assert!((effective_spacing(&node, 256, 16, 1.0) - 0.5 * factor).abs() < 1e-9);
-            assert_eq!(effective_spacing(&node, 256, 256, 1.0), 0.5);
+            assert!((effective_spacing(&node, 256, 16, 1.0, 0.0) - 0.5 * factor).abs() < 1e-9);
+            assert_eq!(effective_spacing(&node, 256, 256, 1.0, 0.0), 0.5);
         }
+    }
+
+    #[test]
+    fn a_continuation_makes_its_parent_s_sample_finer_point_by_point() {
+        // As many points again as the parent has in the same cell: in a plane 1 / sqrt(2) of its spacing.
+        let parent = node(&[256], 2, 1.0);
+        let mut node = node(&[16, 240], 2, 0.5f32.sqrt());
+        assert_eq!(share_above(&node, Some(&parent)), 0.0);
+        node.shape |= esker_points::node::SHAPE_CONTINUATION;
+        let above = share_above(&node, Some(&parent));
+        assert!((above - 0.5).abs() < 1e-6);
+        for prefix in [0usize, 16, 31, 136, 256] {
+            let expect = ((256.0 + prefix.max(1) as f64) / 256.0).sqrt().recip();
+            let spacing = effective_spacing(&node, 256, prefix, 1.0, above);
+            assert!((spacing - expect).abs() < 1e-6, "{prefix}: {spacing} {expect}");
+            let shown = Shown { spacing_px: 0.5f64.sqrt(), facing: 1.0, area_px: f64::INFINITY, above };
+            let least = boundaries(&[16, 240]).into_iter().find(|&b| b >= prefix.max(1));
+            assert_eq!(Some(wanted(&node, 256, &shown, expect * (1.0 + 1e-7))), least, "{prefix}");
+        }
+        // A parent that is as fine by itself, or of no usable spacing.
+        assert_eq!(share_above(&node, Some(&self::node(&[1], 2, 0.1))), 1.0);
+        assert_eq!(effective_spacing(&node, 256, 1, 1.0, 1.0), spacing(&node));
+        assert_eq!(share_above(&node, Some(&self::node(&[1], 2, 0.0))), 0.0);
     }
 
     #[test]
@@ -127,9 +173,9 @@ mod tests {
             let count = levels.iter().sum::<usize>();
             prop_assume!(count > 0);
             let node = node(&levels, dimension, 1.0);
-            let face_on = Shown { spacing_px, facing: 1.0, area_px: f64::INFINITY };
+            let face_on = Shown { spacing_px, facing: 1.0, area_px: f64::INFINITY, above: 0.0 };
             let prefix = wanted(&node, count, &face_on, target);
-            let distance_px = |prefix| spacing_px * effective_spacing(&node, count, prefix, 1.0);
+            let distance_px = |prefix| spacing_px * effective_spacing(&node, count, prefix, 1.0, 0.0);
             let at = boundaries(&levels);
             prop_assert!(at.contains(&prefix) && prefix > 0);
             prop_assert!(prefix == count || distance_px(prefix) <= target * (1.0 + 1e-5));

@@ -1,5 +1,5 @@
 //! The choice: which nodes, and how many points of each, a view wants, and which of them it draws. Walks
-//! the node table from the root, worst projected spacing first, into a cut that is closed under parent
+//! the node table from its roots, worst projected spacing first, into a cut that is closed under parent
 //! and within its budgets of points and bytes (kanzok2015, section 3.2; DESIGN, section 7). The cut that
 //! is wanted does not depend on what is resident; what is drawn is its resident part. Plain data in and
 //! out: the same input gives the same cut.
@@ -8,7 +8,9 @@ use crate::frustum::Frustum;
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
 use crate::parts::any_part;
-use crate::prefix::{FACING_LEAST, Shown, effective_spacing, prefix_at_most, spacing, wanted};
+use crate::prefix::{
+    FACING_LEAST, Shown, effective_spacing, prefix_at_most, share_above, spacing, wanted,
+};
 use crate::project::Projection;
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
@@ -99,7 +101,7 @@ pub struct Counters {
     pub contour_culled: u64,
     /// With all of their own points hidden; their children were looked at all the same.
     pub contour_occluded: u64,
-    /// Left out because they only repeat places that are drawn already.
+    /// Left out because all of their points lie where one is drawn already.
     pub continuations: u64,
     /// Left out because they, or not one stratum of them, fitted the budgets.
     pub withheld: u64,
@@ -128,7 +130,7 @@ pub struct Selection {
     /// them, or points drawn in their cells would grow.
     pub hidden: Vec<Drawn>,
     /// What shall be resident: all that would be drawn were everything resident, and what lies between
-    /// those and the root, parents first. The root is always the first where it fits the budget.
+    /// those and the roots, parents first. The roots come first, in view or not, where they fit the budget.
     pub wanted: Vec<u32>,
     /// What of that is not resident, in the same order.
     pub missing: Vec<Missing>,
@@ -162,13 +164,10 @@ pub fn select(
         places: Vec::new(),
         selection: Selection::default(),
     };
-    if table.root().is_some() {
-        walk.open(0, f64::INFINITY, NOWHERE);
-    }
+    walk.visit_roots();
     while let Some(candidate) = walk.open.pop() {
-        walk.visit(&candidate);
+        walk.visit(&candidate, u64::MAX);
     }
-    walk.want_root();
     walk.selection
 }
 
@@ -241,19 +240,51 @@ struct Walk<'a, R> {
 }
 
 impl<R: Residency> Walk<'_, R> {
-    /// Wants the root where nothing of the walk did: it serves whatever comes into view next.
-    fn want_root(&mut self) {
-        if !self.selection.wanted.is_empty() || self.table.root().is_none() {
-            return;
+    /// Visits the roots, first those that need least, so that each gets a fair share of the points: where
+    /// trees overlap or lie side by side, none is left out for another. Then wants those of which nothing is
+    /// in view: they serve whatever comes into view next.
+    fn visit_roots(&mut self) {
+        let table = self.table;
+        table.roots().for_each(|root| self.open(root, f64::INFINITY, NOWHERE));
+        let mut seen = std::mem::take(&mut self.open).into_vec();
+        if seen.len() > 1 {
+            seen.sort_by_cached_key(|root| (self.root_need(root), root.node));
         }
-        let cell = OrientedBox::of_cell(&self.table.nodes[0].cell(), self.lattice);
+        for (i, candidate) in seen.iter().enumerate() {
+            let left = self.points_left() / (seen.len() - i) as u64;
+            self.visit(candidate, left);
+        }
+        let wanted: Vec<u32> = self.selection.wanted.clone();
+        for root in table.roots().filter(|root| !wanted.contains(root)) {
+            let gone_through = seen.iter().any(|c| c.node == root);
+            let place = self.places.iter().position(|p| gone_through && p.node == root);
+            let place = place.unwrap_or_else(|| self.pass(&self.root(root)));
+            if self.fits(place) {
+                self.want(place, 0);
+            }
+        }
+    }
+
+    /// Points that the view needs of a root.
+    fn root_need(&self, root: &Candidate) -> usize {
+        let node = &self.table.nodes[root.node as usize];
+        let contour = OrientedBox::of_contour(node, self.lattice);
+        let is_seen =
+            self.frustum.touches(&contour) && self.shows_points(node, &contour, root.spacing);
+        if is_seen { self.need(root, node, node.points(), &contour, 0.0).0 } else { 0 }
+    }
+
+    /// A root, whether it is in view or not.
+    fn root(&self, node: u32) -> Candidate {
+        let cell = OrientedBox::of_cell(&self.table.nodes[node as usize].cell(), self.lattice);
         let distance = cell.distance(self.view.eye).max(self.view.near);
         let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
-        let root = Candidate { spacing_px, node: 0, distance, spacing, above: NOWHERE };
-        let place = self.pass(&root);
-        if self.fits(place) {
-            self.want(place, 0);
-        }
+        Candidate { spacing_px, node, distance, spacing, above: NOWHERE }
+    }
+
+    /// Points that the budget has left.
+    fn points_left(&self) -> u64 {
+        self.options.points_budget.saturating_sub(self.selection.counters.points_wanted)
     }
 
     /// Takes a node up, unless its subtree cannot be seen; `spacing` is what is wanted without it.
@@ -291,11 +322,11 @@ impl<R: Residency> Walk<'_, R> {
         })
     }
 
-    fn visit(&mut self, candidate: &Candidate) {
+    /// Decides about a node that was taken up, which may have `points_max` points.
+    fn visit(&mut self, candidate: &Candidate, points_max: u64) {
         let node = &self.table.nodes[candidate.node as usize];
-        // Coincident points add nothing to a picture.
-        let is_coincident = node.is_continuation() && node.cell_log2 == 0;
-        if is_coincident && self.options.target_spacing_px > 0.0 {
+        let repeats = node.is_continuation() && node.cell_log2 == 0;
+        if repeats && self.options.target_spacing_px > 0.0 {
             self.selection.counters.continuations += 1;
             return;
         }
@@ -315,7 +346,7 @@ impl<R: Residency> Walk<'_, R> {
             self.open_children(candidate, spacing, place);
             return;
         }
-        if let Some((spacing, place)) = self.draw(candidate, node, &contour) {
+        if let Some((spacing, place)) = self.draw(candidate, node, &contour, points_max) {
             self.open_children(candidate, spacing, place);
         }
     }
@@ -327,6 +358,7 @@ impl<R: Residency> Walk<'_, R> {
         candidate: &Candidate,
         node: &Node,
         contour: &OrientedBox,
+        points_max: u64,
     ) -> Option<(f64, usize)> {
         let count = node.points();
         let place = self.pass(candidate);
@@ -334,15 +366,17 @@ impl<R: Residency> Walk<'_, R> {
             self.selection.counters.withheld += 1;
             return None;
         }
-        let (need, facing) = self.need(candidate, node, count, contour);
-        let left = self.options.points_budget.saturating_sub(self.selection.counters.points_wanted);
+        let above = share_above(node, self.table.nodes.get(node.parent as usize));
+        let (need, facing) = self.need(candidate, node, count, contour, above);
+        let left = self.points_left().min(points_max);
         let prefix = if need as u64 <= left { need } else { prefix_at_most(node.levels(), left) };
         if prefix == 0 {
             self.selection.counters.withheld += 1;
             return None;
         }
         self.want(place, prefix);
-        let effective = effective_spacing(node, count, prefix, facing).min(candidate.spacing);
+        let effective =
+            effective_spacing(node, count, prefix, facing, above).min(candidate.spacing);
         let counters = &mut self.selection.counters;
         counters.shortened += u64::from(prefix < need);
         counters.points_wanted += prefix as u64;
@@ -369,6 +403,7 @@ impl<R: Residency> Walk<'_, R> {
         node: &Node,
         count: usize,
         contour: &OrientedBox,
+        above: f64,
     ) -> (usize, f64) {
         let eye = self.view.eye;
         let target_px = self.options.target_spacing_px;
@@ -384,6 +419,7 @@ impl<R: Residency> Walk<'_, R> {
             spacing_px: self.spacing_px(spacing(node), distance),
             facing: contour.facing(eye).max(FACING_LEAST),
             area_px: self.projection.silhouette(contour).map_or(f64::INFINITY, |s| s.area_px()),
+            above,
         };
         (wanted(node, count, &shown, target_px), shown.facing)
     }

@@ -66,7 +66,7 @@ fn node(piece: &Piece) -> Node {
 }
 
 fn depth_of(pieces: &[Piece], view: &View) -> SoftwareDepth {
-    let table = NodeTable { nodes: pieces.iter().map(node).collect() };
+    let table = NodeTable::of_tree(pieces.iter().map(node).collect());
     let drawn: Vec<_> = table
         .nodes
         .iter()

@@ -42,13 +42,14 @@ fn focal_over_distance(tree: &Tree, view: &View, node: u32) -> f64 {
 
 /// A cache in which some nodes are, each of some size.
 #[derive(Clone, Copy)]
-struct Cache {
+struct Cache<'a> {
     seed: u64,
+    tree: &'a Tree,
 }
 
-impl Residency for Cache {
+impl Residency for Cache<'_> {
     fn is_resident(&self, node: u32) -> bool {
-        node == 0 || Random(self.seed ^ u64::from(node)).below(3) > 0
+        self.tree.is_root(node) || Random(self.seed ^ u64::from(node)).below(3) > 0
     }
     fn slot_bytes(&self, node: u32) -> u64 {
         1 + u64::from(node % 7)
@@ -74,9 +75,9 @@ impl Occlusion for Fog {
 }
 
 /// The same sizes, with all nodes there.
-struct Loaded(Cache);
+struct Loaded<'a>(Cache<'a>);
 
-impl Residency for Loaded {
+impl Residency for Loaded<'_> {
     fn is_resident(&self, _: u32) -> bool {
         true
     }
@@ -148,7 +149,7 @@ fn assert_wanted_is_closed(tree: &Tree, residency: &impl Residency, s: &Selectio
     let mut wanted = vec![false; tree.table.nodes.len()];
     for &n in &s.wanted {
         let parent = tree.table.nodes[n as usize].parent as usize;
-        assert!(n == 0 || wanted[parent], "the parent of {n} is wanted before it");
+        assert!(tree.is_root(n) || wanted[parent], "the parent of {n} is wanted before it");
         assert!(!std::mem::replace(&mut wanted[n as usize], true), "a node is wanted once");
     }
     let missing: Vec<_> = s.missing.iter().map(|m| m.node).collect();
@@ -189,10 +190,12 @@ proptest! {
         let tree = grow(&recipe);
         let view = view(&tree, seed);
         let options = Options { bytes_budget: bytes, ..options(points, 0.5) };
-        let cache = Cache { seed: cache };
+        let cache = Cache { seed: cache, tree: &tree };
         let s = select(&tree.table, &tree.lattice, &view, &options, &cache, None);
         assert_is_a_cut(&tree, &view, &NO_FOG, &options, &cache, &s);
-        prop_assert_eq!(s.wanted.first().copied(), (bytes > 0).then_some(0), "the root is first");
+        let roots = tree.table.roots().count();
+        prop_assert_eq!(s.wanted.is_empty(), bytes == 0);
+        prop_assert!(s.wanted.iter().take(roots).all(|&n| bytes < 100 || tree.is_root(n)), "roots are first");
         let full = select(&tree.table, &tree.lattice, &view, &options, &Loaded(cache), None);
         assert_is_a_cut(&tree, &view, &NO_FOG, &options, &Loaded(cache), &full);
         prop_assert_eq!(&s.wanted, &full.wanted);
@@ -207,7 +210,7 @@ proptest! {
         let (min, max) = tree.bounds();
         let distance = view.eye.distance(min.midpoint(max)) + (share - 0.5) * (max - min).length();
         let fog = Fog { eye: view.eye, distance };
-        let (cache, options) = (Cache { seed }, options(u64::MAX, 0.0));
+        let (cache, options) = (Cache { seed, tree: &tree }, options(u64::MAX, 0.0));
         for resident in [true, false] {
             let s = if resident {
                 select(&tree.table, &tree.lattice, &view, &options, &AllResident, Some(&fog))
@@ -232,13 +235,13 @@ proptest! {
     fn the_cut_covers_what_is_in_view_with_resident_nodes(recipe in recipes(true), seed: u64, cache: u64) {
         let tree = grow(&recipe);
         let view = view(&tree, seed);
-        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &Cache { seed: cache }, None);
+        let s = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &Cache { seed: cache, tree: &tree }, None);
         let full = select(&tree.table, &tree.lattice, &view, &options(u64::MAX, 0.5), &AllResident, None);
         // Each node that should be drawn has the nearest one above it that is resident drawn whole.
         for d in &full.drawn {
             let mut n = d.node;
             let serves = loop {
-                if s.drawn.iter().any(|d| d.node == n) || !has_seen_point(&tree, &view, n) && n == 0 {
+                if s.drawn.iter().any(|d| d.node == n) || !has_seen_point(&tree, &view, n) && tree.is_root(n) {
                     break true;
                 }
                 let parent = tree.table.nodes[n as usize].parent;
@@ -279,7 +282,9 @@ proptest! {
         let projection = Projection::of(&view);
         for (node, points) in tree.points.iter().enumerate() {
             let node = node as u32;
-            if s.drawn.iter().any(|d| d.node == node) || tree.table.nodes[node as usize].is_continuation() {
+            let record = &tree.table.nodes[node as usize];
+            let repeats = record.is_continuation() && record.cell_log2 == 0;
+            if repeats || s.drawn.iter().any(|d| d.node == node) {
                 continue;
             }
             // It was left out: what is drawn in its place is fine enough already, or has a point for
@@ -332,33 +337,55 @@ proptest! {
     }
 
     #[test]
-    fn the_compact_octree_finds_the_finest_drawn_cell(recipe in recipes(true), seed: u64) {
-        // Any set of nodes, with gaps between them as contours out of view leave them.
+    fn the_compact_octree_finds_the_finest_drawn_cell_of_a_point_s_own_tree(
+        recipe in recipes(true), seed: u64,
+    ) {
+        // Any set of nodes, with gaps between them as contours out of view leave them. Of a cell with
+        // several nodes the last is the finest, and that holds for the points of all of them.
         let tree = grow(&recipe);
         let nodes = &tree.table.nodes;
         let mut random = Random(seed);
         let drawn: Vec<_> = (0..nodes.len() as u32)
-            .filter(|&n| !nodes[n as usize].is_continuation() && random.below(2) == 0)
-            .map(|node| Drawn { node, prefix: 1, effective_spacing: 1.0 + node as f32 })
+            .filter(|_| random.below(2) == 0)
+            .map(|node| Drawn { node, prefix: 1, effective_spacing: 1.0 + (nodes.len() as u32 - node) as f32 })
             .collect();
         let octree = CompactOctree::new(&tree.table, &drawn);
         prop_assert!(octree.len() >= drawn.len());
+        let roots: Vec<u32> = tree.table.roots().collect();
+        let tree_of = |node: u32| roots.partition_point(|&root| root <= node);
+        let finest = |tree: usize, p: [u32; 3]| {
+            let at = drawn.iter().filter(|d| tree_of(d.node) == tree && nodes[d.node as usize].cell().contains(p));
+            let finest = at.min_by_key(|d| (nodes[d.node as usize].cell_log2, std::cmp::Reverse(d.node)));
+            finest.map(|d| d.effective_spacing)
+        };
         for &p in tree.points.iter().flatten().step_by(5) {
-            let at = drawn.iter().filter(|d| nodes[d.node as usize].cell().contains(p));
-            let finest = at.clone().min_by_key(|d| nodes[d.node as usize].cell_log2);
-            prop_assert_eq!(octree.spacing_at(p), finest.map_or(0.0, |d| d.effective_spacing));
+            let drawn = (1..=roots.len()).filter_map(|tree| finest(tree, p)).reduce(f32::min);
+            prop_assert_eq!(octree.spacing_at(p), drawn.unwrap_or(0.0));
         }
         for (i, d) in drawn.iter().enumerate() {
             for &p in &tree.points[d.node as usize] {
-                prop_assert_eq!(octree.spacing_from(i, p), octree.spacing_at(p));
+                prop_assert_eq!(Some(octree.spacing_from(i, p)), finest(tree_of(d.node), p));
             }
+        }
+    }
+
+    #[test]
+    fn every_tree_in_view_gets_its_share_of_a_small_budget(seed: u64, trees in 2u64..4, share in 60u64..2000) {
+        let recipe = Recipe { seed, points: 1500, capacity: 60, tight: true, trees };
+        let tree = grow(&recipe);
+        let (min, max) = tree.bounds();
+        let view = View::fit(min, max, DVec3::new(1.0, 2.0, -1.5), 1.0, 300, 300);
+        let options = options(share * trees, 0.5);
+        let s = select(&tree.table, &tree.lattice, &view, &options, &AllResident, None);
+        for root in tree.table.roots() {
+            prop_assert!(s.drawn.iter().any(|d| d.node == root), "{root} is not drawn");
         }
     }
 }
 
 #[test]
 fn a_flat_node_seen_edge_on_gets_fewer_points_than_face_on() {
-    let recipe = Recipe { seed: 5, points: 1000, capacity: 1000, tight: false };
+    let recipe = Recipe { seed: 5, points: 1000, capacity: 1000, tight: false, trees: 1 };
     let mut tree = grow(&recipe);
     assert_eq!(tree.table.nodes.len(), 1);
     let node = &mut tree.table.nodes[0];
@@ -380,7 +407,7 @@ fn a_flat_node_seen_edge_on_gets_fewer_points_than_face_on() {
 
 #[test]
 fn an_empty_table_draws_nothing() {
-    let tree = grow(&Recipe { seed: 1, points: 1, capacity: 1, tight: true });
+    let tree = grow(&Recipe { seed: 1, points: 1, capacity: 1, tight: true, trees: 1 });
     let view = View::look_at(DVec3::ZERO, DVec3::X, DVec3::Z, 1.0, 8, 8);
     let nothing = esker_points::NodeTable::default();
     let s = select(&nothing, &tree.lattice, &view, &Options::default(), &AllResident, None);

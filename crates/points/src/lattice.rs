@@ -188,7 +188,8 @@ impl Lattice {
 
     /// How coordinates of this input are placed on the lattice.
     pub fn placement(&self, input: &InputGrid) -> Placement {
-        Placement { lattice: *self, axes: [0, 1, 2].map(|axis| self.axis_map(&input.grid, axis)) }
+        let axes = [0, 1, 2].map(|axis| self.axis_map(&input.grid, axis));
+        Placement { lattice: *self, axes, refuses: false }
     }
 
     fn axis_map(&self, grid: &Grid, axis: usize) -> AxisMap {
@@ -251,7 +252,12 @@ enum AxisMap {
 pub struct Placement {
     lattice: Lattice,
     axes: [AxisMap; 3],
+    /// Whether points that don't fit are placed at [`REFUSED`] instead of being an error.
+    refuses: bool,
 }
+
+/// Where a refusing placement puts points that don't fit the lattice: its last point, which so holds no other.
+pub const REFUSED: [u32; 3] = [u32::MAX; 3];
 
 /// A point that does not fit the lattice that was chosen from the headers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -264,6 +270,12 @@ impl Placement {
     /// The lattice placed on.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
+    }
+
+    /// The same for a lattice that cannot change any more: points that don't fit are placed at [`REFUSED`],
+    /// for the caller to leave out, and are no error.
+    pub fn refusing(self) -> Self {
+        Self { refuses: true, ..self }
     }
 
     /// Whether no integer coordinate of the input is rounded.
@@ -281,20 +293,24 @@ impl Placement {
         grid: &Grid,
         error: &mut f64,
     ) -> Result<[u32; 3], OffLattice> {
-        let mut out = [0; 3];
+        let (mut out, mut off) = ([0; 3], *error);
         for axis in 0..3 {
             let placed = match self.axes[axis] {
                 AxisMap::Whole { factor, delta } => {
                     u32::try_from(i64::from(raw[axis]) * factor + delta).ok()
                 }
                 AxisMap::Real { ratio, delta } => {
-                    self.round(axis, f64::from(raw[axis]) * ratio + delta, error)
+                    self.round(axis, f64::from(raw[axis]) * ratio + delta, &mut off)
                 }
             };
-            out[axis] = placed.ok_or_else(|| OffLattice {
-                world: [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i]),
-            })?;
+            let Some(placed) = placed else {
+                return self.off(|| {
+                    [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i])
+                });
+            };
+            out[axis] = placed;
         }
+        *error = off;
         Ok(out)
     }
 
@@ -303,12 +319,21 @@ impl Placement {
     /// # Errors
     /// [`OffLattice`] where the point does not fit.
     pub fn real(&self, world: [f64; 3], error: &mut f64) -> Result<[u32; 3], OffLattice> {
-        let mut out = [0; 3];
+        let (mut out, mut off) = ([0; 3], *error);
         for axis in 0..3 {
             let steps = self.lattice.steps_axis(axis, world[axis]);
-            out[axis] = self.round(axis, steps, error).ok_or(OffLattice { world })?;
+            let Some(placed) = self.round(axis, steps, &mut off) else {
+                return self.off(|| world);
+            };
+            out[axis] = placed;
         }
+        *error = off;
         Ok(out)
+    }
+
+    /// What becomes of a point that doesn't fit.
+    fn off(&self, world: impl FnOnce() -> [f64; 3]) -> Result<[u32; 3], OffLattice> {
+        if self.refuses { Ok(REFUSED) } else { Err(OffLattice { world: world() }) }
     }
 
     fn round(&self, axis: usize, steps: f64, error: &mut f64) -> Option<u32> {
@@ -394,6 +419,22 @@ mod tests {
         let lattice = Lattice::choose(&[a, b.clone()]).unwrap();
         let off = lattice.placement(&b).integer([i32::MAX; 3], &b.grid, &mut 0.0).unwrap_err();
         assert!((off.world[0] - f64::from(i32::MAX) * 0.002).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_refusing_placement_marks_what_does_not_fit_and_rounds_nothing_for_it() {
+        let a = input("a", 0.001, 0.0, (0.0, 10.0));
+        let b = input("b", 0.0015, 0.0, (0.0, 10.0));
+        let lattice = Lattice::choose(std::slice::from_ref(&a)).unwrap();
+        let placement = lattice.placement(&b).refusing();
+        let mut error = 0.0;
+        for off in [[7, 7, i32::MAX], [7, i32::MIN, 7]] {
+            assert_eq!(placement.integer(off, &b.grid, &mut error).unwrap(), REFUSED);
+        }
+        assert_eq!(placement.real([0.0005, 1.0, 1e9], &mut error).unwrap(), REFUSED);
+        assert_eq!(error, 0.0);
+        assert_ne!(placement.integer([7; 3], &b.grid, &mut error).unwrap(), REFUSED);
+        assert!((error - 0.0005).abs() < 1e-9, "{error}");
     }
 
     #[test]

@@ -19,6 +19,6 @@ pub use batch::{Batch, Column};
 pub use cell::Cell;
 pub use hash::MultisetHash;
 pub use lattice::{Grid, InputGrid, Lattice};
-pub use node::{Contour, Node, NodeTable};
+pub use node::{Contour, Node, NodeName, NodeTable};
 pub use schema::{ColourDepth, PointClass, Schema};
 pub use task::{Cancelled, Task};

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// Levels a node can have; what is deeper in its n-tree joins the last.
 pub const LEVELS_MAX: usize = 16;
-/// "No node": the parent of the root.
+/// "No node": the parent of a root.
 pub const NONE: u32 = u32::MAX;
 
 /// What a node stores for its cell. Little-endian on disk, in this order, without padding.
@@ -25,7 +25,7 @@ pub struct Node {
     pub child_count: u8,
     /// Number of levels.
     pub level_count: u8,
-    /// Index of its parent, [`NONE`] for the root.
+    /// Index of its parent, [`NONE`] for a root.
     pub parent: u32,
     /// Index of the first child; 0 where there is none.
     pub first_child: u32,
@@ -163,23 +163,66 @@ pub fn pack_rotation(axes: [[f64; 3]; 3]) -> ([i16; 4], [[f64; 3]; 3]) {
     (packed, axes_of(packed.map(|c| f64::from(c) / 32767.0)))
 }
 
-/// All nodes of a tree; the root is first, parents stand before their children.
+/// What a node is called in a forest, a file and those that it names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeName {
+    /// Which tree: 0 is that of the file itself, the others follow in the order in which it names them.
+    pub tree: u16,
+    /// Index in that tree's own table.
+    pub index: u32,
+}
+
+/// All nodes of a tree; the root is first, parents stand before their children. Or those of several
+/// trees over one lattice, one tree after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeTable {
     /// The records.
     pub nodes: Vec<Node>,
+    /// Where the trees behind the first begin, ascending.
+    pub later_roots: Vec<u32>,
 }
 
 impl NodeTable {
-    /// The root, where there is any node.
+    /// The table of one tree.
+    pub fn of_tree(nodes: Vec<Node>) -> Self {
+        Self { nodes, later_roots: Vec::new() }
+    }
+
+    /// The root of the first tree, where there is any node.
     pub fn root(&self) -> Option<&Node> {
         self.nodes.first()
     }
 
-    /// Depth of each node: 0 for the root.
+    /// The roots of all trees that have nodes, ascending.
+    pub fn roots(&self) -> impl Iterator<Item = u32> + '_ {
+        let first = (!self.nodes.is_empty()).then_some(0);
+        first.into_iter().chain(self.later_roots.iter().copied())
+    }
+
+    /// Puts the nodes of another tree behind those that there are, its pages `pages_moved` bytes further on.
+    ///
+    /// # Panics
+    /// If there are 2^32 nodes in all, or pages behind byte 2^64: whoever joins trees has asked.
+    pub fn join(&mut self, tree: &Self, pages_moved: u64) {
+        let base = u32::try_from(self.nodes.len()).expect("nodes are counted before trees are joined");
+        if base > 0 {
+            self.later_roots.extend(tree.roots().map(|root| root + base));
+        } else {
+            self.later_roots.clone_from(&tree.later_roots);
+        }
+        self.nodes.extend(tree.nodes.iter().map(|node| {
+            let mut node = *node;
+            node.parent = if node.parent == NONE { NONE } else { node.parent + base };
+            node.first_child = if node.child_count == 0 { 0 } else { node.first_child + base };
+            node.page_offset += pages_moved;
+            node
+        }));
+    }
+
+    /// Depth of each node: 0 for the roots.
     pub fn depths(&self) -> Vec<u32> {
         let mut depths = vec![0u32; self.nodes.len()];
-        for (i, node) in self.nodes.iter().enumerate().skip(1) {
+        for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.parent != NONE) {
             let above = depths.get(node.parent as usize).copied().unwrap_or(0);
             depths[i] = above + 1;
         }
@@ -191,6 +234,31 @@ impl NodeTable {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn joined_trees_keep_their_links_and_their_roots() {
+        let node = |parent, first_child, child_count, page_offset| Node {
+            parent,
+            first_child,
+            child_count,
+            page_offset,
+            ..Node::zeroed()
+        };
+        let tree = NodeTable::of_tree(vec![node(NONE, 1, 2, 64), node(0, 0, 0, 128), node(0, 0, 0, 192)]);
+        let mut forest = NodeTable::default();
+        assert_eq!(forest.roots().count(), 0);
+        [0, 1000].into_iter().for_each(|moved| forest.join(&tree, moved));
+        forest.join(&NodeTable::default(), 2000);
+        forest.join(&tree, 3000);
+        assert_eq!(forest.roots().collect::<Vec<_>>(), [0, 3, 6]);
+        assert_eq!(forest.depths(), [0, 1, 1, 0, 1, 1, 0, 1, 1]);
+        for (first, moved) in [(0, 0), (3, 1000), (6, 3000)] {
+            assert_eq!(forest.nodes[first].children(), first as u32 + 1..first as u32 + 3);
+            assert_eq!(forest.nodes[first + 2].parent, first as u32);
+            assert_eq!(forest.nodes[first + 2].page_offset, 192 + moved);
+            assert!(forest.nodes[first + 1].children().is_empty());
+        }
+    }
 
     #[test]
     fn level_counts_survive() {

@@ -56,7 +56,7 @@ fn octree(scene: &Scene) -> CompactOctree {
         nodes.push(record(Cell::containing(at, cell.log2 - 1), parent as u32));
         nodes.push(record(Cell::containing(cell.corner, cell.log2 - 2), parent as u32));
     }
-    let table = NodeTable { nodes };
+    let table = NodeTable::of_tree(nodes);
     let drawn: Vec<_> = (1..table.nodes.len() as u32)
         .map(|node| Drawn { node, prefix: 1, effective_spacing: 0.01 + dice.unit() as f32 * 0.05 })
         .collect();

@@ -199,7 +199,7 @@ fn radii_follow_the_finest_drawn_cell() {
     (child.parent, child.first_child, child.child_count) = (0, 0, 0);
     root.set_levels(&[2]);
     child.set_levels(&[1]);
-    let table = NodeTable { nodes: vec![root, child] };
+    let table = NodeTable::of_tree(vec![root, child]);
     let drawn = [
         Drawn { node: 0, prefix: 2, effective_spacing: 8.0 },
         Drawn { node: 1, prefix: 1, effective_spacing: 2.0 },

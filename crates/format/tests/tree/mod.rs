@@ -138,7 +138,7 @@ pub fn plant(
         own.push(mine);
         index += 1;
     }
-    (NodeTable { nodes }, own)
+    (NodeTable::of_tree(nodes), own)
 }
 
 /// For contours along the lattice's axes.

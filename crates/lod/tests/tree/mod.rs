@@ -1,5 +1,5 @@
 //! Small valid trees for the tests: random points on the lattice, taken by an additive octree with
-//! skipped chains, oriented contours, continuations and whole levels. Slow and plain on purpose; keeps
+//! skipped chains, oriented contours, continuations and whole levels; up to three such trees in one table. Slow and plain on purpose; keeps
 //! each node's points so that tests can look at them.
 
 use bytemuck::Zeroable;
@@ -8,7 +8,7 @@ use esker_points::{Cell, Lattice, Node, NodeTable};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
-/// A table and the points that its nodes hold.
+/// A table of one or more trees and the points that its nodes hold.
 #[derive(Clone, Debug)]
 pub struct Tree {
     pub lattice: Lattice,
@@ -24,15 +24,14 @@ pub struct Recipe {
     pub capacity: usize,
     /// Whether contours are tight and turned; else each is its cell's cube.
     pub tight: bool,
+    /// Number of trees; all lie in the same place.
+    pub trees: u64,
 }
 
 pub fn recipes(tight: bool) -> impl Strategy<Value = Recipe> {
-    (any::<u64>(), 1usize..1500, 4usize..60).prop_map(move |(seed, points, capacity)| Recipe {
-        seed,
-        points,
-        capacity,
-        tight,
-    })
+    (any::<u64>(), 1usize..1500, 4usize..60, 1u64..4).prop_map(
+        move |(seed, points, capacity, trees)| Recipe { seed, points, capacity, tight, trees },
+    )
 }
 
 /// Knuth's MMIX generator: enough for tests.
@@ -50,9 +49,27 @@ impl Random {
 }
 
 pub fn grow(recipe: &Recipe) -> Tree {
-    let mut random = Random(recipe.seed);
+    let base = [0; 3].map({
+        let mut random = Random(recipe.seed);
+        move |_: u32| random.below(1 << 31)
+    });
+    let mut all: Option<Tree> = None;
+    for number in 0..recipe.trees {
+        let tree = grow_one(recipe, base, recipe.seed.wrapping_add(number));
+        match &mut all {
+            Some(all) => {
+                all.table.join(&tree.table, 0);
+                all.points.extend(tree.points);
+            }
+            None => all = Some(tree),
+        }
+    }
+    all.expect("a recipe has a tree")
+}
+
+fn grow_one(recipe: &Recipe, base: [u32; 3], seed: u64) -> Tree {
+    let mut random = Random(seed);
     let lattice = Lattice { scale: [0.01, 0.01, 0.01], offset: [1e6, -1e6, 0.0], shift: [0; 3] };
-    let base = [0; 3].map(|_: u32| random.below(1 << 31));
     // Clusters of many sizes, flat ones and coincident points among them.
     let mut points = Vec::new();
     while points.len() < recipe.points {
@@ -66,10 +83,10 @@ pub fn grow(recipe: &Recipe) -> Tree {
     points.truncate(recipe.points);
     let mut tree = Tree { lattice, table: NodeTable::default(), points: Vec::new() };
     // Breadth first: children stand one after the other, behind their parents.
-    let mut level = vec![(NONE, points)];
+    let mut level = vec![(NONE, points, None)];
     while !level.is_empty() {
         let mut below = Vec::new();
-        for (parent, share) in level {
+        for (parent, share, cell) in level {
             let index = tree.table.nodes.len() as u32;
             if let Some(above) = tree.table.nodes.get_mut(parent as usize) {
                 if above.child_count == 0 {
@@ -77,8 +94,8 @@ pub fn grow(recipe: &Recipe) -> Tree {
                 }
                 above.child_count += 1;
             }
-            let rest = tree.add(parent, share, recipe, &mut random);
-            below.extend(rest.into_iter().map(|share| (index, share)));
+            let (rest, cell) = tree.add(parent, share, cell, recipe, &mut random);
+            below.extend(rest.into_iter().map(|share| (index, share, cell)));
         }
         level = below;
     }
@@ -86,14 +103,16 @@ pub fn grow(recipe: &Recipe) -> Tree {
 }
 
 impl Tree {
-    /// Adds a node for a share of the points; what it leaves to each of its children.
+    /// Adds a node for a share of the points, of a cell where that is given; what it leaves to each of its
+    /// children, and their cell where there is one that continues it.
     fn add(
         &mut self,
         parent: u32,
         share: Vec<[u32; 3]>,
+        cell: Option<Cell>,
         recipe: &Recipe,
         random: &mut Random,
-    ) -> Vec<Vec<[u32; 3]>> {
+    ) -> (Vec<Vec<[u32; 3]>>, Option<Cell>) {
         let fold = |f: fn(u32, u32) -> u32| {
             share
                 .iter()
@@ -101,31 +120,35 @@ impl Tree {
                 .reduce(|a, b| [0, 1, 2].map(|i| f(a[i], b[i])))
                 .expect("a share has points")
         };
-        let cell = Cell::enclosing(fold(u32::min), fold(u32::max));
+        let cell = cell.unwrap_or(Cell::enclosing(fold(u32::min), fold(u32::max)));
         let step = share.len().div_ceil(recipe.capacity);
+        // A cell with up to twice the points of a node may have two nodes.
+        let continues = cell.log2 == 0 || step == 2 && random.below(2) == 0;
         let (mut own, mut rest) = (Vec::new(), vec![Vec::new(); 8]);
         for (i, p) in share.into_iter().enumerate() {
             match i % step {
                 0 => own.push(p),
-                _ if cell.log2 == 0 => rest[0].push(p),
+                _ if continues => rest[0].push(p),
                 _ => rest[usize::from(cell.octant(p))].push(p),
             }
         }
         let mut node = Node::zeroed();
         (node.corner, node.cell_log2, node.parent) = (cell.corner, cell.log2, parent);
         node.shape = if cell.log2 == 0 { 0 } else { 1 + random.below(3) as u8 };
-        if self.table.nodes.get(parent as usize).is_some_and(|p| p.cell() == cell) {
+        let above = self.table.nodes.get(parent as usize).filter(|p| p.cell() == cell);
+        if above.is_some() {
             node.shape |= SHAPE_CONTINUATION;
         }
         let first = own.len().min(1 + random.below(8) as usize);
         node.set_levels(&[first, own.len() - first]);
         let edge = cell.edge() as f64 * self.lattice.scale[0];
-        node.spacing = if cell.log2 == 0 { 0.0 } else { (edge / (own.len() as f64).sqrt()) as f32 };
+        let in_cell = own.len() + above.map_or(0, |p| p.points());
+        node.spacing = if cell.log2 == 0 { 0.0 } else { (edge / (in_cell as f64).sqrt()) as f32 };
         self.bound(&mut node, &own, recipe.tight, random);
         self.table.nodes.push(node);
         self.points.push(own);
         rest.retain(|r| !r.is_empty());
-        rest
+        (rest, continues.then_some(cell))
     }
 
     fn bound(&self, node: &mut Node, own: &[[u32; 3]], tight: bool, random: &mut Random) {
@@ -153,9 +176,14 @@ impl Tree {
         DVec3::from_array(self.lattice.world(p))
     }
 
-    /// Lowest and highest corner of the root's cell.
+    /// Lowest and highest corner of the roots' cells.
     pub fn bounds(&self) -> (DVec3, DVec3) {
-        let cell = self.table.nodes[0].cell();
-        (self.world(cell.corner), self.world(cell.last()))
+        let cells = self.table.roots().map(|root| self.table.nodes[root as usize].cell());
+        let bounds = cells.map(|cell| (self.world(cell.corner), self.world(cell.last())));
+        bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).expect("a tree has a root")
+    }
+
+    pub fn is_root(&self, node: u32) -> bool {
+        self.table.nodes[node as usize].parent == NONE
     }
 }

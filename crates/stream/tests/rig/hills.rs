@@ -122,7 +122,7 @@ fn plant(positions: &[[u32; 3]], capacity: usize) -> (NodeTable, Vec<Vec<usize>>
         bound(&mut nodes[index], positions, &mine);
         own.push(mine);
     }
-    (NodeTable { nodes }, own)
+    (NodeTable::of_tree(nodes), own)
 }
 
 fn corners(positions: &[[u32; 3]], of: &[usize]) -> [[u32; 3]; 2] {
