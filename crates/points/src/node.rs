@@ -194,7 +194,7 @@ impl NodeTable {
     }
 
     /// The roots of all trees that have nodes, ascending.
-    pub fn roots(&self) -> impl Iterator<Item = u32> + '_ {
+    pub fn roots(&self) -> impl Iterator<Item = u32> + Clone + '_ {
         let first = (!self.nodes.is_empty()).then_some(0);
         first.into_iter().chain(self.later_roots.iter().copied())
     }

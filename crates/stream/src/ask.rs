@@ -7,6 +7,7 @@ use crate::landing::Slot;
 use crate::planes::{Request, Sight};
 use crate::priority::{Worth, wishes};
 use esker_format::PlaneKind;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
@@ -18,10 +19,10 @@ impl Chooser {
     pub(crate) fn ask(&mut self, choice: &Choice) -> bool {
         self.take_back();
         if self.shown != self.needs {
-            // With the root's new planes everything else is chosen anew, so they come alone; unless
+            // With the roots' new planes everything else is chosen anew, so they come alone; unless
             // they cannot be had.
-            self.ask_for_root();
-            if !self.retries.has_failed(0) {
+            self.ask_for_roots();
+            if !self.planes.roots().any(|root| self.retries.has_failed(root)) {
                 return true;
             }
         }
@@ -29,7 +30,7 @@ impl Chooser {
         let worth = Worth::new(&self.planes, &choice.view, self.options.priority);
         let wishes = wishes(choice, &worth, |node, kinds| {
             let asks = self.retries.may_ask(node, now);
-            kinds.iter().copied().filter(|&k| asks && !self.cache.has(node, k)).collect()
+            kinds.iter().copied().filter(|&k| asks && self.lacks(node, k)).collect()
         });
         let bytes_max = queue_bytes_max(self.options.drawing_bytes);
         let (mut bytes, mut misfits, mut requests) = (0, 0, Vec::new());
@@ -39,7 +40,8 @@ impl Chooser {
                 self.has_more = misfits < MISFITS_MAX;
                 break;
             }
-            if wish.node != 0 && !self.cache.has_node(self.planes.node(wish.node).parent) {
+            let is_root = self.planes.is_root(wish.node);
+            if !is_root && !self.cache.has_node(self.planes.node(wish.node).parent) {
                 continue;
             }
             let Some(slots) = self.cache.reserve(wish.node, &wish.kinds, &choice.base) else {
@@ -47,10 +49,10 @@ impl Chooser {
                 continue;
             };
             bytes += slots.iter().map(|(_, slot)| slot.bytes).sum::<u64>();
-            let sight = match wish.node {
-                0 => Sight::Always,
-                _ if wish.is_seen => Sight::Contour,
-                _ => Sight::Cell,
+            let sight = match wish.is_seen {
+                _ if is_root => Sight::Always,
+                true => Sight::Contour,
+                false => Sight::Cell,
             };
             requests.push(self.request(wish.node, slots, sight));
         }
@@ -58,19 +60,27 @@ impl Chooser {
         misfits == 0
     }
 
-    pub(crate) fn ask_for_root(&mut self) {
-        if self.planes.file.table().root().is_none() {
-            return;
+    /// Whether a node has a plane that was not asked for yet.
+    fn lacks(&self, node: u32, kind: PlaneKind) -> bool {
+        self.planes.has(node, kind) && !self.cache.has(node, kind)
+    }
+
+    pub(crate) fn ask_for_roots(&mut self) {
+        let (base, now) = (self.planes.base(&self.needs), Instant::now());
+        let forest = Arc::clone(&self.planes.forest);
+        let mut requests = Vec::new();
+        for root in forest.table().roots() {
+            let may_ask = self.retries.may_ask(root, now);
+            let kinds: Vec<_> =
+                base.iter().copied().filter(|&k| may_ask && self.lacks(root, k)).collect();
+            if !kinds.is_empty()
+                && let Some(slots) = self.cache.reserve(root, &kinds, &base)
+            {
+                requests.push(self.request(root, slots, Sight::Always));
+            }
         }
-        let base = self.planes.base(&self.needs);
-        let may_ask = self.retries.may_ask(0, Instant::now());
-        let kinds: Vec<_> =
-            base.iter().copied().filter(|&k| may_ask && !self.cache.has(0, k)).collect();
-        if !kinds.is_empty()
-            && let Some(slots) = self.cache.reserve(0, &kinds, &base)
-        {
-            let request = self.request(0, slots, Sight::Always);
-            self.send(vec![request]);
+        if !requests.is_empty() {
+            self.send(requests);
         }
     }
 

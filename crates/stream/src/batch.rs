@@ -24,7 +24,7 @@ pub(crate) fn queue_bytes_max(drawing_bytes: u64) -> u64 {
 /// Requests that are read together.
 pub(crate) type Batch = Vec<Request>;
 
-/// The bytes of the file from the first to the last of a request.
+/// The bytes from the first to the last of a request.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     start: u64,
@@ -138,9 +138,9 @@ mod tests {
             nodes in prop::collection::btree_set(0u32..140, 1..80), kinds in 0usize..3,
             run_bytes in 4096usize..200_000, lonely in 1u32..20,
         ) {
-            let planes = Planes { file: hills() };
+            let planes = Planes { forest: hills() };
             let nodes: Vec<u32> =
-                nodes.into_iter().filter(|&n| (n as usize) < planes.file.table().nodes.len()).collect();
+                nodes.into_iter().filter(|&n| (n as usize) < planes.forest.table().nodes.len()).collect();
             let all = [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Attribute(7)];
             let mut requests = Vec::new();
             for &node in &nodes {
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn neighbours_are_read_at_once() {
-        let planes = Planes { file: hills() };
+        let planes = Planes { forest: hills() };
         let kinds = [PlaneKind::Position, PlaneKind::Colour];
         // Siblings, whose parent is at hand.
         let nodes = planes.node(0).children();

@@ -45,11 +45,12 @@ pub(crate) struct Cache {
 
 impl Cache {
     pub(crate) fn new(planes: Planes, pool: Pool, nodes_max: usize) -> Self {
+        let roots = planes.roots().count();
         Self {
             planes,
             pool,
             entries: HashMap::new(),
-            nodes_max,
+            nodes_max: nodes_max.max(roots),
             pass: 0,
             leaving: None,
             resident: 0,
@@ -89,9 +90,9 @@ impl Cache {
         self.held(node, kind).filter(|h| h.is_resident).map(|h| h.slot)
     }
 
-    /// Whether all of these planes are uploaded.
+    /// Whether all of these planes, as far as the node has them, are uploaded.
     pub(crate) fn is_resident(&self, node: u32, kinds: &[PlaneKind]) -> bool {
-        kinds.iter().all(|&kind| self.resident(node, kind).is_some())
+        kinds.iter().all(|&k| self.resident(node, k).is_some() || !self.planes.has(node, k))
     }
 
     /// Begins a pass: from here on, what is not touched may leave.
@@ -119,10 +120,11 @@ impl Cache {
         base: &[PlaneKind],
     ) -> Option<Vec<(PlaneKind, Slot)>> {
         let parent = self.planes.node(node).parent;
-        if node != 0 && !self.has_node(parent) {
+        let is_root = self.planes.is_root(node);
+        if !is_root && !self.has_node(parent) {
             return None;
         }
-        while !self.has_node(node) && self.entries.len() >= self.nodes_max.max(1) {
+        while !self.has_node(node) && self.entries.len() >= self.nodes_max {
             self.evict_one(base).then_some(())?;
         }
         let mut slots = Vec::with_capacity(kinds.len());
@@ -142,7 +144,7 @@ impl Cache {
         }
         if !self.has_node(node) {
             self.entries.insert(node, Entry::default());
-            if let Some(above) = self.entries.get_mut(&parent).filter(|_| node != 0) {
+            if let Some(above) = self.entries.get_mut(&parent).filter(|_| !is_root) {
                 above.children += 1;
             }
         }
@@ -225,7 +227,7 @@ mod tests {
         /// What must always hold.
         fn check(&self) -> Result<(), TestCaseError> {
             let mut children: HashMap<u32, u32> = HashMap::new();
-            for &node in self.entries.keys().filter(|&&n| n != 0) {
+            for &node in self.entries.keys().filter(|&&n| !self.planes.is_root(n)) {
                 let parent = self.planes.node(node).parent;
                 prop_assert!(self.has_node(parent), "{} is without {}", node, parent);
                 *children.entry(parent).or_default() += 1;
@@ -264,7 +266,7 @@ mod tests {
             passes in prop::collection::vec(
                 (prop::collection::vec(any::<u8>(), 1..5), any::<bool>(), 0u8..4), 1..60),
         ) {
-            let planes = Planes { file: hills() };
+            let planes = Planes { forest: hills() };
             let mut cache =
                 Cache::new(planes.clone(), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
             let mut asked: Vec<(u32, PlaneKind)> = Vec::new();

@@ -39,7 +39,7 @@ pub(crate) struct Chooser {
     pub(crate) view: Option<View>,
     /// What cuts are drawn with.
     pub(crate) shown: Needs,
-    /// What was asked for last; shown once the root has it.
+    /// What was asked for last; shown once the roots have it.
     pub(crate) needs: Needs,
     pub(crate) feedback: Option<Arc<DepthFeedback>>,
     /// What the front cut draws.
@@ -60,7 +60,7 @@ pub(crate) struct Choice {
     pub(crate) residuals: HashSet<u32>,
 }
 
-/// What [`select`] is told of the cache. The root counts nothing: it has its place.
+/// What [`select`] is told of the cache. Roots count nothing: they have their places.
 struct Known<'a> {
     chooser: &'a Chooser,
     base: &'a [PlaneKind],
@@ -73,7 +73,10 @@ impl Residency for Known<'_> {
     }
 
     fn slot_bytes(&self, node: u32) -> u64 {
-        if node == 0 { 0 } else { self.chooser.node_bytes(node, self.base, self.view) }
+        if self.chooser.planes.is_root(node) {
+            return 0;
+        }
+        self.chooser.node_bytes(node, self.base, self.view)
     }
 }
 
@@ -84,8 +87,8 @@ impl Chooser {
         self.cache.begin_pass();
         self.show_needs();
         let Some(view) = self.view else {
-            self.show_root();
-            self.ask_for_root();
+            self.show_roots();
+            self.ask_for_roots();
             return false;
         };
         let began = Instant::now();
@@ -110,19 +113,26 @@ impl Chooser {
         follows
     }
 
-    /// Whether the root can be drawn with these planes, beside those that it is drawn with.
-    pub(crate) fn check_root(&self, needs: &Needs) -> Result<(), StreamError> {
+    /// Whether the roots can be drawn with these planes, beside those that they are drawn with.
+    pub(crate) fn check_roots(&self, needs: &Needs) -> Result<(), StreamError> {
         let mut kinds = self.planes.base(&self.shown);
         kinds.extend(self.planes.base(needs));
         kinds.sort_unstable();
         kinds.dedup();
-        let lengths = kinds.iter().map(|&kind| self.planes.taken(0, kind));
+        let (planes, kinds) = (&self.planes, &kinds);
+        let of = |root| kinds.iter().map(move |&kind| planes.taken(root, kind));
+        let lengths = planes.roots().flat_map(of);
         let bytes = lengths.clone().sum();
         let Options { drawing_bytes, page_bytes, .. } = self.options;
-        let has_root = self.planes.file.table().root().is_some();
-        if has_root && (bytes > drawing_bytes || lengths.max() > Some(page_bytes)) {
-            let path = self.planes.file.path().to_path_buf();
-            return Err(StreamError::RootTooLarge { path, bytes, drawing_bytes, page_bytes });
+        if bytes > drawing_bytes || lengths.max() > Some(page_bytes) {
+            let (path, roots) = (planes.forest.path().to_path_buf(), planes.roots().count());
+            return Err(StreamError::RootsTooLarge {
+                path,
+                roots,
+                bytes,
+                drawing_bytes,
+                page_bytes,
+            });
         }
         Ok(())
     }
@@ -135,7 +145,7 @@ impl Chooser {
     }
 
     fn needs_residual(&self, node: u32, view: &View) -> bool {
-        needs_residual(self.planes.node(node), &self.planes.file.metadata().lattice, view)
+        needs_residual(self.planes.node(node), self.planes.lattice(), view)
     }
 
     /// A new view; it may find fewer holes than the last.
@@ -154,14 +164,17 @@ impl Chooser {
         may_help && step > 0
     }
 
-    /// Bytes that a cut may take: all but the spare ones, and the root's.
+    /// Bytes that a cut may take: all but the spare ones, and the roots'.
     fn bytes_budget(&self, base: &[PlaneKind], view: &View) -> u64 {
         let coming = self.planes.base(&self.needs);
-        let root = coming.iter().filter(|kind| !base.contains(kind));
-        let root: u64 = root.map(|&kind| self.planes.taken(0, kind)).sum();
-        let root = root + self.node_bytes(0, base, view);
+        let coming: Vec<_> = coming.into_iter().filter(|kind| !base.contains(kind)).collect();
+        let of = |root| {
+            let coming = coming.iter().map(|&kind| self.planes.taken(root, kind));
+            coming.sum::<u64>() + self.node_bytes(root, base, view)
+        };
+        let roots = self.planes.roots().map(of).sum();
         let bytes = self.options.drawing_bytes;
-        bytes.saturating_sub(self.spare_bytes).saturating_sub(root)
+        bytes.saturating_sub(self.spare_bytes).saturating_sub(roots)
     }
 
     fn choose(&self, view: View) -> Choice {
@@ -195,7 +208,7 @@ impl Chooser {
         if let Some(feedback) = &self.feedback {
             return Box::new(feedback.seen_from(view));
         }
-        let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
+        let (table, lattice) = (self.planes.forest.table(), self.planes.lattice());
         Box::new(SoftwareDepth::new(table, lattice, view, hiding))
     }
 
@@ -208,7 +221,7 @@ impl Chooser {
         occlusion: &dyn Occlusion,
     ) -> bool {
         let drawn: HashSet<u32> = selection.drawn.iter().map(|d| d.node).collect();
-        let (frustum, lattice) = (Frustum::of(view), &self.planes.file.metadata().lattice);
+        let (frustum, lattice) = (Frustum::of(view), self.planes.lattice());
         self.drawn.iter().filter(|d| !drawn.contains(&d.node)).any(|d| {
             let contour = OrientedBox::of_contour(self.planes.node(d.node), lattice);
             frustum.touches(&contour) && !occlusion.hides(&contour)
@@ -226,7 +239,7 @@ impl Chooser {
             bytes_budget: self.bytes_budget(base, view),
             target_spacing_px: self.options.target_spacing_px,
         };
-        let (table, lattice) = (self.planes.file.table(), &self.planes.file.metadata().lattice);
+        let (table, lattice) = (self.planes.forest.table(), self.planes.lattice());
         select(table, lattice, view, &options, &Known { chooser: self, base, view }, occlusion)
     }
 
@@ -234,7 +247,8 @@ impl Chooser {
     /// closed under parent.
     fn keep_to_nodes_max(&self, selection: &mut Selection) {
         if selection.wanted.len() > self.options.nodes_max {
-            selection.wanted.truncate(self.options.nodes_max.max(1));
+            let nodes_max = self.options.nodes_max.max(self.planes.roots().count());
+            selection.wanted.truncate(nodes_max);
             let wanted: HashSet<u32> = selection.wanted.iter().copied().collect();
             selection.drawn.retain(|d| wanted.contains(&d.node));
             selection.missing.retain(|m| wanted.contains(&m.node));
@@ -252,7 +266,7 @@ impl Chooser {
             let kinds = base.iter().copied().chain(residual);
             let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
             let planes: Vec<_> = planes.collect();
-            lacks_residual |= planes.len() < base.len() + usize::from(residual.is_some());
+            lacks_residual |= residual.is_some_and(|residual| planes.iter().all(|p| p.0 != residual));
             CutNode {
                 node: d.node,
                 prefix: d.prefix,
@@ -268,7 +282,7 @@ impl Chooser {
             needs: self.shown.clone(),
             nodes,
             octree: CompactOctree::with_hidden(
-                self.planes.file.table(),
+                self.planes.forest.table(),
                 &selection.drawn,
                 &selection.hidden,
             ),
@@ -285,18 +299,22 @@ impl Chooser {
             choice.base.iter().for_each(|&kind| self.cache.touch(node, kind));
         }
         choice.residuals.iter().for_each(|&node| self.cache.touch(node, PlaneKind::Residual));
-        for kind in self.planes.base(&self.needs) {
-            self.cache.touch(0, kind);
+        let base = self.planes.base(&self.needs);
+        for root in self.planes.roots() {
+            base.iter().for_each(|&kind| self.cache.touch(root, kind));
         }
     }
 
-    /// Without a view all there is to draw is the root, once it is there: so the first frame has it.
-    fn show_root(&mut self) {
+    /// Without a view all there is to draw are the roots, once they are there: so the first frame has them.
+    fn show_roots(&mut self) {
         let base = self.planes.base(&self.shown);
-        if self.drawn.is_empty() && self.cache.is_resident(0, &base) {
-            let root = self.planes.node(0);
-            let (prefix, effective_spacing) = (root.points(), root.spacing);
-            let drawn = vec![Drawn { node: 0, prefix, effective_spacing }];
+        let is_there = |&root: &u32| self.cache.is_resident(root, &base);
+        let drawn = self.planes.roots().filter(is_there).map(|node| {
+            let root = self.planes.node(node);
+            Drawn { node, prefix: root.points(), effective_spacing: root.spacing }
+        });
+        let drawn: Vec<_> = drawn.collect();
+        if drawn.len() > self.drawn.len() {
             let choice = Choice {
                 view: Cut::empty(Needs::default()).view,
                 base,
@@ -309,10 +327,12 @@ impl Chooser {
         }
     }
 
-    /// Shows what was asked for last, once the root has it: from there on there is always something to
+    /// Shows what was asked for last, once all roots have it: from there on there is always something to
     /// draw.
     fn show_needs(&mut self) {
-        if self.shown != self.needs && self.cache.is_resident(0, &self.planes.base(&self.needs)) {
+        let base = self.planes.base(&self.needs);
+        let are_there = || self.planes.roots().all(|root| self.cache.is_resident(root, &base));
+        if self.shown != self.needs && are_there() {
             self.shown = self.needs.clone();
             // What was drawn with the planes before hides nothing of what is drawn with these.
             self.drawn.clear();

@@ -14,8 +14,8 @@ pub struct Cut {
     pub epoch: u64,
     /// The view that it was chosen for.
     pub view: View,
-    /// The planes that all of its nodes have (as far as the file has them). What was asked for last by
-    /// `Streamer::need`, once the root has it.
+    /// The planes that all of its nodes have, as far as their files have them. What was asked for last by
+    /// `Streamer::need`, once the roots have it.
     pub needs: Needs,
     /// The nodes, parents before their children. The octree's entries are in this order.
     pub nodes: Vec<CutNode>,

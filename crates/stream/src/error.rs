@@ -6,16 +6,20 @@ use std::path::PathBuf;
 /// What is wrong with what a `Streamer` was asked to do.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// The root must always be resident.
+    /// The roots of all trees must always be resident.
     #[error(
-        "{}: the root's planes take {bytes} bytes, and drawing memory has {drawing_bytes} in pages of \
-         {page_bytes}; raise the budget (--budget-gpu)",
-        path.display()
+        "{}: the planes of {} take {bytes} bytes, and drawing memory has {drawing_bytes} in pages of \
+         {page_bytes}; raise the budget (--budget-gpu){}",
+        path.display(),
+        if *roots > 1 { format!("the roots of {roots} trees") } else { "the root".into() },
+        if *roots > 1 { ", or make one tree of them (esker build --merge)" } else { "" }
     )]
-    RootTooLarge {
+    RootsTooLarge {
         /// The file.
         path: PathBuf,
-        /// What the root takes.
+        /// Trees that have one.
+        roots: usize,
+        /// What the roots take.
         bytes: u64,
         /// The budget.
         drawing_bytes: u64,

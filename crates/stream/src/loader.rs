@@ -105,7 +105,7 @@ impl<L: Landing> Loader<L> {
     }
 
     fn is_seen(&self, node: u32, sight: Sight, visible: &Visible) -> bool {
-        let (node, lattice) = (self.planes.node(node), &self.planes.file.metadata().lattice);
+        let (node, lattice) = (self.planes.node(node), self.planes.lattice());
         match sight {
             Sight::Always => true,
             Sight::Contour => visible.may_show(&OrientedBox::of_contour(node, lattice)),

@@ -129,7 +129,7 @@ impl LodThread {
         let shared = Arc::clone(&chooser.shared);
         let mut cause = Cause::None;
         if let Some(needs) = shared.needs.take().filter(|n| **n != chooser.needs) {
-            match chooser.check_root(&needs) {
+            match chooser.check_roots(&needs) {
                 Ok(()) => {
                     chooser.needs = Needs::clone(&needs);
                     cause = Cause::Looking;

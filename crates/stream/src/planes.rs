@@ -1,36 +1,56 @@
-//! Which planes of a node are needed, how long they are, and where they lie in the file.
+//! Which planes of a node are needed, how long they are, and where they lie in the files.
 
 use crate::landing::Slot;
 use crate::options::Needs;
 use crate::pool::Pool;
-use esker_format::{EskerFile, PlaneKind};
-use esker_points::Node;
+use esker_format::{Forest, PlaneKind};
+use esker_points::node::NONE;
+use esker_points::{Lattice, Node};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The file's planes.
+/// The planes of all files.
 #[derive(Clone, Debug)]
 pub(crate) struct Planes {
-    pub(crate) file: Arc<EskerFile>,
+    pub(crate) forest: Arc<Forest>,
 }
 
 impl Planes {
-    /// The planes without which a node is not drawn. Planes that the file does not have are left out.
+    /// The planes without which a node is not drawn, as far as it has them. Those that no file has are left
+    /// out.
     pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
         let mut base = vec![PlaneKind::Position];
         let more = needs.colour.into_iter().chain(needs.normals.then_some(PlaneKind::Normal));
         for kind in more {
             // The residual is asked for node by node.
             let counts = kind.is_written() && kind != PlaneKind::Residual;
-            if counts && self.file.layout().has(kind) && !base.contains(&kind) {
+            if counts && self.forest.has(kind) && !base.contains(&kind) {
                 base.push(kind);
             }
         }
         base
     }
 
+    pub(crate) fn lattice(&self) -> &Lattice {
+        self.forest.lattice()
+    }
+
     pub(crate) fn node(&self, node: u32) -> &Node {
-        &self.file.table().nodes[node as usize]
+        self.forest.record(node)
+    }
+
+    /// The nodes that are always wanted.
+    pub(crate) fn roots(&self) -> impl Iterator<Item = u32> + Clone + '_ {
+        self.forest.table().roots()
+    }
+
+    pub(crate) fn is_root(&self, node: u32) -> bool {
+        self.node(node).parent == NONE
+    }
+
+    /// Whether a node has a plane: trees of other scans may not.
+    pub(crate) fn has(&self, node: u32, kind: PlaneKind) -> bool {
+        self.forest.has_plane(node, kind)
     }
 
     /// Bytes of a node's plane.
@@ -38,9 +58,7 @@ impl Planes {
         if let Some(range) = self.in_page(node, kind) {
             return range.end - range.start;
         }
-        let layout = self.file.layout();
-        let plane = layout.plane_index(kind).map(|i| layout.planes()[i]);
-        plane.map_or(0, |p| u64::from(p.value_bytes)) * self.node(node).points() as u64
+        self.forest.value_bytes(node, kind) * self.node(node).points() as u64
     }
 
     /// Bytes that a node's plane takes in drawing memory.
@@ -48,15 +66,14 @@ impl Planes {
         Pool::taken(self.bytes(node, kind))
     }
 
-    /// Where a plane lies in the file; `None` for a cold one, which only its page's directory knows.
+    /// Where a plane lies, for [`Forest::read_exact_at`]; `None` for a cold one, which only its page's directory knows.
     pub(crate) fn in_file(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
         let page = self.node(node).page_offset;
         self.in_page(node, kind).map(|r| page + r.start..page + r.end)
     }
 
     fn in_page(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
-        let node = self.node(node);
-        self.file.layout().plane_range(kind, node.points(), node.hot_shift)
+        self.forest.plane_range(node, kind)
     }
 }
 
@@ -76,7 +93,7 @@ pub(crate) struct Request {
 /// What of a node must be in view for it to be loaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sight {
-    /// It is always wanted: the root.
+    /// It is always wanted: a root.
     Always,
     /// Its own points.
     Contour,

@@ -35,7 +35,7 @@ impl<'a> Worth<'a> {
 
     /// Of planes without which what is drawn is off by `error_px` pixels on all of the node's area.
     fn of(&self, node: u32, kinds: &[PlaneKind], error_px: f64) -> f64 {
-        let lattice = &self.planes.file.metadata().lattice;
+        let lattice = self.planes.lattice();
         let contour = OrientedBox::of_contour(self.planes.node(node), lattice);
         match self.priority {
             Priority::Distance => -contour.distance(self.view.eye),
@@ -53,7 +53,7 @@ impl<'a> Worth<'a> {
 
     /// Pixels by which points may be off while a node's residual is missing.
     fn hot_error_px(&self, node: u32) -> f64 {
-        let (record, lattice) = (self.planes.node(node), &self.planes.file.metadata().lattice);
+        let (record, lattice) = (self.planes.node(node), self.planes.lattice());
         let half_steps = f64::from((1u32 << record.hot_shift.min(31)) - 1) * 0.5;
         let off = half_steps * glam::DVec3::from_array(lattice.scale).length();
         let distance = OrientedBox::of_contour(record, lattice).distance(self.view.eye);

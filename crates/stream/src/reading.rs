@@ -6,7 +6,7 @@
 use crate::batch::{Batch, GAP_BYTES_MAX};
 use crate::landing::{Landing, Run, Slot, Transfer};
 use crate::planes::{Planes, Request};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -116,7 +116,7 @@ impl<L: Landing> Reading<'_, L> {
         let mut filling = self.room(filling, bytes)?;
         let at = filling.at;
         let read_into =
-            |buffer: &mut [u8]| self.planes.file.read_exact_at(buffer, read.place.start);
+            |buffer: &mut [u8]| self.planes.forest.read_exact_at(buffer, read.place.start);
         let done = match filling.run.fill(at..at + bytes, read_into) {
             Some(done) => done
                 .map_err(|e| format!("{e}; it is tried again, check the disk or the connection")),
@@ -149,7 +149,7 @@ impl<L: Landing> Reading<'_, L> {
     ) -> Option<Filling<L::Run>> {
         let Cold { index, request, kind, slot } = cold;
         outcome.reads += 1;
-        let copy = match cold_plane(&self.planes.file, request.node, kind, slot.bytes) {
+        let copy = match cold_plane(&self.planes.forest, request.node, kind, slot.bytes) {
             Ok(copy) => copy,
             Err(fault) => {
                 outcome.fault.get_or_insert(fault);
@@ -271,11 +271,14 @@ fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
     reads
 }
 
-fn cold_plane(file: &EskerFile, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
-    let planes = file.read_planes(node, &[kind]).map_err(|e| e.to_string())?;
+fn cold_plane(forest: &Forest, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
+    let planes = forest.read_planes(node, &[kind]).map_err(|e| e.to_string())?;
     match planes.get(kind) {
         Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),
-        _ => Err(format!("{}: node {node} has no whole plane {kind:?}", file.path().display())),
+        _ => {
+            let (path, index) = (forest.file_of(node).path(), forest.name_of(node).index);
+            Err(format!("{}: node {index} has no whole plane {kind:?}", path.display()))
+        }
     }
 }
 

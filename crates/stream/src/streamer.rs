@@ -18,7 +18,8 @@ use crate::retries::Retries;
 use crate::shared::Shared;
 use crate::status::Status;
 use crossbeam_channel::{Receiver, Sender, bounded};
-use esker_format::EskerFile;
+use esker_format::Forest;
+use esker_format::forest::TREES_MAX;
 use esker_lod::{DepthFeedback, View, Visible};
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -28,7 +29,7 @@ use std::thread::{Builder, JoinHandle};
 /// Loader threads at most: a disk serves no more at once.
 const LOADERS_MAX: usize = 64;
 
-/// Streams one file. Dropping it stops and joins its threads: after at most one read and one patience
+/// Streams one cloud. Dropping it stops and joins its threads: after at most one read and one patience
 /// of the landing.
 ///
 /// Each frame the render thread first drains landed runs, then takes [`Streamer::cut`], then uploads
@@ -50,7 +51,7 @@ pub struct Streamer {
 struct Channels {
     /// One is enough: it only says "look around".
     wake: (Sender<()>, Receiver<()>),
-    /// Each request is told of once; the root may be asked for beside the others.
+    /// Each request is told of once; roots may be asked for beside the others.
     uploaded: (Sender<u64>, Receiver<u64>),
     /// Each request is told of once; a changed file once a second.
     reports: (Sender<Report>, Receiver<Report>),
@@ -61,21 +62,21 @@ impl Channels {
     fn new() -> Self {
         Self {
             wake: bounded(1),
-            uploaded: bounded(REQUESTS_MAX + 1),
-            reports: bounded(REQUESTS_MAX + 1 + LOADERS_MAX),
+            uploaded: bounded(REQUESTS_MAX + TREES_MAX),
+            reports: bounded(REQUESTS_MAX + TREES_MAX + LOADERS_MAX),
             stop: bounded(0),
         }
     }
 }
 
 impl Streamer {
-    /// Starts streaming: the root first, and what views need once there is one.
+    /// Starts streaming: the roots first, and what views need once there is one.
     ///
     /// # Errors
-    /// Where the root does not fit drawing memory, the landing's runs are too short, or the system
+    /// Where the roots do not fit drawing memory, the landing's runs are too short, or the system
     /// refuses a thread.
     pub fn start<L: Landing>(
-        file: Arc<EskerFile>,
+        forest: Arc<Forest>,
         landing: Arc<L>,
         options: Options,
         needs: Needs,
@@ -85,12 +86,12 @@ impl Streamer {
             return Err(StreamError::Runs(run_bytes));
         }
         let loaders = options.loaders.clamp(1, LOADERS_MAX);
-        let planes = Planes { file: Arc::clone(&file) };
+        let planes = Planes { forest: Arc::clone(&forest) };
         let shared = Arc::new(Shared::new(&needs));
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());
         let chooser = chooser(&planes, &shared, Arc::clone(&queue), options, needs, run_bytes);
-        chooser.check_root(&chooser.needs)?;
+        chooser.check_roots(&chooser.needs)?;
         let lod = LodThread {
             chooser,
             wake: channels.wake.1,
@@ -109,7 +110,7 @@ impl Streamer {
             threads: Vec::with_capacity(loaders + 1),
         };
         streamer.thread("esker-lod".into(), move || lod.run())?;
-        let identity = Arc::new(Identity::new(file));
+        let identity = Arc::new(Identity::new(forest));
         for i in 0..loaders {
             let loader = Loader {
                 planes: planes.clone(),
@@ -143,7 +144,7 @@ impl Streamer {
         self.nudge();
     }
 
-    /// Changes which planes are drawn. Cuts keep the planes before until the root has the new ones.
+    /// Changes which planes are drawn. Cuts keep the planes before until the roots have the new ones.
     /// Where they would not fit, [`Status::fault`] says so and nothing changes. Never waits.
     pub fn need(&self, needs: Needs) {
         self.shared.needs.put(needs);
@@ -157,7 +158,7 @@ impl Streamer {
         self.nudge();
     }
 
-    /// What to draw: empty until the root is there, never after that where the root is in view. Never
+    /// What to draw: empty until a root is there, never after that where a root is in view. Never
     /// waits. To be taken after the landed runs of the frame have been drained.
     pub fn cut(&self) -> Arc<Cut> {
         self.shared.front.load_full()

@@ -59,7 +59,7 @@ impl Camera {
         }
         let [x, y, _] = self.at;
         let turn = f64::from(self.left) * 0.02;
-        view(&rig.file, self.at, [x + turn.sin() * 0.2, y + turn.cos() * 0.2, 0.0])
+        view(&rig.forest, self.at, [x + turn.sin() * 0.2, y + turn.cos() * 0.2, 0.0])
     }
 }
 

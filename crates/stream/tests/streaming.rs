@@ -22,14 +22,14 @@ fn roomy() -> Options {
 
 /// What the pure choice draws with everything at hand.
 fn pure(rig: &Rig, view: &View, options: &Options) -> Vec<(u32, usize)> {
-    let file = &rig.file;
+    let forest = &rig.forest;
     let options = esker_lod::Options {
         points_budget: options.points_budget,
         bytes_budget: u64::MAX,
         target_spacing_px: options.target_spacing_px,
     };
-    let lattice = &file.metadata().lattice;
-    let chosen = select(file.table(), lattice, view, &options, &AllResident, None);
+    let (table, lattice) = (forest.table(), forest.lattice());
+    let chosen = select(table, lattice, view, &options, &AllResident, None);
     chosen.drawn.iter().map(|d| (d.node, d.prefix)).collect()
 }
 
@@ -47,8 +47,8 @@ fn a_view_converges_to_the_pure_choice() {
         assert_eq!(drawn(&cut), pure(&rig, &cut.view, &roomy()));
         assert_eq!(cut.octree.len(), cut.nodes.len());
         for node in &cut.nodes {
-            let lattice = &rig.file.metadata().lattice;
-            let record = &rig.file.table().nodes[node.node as usize];
+            let lattice = rig.forest.lattice();
+            let record = &rig.forest.table().nodes[node.node as usize];
             let residual = node.slot(PlaneKind::Residual).is_some();
             assert_eq!(residual, esker_lod::needs_residual(record, lattice, &cut.view));
             assert!(node.slot(PlaneKind::Normal).is_some());
@@ -74,7 +74,7 @@ fn the_root_is_drawn_before_there_is_a_view() {
     let mut rig = Rig::new(Habits::default(), roomy(), needs());
     rig.until("draws", |cut, _| !cut.nodes.is_empty());
     let cut = rig.streamer.cut();
-    assert_eq!(drawn(&cut), [(0, rig.file.table().nodes[0].points())]);
+    assert_eq!(drawn(&cut), [(0, rig.forest.table().nodes[0].points())]);
     assert!(!cut.complete && !cut.settled);
 }
 
@@ -162,7 +162,7 @@ fn parents_come_before_their_children() {
         let (rig, _, came) = order(priority);
         let turn: HashMap<u32, usize> = came.iter().enumerate().map(|(i, &n)| (n, i)).collect();
         for (i, &node) in came.iter().enumerate() {
-            let parent = rig.file.table().nodes[node as usize].parent;
+            let parent = rig.forest.table().nodes[node as usize].parent;
             assert!(turn.get(&parent).is_none_or(|&p| p < i), "{priority:?}: {node} at {i}");
         }
         assert!(came.len() > 40, "{}", came.len());
@@ -174,8 +174,8 @@ fn the_nearest_come_first_by_distance() {
     let mean = |priority| {
         let (rig, view, came) = order(priority);
         let distance = |&node: &u32| {
-            let record = &rig.file.table().nodes[node as usize];
-            OrientedBox::of_contour(record, &rig.file.metadata().lattice).distance(view.eye)
+            let record = &rig.forest.table().nodes[node as usize];
+            OrientedBox::of_contour(record, rig.forest.lattice()).distance(view.eye)
         };
         let distances: Vec<f64> = came.iter().map(distance).collect();
         let early = &distances[..distances.len() / 3];
@@ -215,7 +215,7 @@ fn needs_change_without_an_empty_picture() {
     let mut rig = Rig::new(Habits::default(), roomy(), needs());
     let view = rig.view(0.3, 0.2, 0.12);
     rig.settle(view);
-    let schema = rig.file.layout().schema();
+    let schema = rig.forest.schema();
     let time = schema.attributes.iter().position(|a| a.name == "gps_time").unwrap() as u16;
     let changes = [
         Needs { colour: Some(PlaneKind::Intensity), normals: false },
@@ -253,7 +253,7 @@ fn needs_change_where_the_budget_is_full() {
 
 #[test]
 fn a_root_that_does_not_fit_is_refused_with_a_remedy() {
-    let file = std::sync::Arc::clone(&Rig::new(Habits::default(), roomy(), needs()).file);
+    let file = std::sync::Arc::clone(&Rig::new(Habits::default(), roomy(), needs()).forest);
     let gpu = rig::Gpu::new(Habits::default(), 4096, std::sync::Arc::clone(&file));
     let options = Options { drawing_bytes: 4096, ..roomy() };
     let refused = esker_stream::Streamer::start(file, gpu.landing, options, needs());

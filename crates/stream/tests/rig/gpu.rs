@@ -3,11 +3,12 @@
 //! file's bytes, closed under parent, within the budget, and never empty once the root is there.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{EskerFile, Forest, PlaneKind};
+use esker_points::node::NONE;
 use esker_lod::{OrientedBox, Projection};
-use esker_stream::{Cut, Landing, Run, Slot, Streamer, Transfer};
+use esker_stream::{Cut, CutNode, Landing, Run, Slot, Streamer, Transfer};
 use glam::DVec2;
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
@@ -83,12 +84,12 @@ pub struct Gpu {
     pub landing: Arc<Ring>,
     habits: Habits,
     bytes: u64,
-    file: Arc<EskerFile>,
+    forest: Arc<Forest>,
     waiting: VecDeque<(GpuRun, VecDeque<Transfer>)>,
     memory: BTreeMap<u64, Owned>,
     /// Requests in the order in which they came.
     pub arrived: Vec<(u32, PlaneKind)>,
-    root_seen: bool,
+    roots_seen: HashSet<u32>,
     epoch: u64,
     pub frames: u64,
     pub uploaded_bytes: u64,
@@ -96,7 +97,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    pub fn new(habits: Habits, bytes: u64, file: Arc<EskerFile>) -> Self {
+    pub fn new(habits: Habits, bytes: u64, forest: Arc<Forest>) -> Self {
         let free = bounded(habits.runs);
         for _ in 0..habits.runs {
             free.0.send(GpuRun(vec![0xa5; habits.run_bytes])).unwrap();
@@ -111,11 +112,11 @@ impl Gpu {
             landing: Arc::new(landing),
             habits,
             bytes,
-            file,
+            forest,
             waiting: VecDeque::new(),
             memory: BTreeMap::new(),
             arrived: Vec::new(),
-            root_seen: false,
+            roots_seen: HashSet::new(),
             epoch: 0,
             frames: 0,
             uploaded_bytes: 0,
@@ -195,24 +196,34 @@ impl Gpu {
         if !self.habits.checks_bytes {
             return;
         }
-        let node = &self.file.table().nodes[transfer.node as usize];
-        let layout = self.file.layout();
-        let range = layout.plane_range(transfer.plane, node.points(), node.hot_shift);
+        // Of the node's own file, by its own name and number there.
+        let name = self.forest.name_of(transfer.node);
+        let file = self.forest.file_of(transfer.node);
+        let pristine = &super::planted()[usize::from(name.tree)];
+        let node = file.node(name.index).unwrap();
+        let kind = match transfer.plane {
+            PlaneKind::Attribute(i) => {
+                let attribute = &self.forest.schema().attributes[usize::from(i)].name;
+                PlaneKind::Attribute(file.metadata().schema.find(attribute).unwrap() as u16)
+            }
+            kind => kind,
+        };
+        let range = file.layout().plane_range(kind, node.points(), node.hot_shift);
         let start = transfer.slot_offset as usize;
         match range {
             Some(range) => {
                 let at = (node.page_offset + range.start) as usize + start;
-                assert_eq!(bytes, &super::pristine()[at..at + bytes.len()]);
+                assert_eq!(bytes, &pristine[at..at + bytes.len()]);
             }
             None => {
                 let key = (transfer.node, transfer.plane);
                 let file = EskerFile::from_source(
                     std::path::Path::new("hills"),
-                    Box::new(Vec::clone(super::pristine())),
+                    Box::new(Vec::clone(pristine)),
                 );
                 let whole = self.cold.entry(key).or_insert_with(|| {
-                    let planes = file.unwrap().read_planes(key.0, &[key.1]).unwrap();
-                    planes.get(key.1).unwrap().to_vec()
+                    let planes = file.unwrap().read_planes(name.index, &[kind]).unwrap();
+                    planes.get(kind).unwrap().to_vec()
                 });
                 assert_eq!(bytes, &whole[start..start + bytes.len()]);
             }
@@ -220,7 +231,7 @@ impl Gpu {
     }
 
     fn draw(&mut self, cut: &Cut) {
-        let table = self.file.table();
+        let table = self.forest.table();
         for node in &cut.nodes {
             for &(kind, slot) in &node.planes {
                 let is = self.memory.get(&slot.offset).copied();
@@ -229,22 +240,27 @@ impl Gpu {
             }
         }
         let positions = self.memory.values().filter(|o| o.plane == PlaneKind::Position);
-        let resident: std::collections::HashSet<u32> = positions.map(|o| o.node).collect();
+        let resident: HashSet<u32> = positions.map(|o| o.node).collect();
         for node in &cut.nodes {
             let parent = table.nodes[node.node as usize].parent;
-            assert!(node.node == 0 || resident.contains(&parent), "closed under parent");
+            assert!(parent == NONE || resident.contains(&parent), "closed under parent");
         }
-        let lattice = &self.file.metadata().lattice;
-        let root = OrientedBox::of_contour(&table.nodes[0], lattice);
         let projection = Projection::of(&cut.view);
-        let seen = projection.silhouette(&root);
-        // More than a sliver at the picture's border, which may have no pixel.
-        let seen =
-            seen.is_some_and(|s| s.clipped(DVec2::ZERO, projection.size_px()).area_px() > 400.0);
-        if self.root_seen && seen {
-            let of = (&cut.view, &cut.counters);
-            assert!(!cut.nodes.is_empty(), "never an empty picture: {of:?}");
+        for root in table.roots() {
+            let contour = OrientedBox::of_contour(&table.nodes[root as usize], self.forest.lattice());
+            let seen = projection.silhouette(&contour);
+            // More than a sliver at the picture's border, which may have no pixel.
+            let seen = seen
+                .is_some_and(|s| s.clipped(DVec2::ZERO, projection.size_px()).area_px() > 400.0);
+            let is_drawn = |n: &CutNode| {
+                self.forest.name_of(n.node).tree == self.forest.name_of(root).tree
+            };
+            if self.roots_seen.contains(&root) && seen {
+                let of = (&cut.view, &cut.counters);
+                assert!(cut.nodes.iter().any(is_drawn), "never without a tree in view: {of:?}");
+            }
         }
-        self.root_seen |= cut.nodes.iter().any(|n| n.node == 0);
+        let roots = table.roots().filter(|&root| cut.nodes.iter().any(|n| n.node == root));
+        self.roots_seen.extend(roots);
     }
 }

@@ -32,8 +32,7 @@ fn schema() -> Schema {
     Schema::new(list.map(|(name, ty)| Attribute::new(name, ty)).to_vec())
 }
 
-fn metadata() -> Metadata {
-    let schema = schema();
+fn metadata(schema: Schema) -> Metadata {
     let present = (0..schema.attributes.len() as u16).collect();
     Metadata {
         lattice: Lattice { scale: [0.001; 3], offset: [5e5, 5e6, 100.0], shift: [0; 3] },
@@ -51,9 +50,21 @@ fn metadata() -> Metadata {
 
 /// The bytes of a file of so many points, at most `capacity` in a node.
 pub fn file(points: usize, capacity: usize) -> Vec<u8> {
-    let metadata = metadata();
+    file_of(schema(), 7, points, capacity)
+}
+
+/// The same of other points, that have no colours and an attribute of their own instead.
+pub fn bare_file(seed: u64, points: usize, capacity: usize) -> Vec<u8> {
+    let mut attributes = schema().attributes;
+    attributes.retain(|a| !["red", "green", "blue"].contains(&a.name.as_str()));
+    attributes.push(Attribute::new("a_number", AttrType::F64));
+    file_of(Schema::new(attributes), seed, points, capacity)
+}
+
+fn file_of(schema: Schema, seed: u64, points: usize, capacity: usize) -> Vec<u8> {
+    let metadata = metadata(schema);
     let layout = metadata.layout();
-    let mut random = super::Random(7);
+    let mut random = super::Random(seed);
     let base = 1u32 << 31;
     let positions: Vec<[u32; 3]> = (0..points)
         .map(|_| {

@@ -13,7 +13,7 @@ pub use disk::{Disk, Faults};
 pub use gpu::{Gpu, Habits};
 pub use random::Random;
 
-use esker_format::EskerFile;
+use esker_format::{EskerFile, Forest};
 use esker_lod::View;
 use esker_stream::{Needs, Options, Streamer};
 use glam::DVec3;
@@ -27,9 +27,18 @@ pub fn pristine() -> &'static Arc<Vec<u8>> {
     BYTES.get_or_init(|| Arc::new(hills::file(150_000, 1000)))
 }
 
+/// The bytes of the files of a forest: those hills, and two sparser scans of the same place without colours.
+pub fn planted() -> &'static [Arc<Vec<u8>>] {
+    static BYTES: OnceLock<Vec<Arc<Vec<u8>>>> = OnceLock::new();
+    BYTES.get_or_init(|| {
+        let bare = |seed, points| Arc::new(hills::bare_file(seed, points, 1000));
+        vec![Arc::clone(pristine()), bare(8, 60_000), bare(9, 700)]
+    })
+}
+
 /// A streamer, the stand-in that it lands in, and the disk that it reads from.
 pub struct Rig {
-    pub file: Arc<EskerFile>,
+    pub forest: Arc<Forest>,
     pub faults: Arc<Faults>,
     pub gpu: Gpu,
     pub streamer: Streamer,
@@ -37,13 +46,22 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(habits: Habits, options: Options, needs: Needs) -> Self {
+        Self::of(std::slice::from_ref(pristine()), habits, options, needs)
+    }
+
+    /// Of files whose trees belong together; all lie on one disk.
+    pub fn of(files: &[Arc<Vec<u8>>], habits: Habits, options: Options, needs: Needs) -> Self {
         let faults = Arc::new(Faults::default());
-        let disk = Disk { bytes: Arc::clone(pristine()), faults: Arc::clone(&faults) };
-        let file = Arc::new(EskerFile::from_source(Path::new("hills"), Box::new(disk)).unwrap());
-        let gpu = Gpu::new(habits, options.drawing_bytes, Arc::clone(&file));
+        let open = |(i, bytes): (usize, &Arc<Vec<u8>>)| {
+            let disk = Disk { bytes: Arc::clone(bytes), faults: Arc::clone(&faults) };
+            EskerFile::from_source(Path::new(&format!("hills-{i}")), Box::new(disk)).unwrap()
+        };
+        let mut files = files.iter().enumerate().map(open);
+        let forest = Arc::new(Forest::of(files.next().unwrap(), files.collect()).unwrap());
+        let gpu = Gpu::new(habits, options.drawing_bytes, Arc::clone(&forest));
         let streamer =
-            Streamer::start(Arc::clone(&file), Arc::clone(&gpu.landing), options, needs).unwrap();
-        Self { file, faults, gpu, streamer }
+            Streamer::start(Arc::clone(&forest), Arc::clone(&gpu.landing), options, needs).unwrap();
+        Self { forest, faults, gpu, streamer }
     }
 
     /// One frame.
@@ -74,14 +92,14 @@ impl Rig {
 
     /// A view from above, from a height, towards a place, all in shares of the hills' edge.
     pub fn view(&self, x: f64, y: f64, height: f64) -> View {
-        view(&self.file, [x, y, height], [x + 0.05, y + 0.3, 0.0])
+        view(&self.forest, [x, y, height], [x + 0.05, y + 0.3, 0.0])
     }
 }
 
 /// A view from one place to another, in shares of the edge of the root's cell.
-pub fn view(file: &EskerFile, from: [f64; 3], to: [f64; 3]) -> View {
-    let lattice = &file.metadata().lattice;
-    let cell = file.table().nodes[0].cell();
+pub fn view(forest: &Forest, from: [f64; 3], to: [f64; 3]) -> View {
+    let lattice = forest.lattice();
+    let cell = forest.table().nodes[0].cell();
     let corner = DVec3::from_array(lattice.world(cell.corner));
     let edge = DVec3::from_array(lattice.world(cell.last())) - corner;
     let at = |share: [f64; 3]| corner + edge * DVec3::from_array(share);
