@@ -6,7 +6,7 @@ use crate::options::Options;
 use crate::quantity::readable_bytes;
 use crate::staging::RUN_BYTES;
 use anyhow::{Result, ensure};
-use esker_format::EskerFile;
+use esker_format::{Footer, Forest};
 use esker_points::Node;
 use esker_render::gpu::NodePool;
 
@@ -40,15 +40,18 @@ impl Shares {
     /// Where the budget is too small; the least that works is in the message.
     pub fn of(
         budget_bytes: u64,
-        file: &EskerFile,
+        file: &Forest,
         size: [u32; 2],
         runs: Option<usize>,
     ) -> Result<Self> {
-        let footer = file.footer();
-        let nodes = footer.nodes;
-        let tree_bytes = nodes * (size_of::<Node>() as u64 + NODE_BYTES)
-            + footer.metadata.bytes * 2
-            + footer.statistics.bytes * 2;
+        // Where there are several trees, their records are joined in one more table.
+        let tables = 1 + u64::from(file.files().len() > 1);
+        let of = |footer: &Footer| {
+            footer.nodes * (size_of::<Node>() as u64 * tables + NODE_BYTES)
+                + footer.metadata.bytes * 2
+                + footer.statistics.bytes * 2
+        };
+        let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
         let picture_bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
         let run_bytes = RUN_BYTES as u64;
         let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
@@ -104,9 +107,9 @@ impl GpuShares {
     ///
     /// # Errors
     /// Where the budget is too small; the least that works is in the message.
-    pub fn of(file: &EskerFile, options: &Options) -> Result<Self> {
+    pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
-        let nodes = file.footer().nodes.min(options.nodes_max as u64);
+        let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
         let picture_bytes =
             width * height * GPU_PIXEL_BYTES + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;

@@ -2,7 +2,7 @@
 //! that it needs, with the range of values from the file's statistics.
 
 use anyhow::{Result, bail};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{EskerFile, Forest, PlaneKind};
 use esker_points::AttrType;
 use esker_points::attribute::names;
 use esker_render::{ColourBy, ColourMap, Palette};
@@ -25,20 +25,19 @@ const STRAYS: f64 = 0.01;
 ///
 /// # Errors
 /// Where the file has no such attribute.
-pub fn colouring(file: &EskerFile, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
-    let layout = file.layout();
+pub fn colouring(file: &Forest, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
     let elevation = || {
         let map = ColourMap { low: bounds[0][2], high: bounds[1][2], palette: Palette::Terrain };
         Colouring { by: ColourBy::Elevation(map), plane: None }
     };
     let plain = |by| Ok(Colouring { by, plane: None });
     match name {
-        None if layout.has(PlaneKind::Colour) && has_colours(file)? => {
+        None if file.has(PlaneKind::Colour) && has_colours(file)? => {
             colouring(file, Some("rgb"), bounds)
         }
-        None if layout.has(PlaneKind::Normal) => plain(ColourBy::Plain),
+        None if file.has(PlaneKind::Normal) => plain(ColourBy::Plain),
         None => Ok(elevation()),
-        Some("rgb" | "colour" | "color") if layout.has(PlaneKind::Colour) => {
+        Some("rgb" | "colour" | "color") if file.has(PlaneKind::Colour) => {
             Ok(Colouring { by: ColourBy::Rgb, plane: Some((PlaneKind::Colour, None)) })
         }
         Some("rgb" | "colour" | "color") => {
@@ -62,17 +61,21 @@ pub fn colouring(file: &EskerFile, name: Option<&str>, bounds: [[f64; 3]; 2]) ->
 }
 
 /// Whether any colour differs from black: many LAS files have the fields and nothing in them.
-fn has_colours(file: &EskerFile) -> Result<bool> {
-    let statistics = file.statistics()?;
-    let schema = &file.metadata().schema;
+fn has_colours(file: &Forest) -> Result<bool> {
     let colours = [names::RED, names::GREEN, names::BLUE];
-    let indices =
-        schema.attributes.iter().enumerate().filter(|(_, a)| colours.contains(&a.name.as_str()));
-    Ok(indices.into_iter().any(|(i, _)| statistics.histograms().ranges().of(i).1 > 0.0))
+    for file in file.files() {
+        let statistics = file.statistics()?;
+        let attributes = file.metadata().schema.attributes.iter().enumerate();
+        let mut indices = attributes.filter(|(_, a)| colours.contains(&a.name.as_str()));
+        if indices.any(|(i, _)| statistics.histograms().ranges().of(i).1 > 0.0) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
-fn attribute(file: &EskerFile, name: &str) -> Result<Colouring> {
-    let schema = &file.metadata().schema;
+fn attribute(file: &Forest, name: &str) -> Result<Colouring> {
+    let schema = file.schema();
     let Some(index) = schema.find(name) else {
         let mut known: Vec<_> = schema.attributes.iter().map(|a| a.name.as_str()).collect();
         known.extend(["rgb", "elevation", "plain", "level", "normal", "depth"]);
@@ -84,7 +87,7 @@ fn attribute(file: &EskerFile, name: &str) -> Result<Colouring> {
     } else {
         PlaneKind::Attribute(index as u16)
     };
-    if !file.layout().has(kind) {
+    if !file.has(kind) {
         bail!("{}: `{name}` is a part of the colour; use --colour-by rgb", file.path().display());
     }
     if name == names::CLASSIFICATION && ty == AttrType::U8 {
@@ -98,8 +101,21 @@ fn attribute(file: &EskerFile, name: &str) -> Result<Colouring> {
     })
 }
 
-/// The range of an attribute without its strays.
-fn central_range(file: &EskerFile, attribute: usize) -> Result<(f64, f64)> {
+/// The range of an attribute without its strays, over all trees that have it.
+fn central_range(forest: &Forest, attribute: usize) -> Result<(f64, f64)> {
+    let attribute = &forest.schema().attributes[attribute];
+    let mut range: Option<(f64, f64)> = None;
+    for file in forest.files().filter(|file| file.footer().points > 0) {
+        let schema = &file.metadata().schema;
+        if let Some(index) = schema.find_typed(&attribute.name, attribute.ty) {
+            let (low, high) = range_in(file, index)?;
+            range = Some(range.map_or((low, high), |r| (r.0.min(low), r.1.max(high))));
+        }
+    }
+    Ok(range.unwrap_or((0.0, 0.0)))
+}
+
+fn range_in(file: &EskerFile, attribute: usize) -> Result<(f64, f64)> {
     let statistics = file.statistics()?;
     let histograms = statistics.histograms();
     let (low, high) = histograms.ranges().of(attribute);

@@ -2,7 +2,7 @@
 //! become what is drawn. Shared by pictures read whole and by sessions that stream.
 
 use crate::colour::Colouring;
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{CompactOctree, View};
 use esker_points::Node;
 use esker_render::{Background, ColourPlane, DrawNode, Frame, Method};
@@ -34,17 +34,17 @@ pub fn draw_node<'a, P: Default>(
 /// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
 /// dropped from surfaces of clouds with normals.
 pub fn frame<'a, P>(
-    file: &'a EskerFile,
+    file: &'a Forest,
     view: &'a View,
     draws: &'a [DrawNode<'a, P>],
     octree: &'a CompactOctree,
     colouring: &Colouring,
     method: Method,
 ) -> Frame<'a, P> {
-    let has_normals = file.layout().has(PlaneKind::Normal);
+    let has_normals = file.has(PlaneKind::Normal);
     Frame {
         view,
-        lattice: &file.metadata().lattice,
+        lattice: file.lattice(),
         draws,
         octree: Some(octree),
         method,

@@ -2,8 +2,8 @@
 
 use crate::quantity::{grouped, readable_bytes};
 use anyhow::Result;
-use esker_format::{EskerFile, Metadata, PlaneKind};
-use esker_points::{Node, NodeTable, Task};
+use esker_format::{Forest, PlaneKind, SourceRecord};
+use esker_points::{MultisetHash, Node, NodeTable, Task};
 use esker_scan::{OpenOptions, SourceInfo};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -12,8 +12,8 @@ use std::path::Path;
 const SMALL_SHARE: f64 = 1.0 / 16.0;
 
 /// World bounds of all points; zeros where there is no point.
-pub fn bounds(metadata: &Metadata) -> [[f64; 3]; 2] {
-    metadata.bounds.map_or([[0.0; 3]; 2], |b| b.map(|corner| metadata.lattice.world(corner)))
+pub fn bounds(forest: &Forest) -> [[f64; 3]; 2] {
+    forest.bounds().map_or([[0.0; 3]; 2], |b| b.map(|corner| forest.lattice().world(corner)))
 }
 
 /// What there is to know of an `.esker` file, or, before building, of a scan.
@@ -25,55 +25,70 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         let source = esker_scan::open(path, &OpenOptions::default(), task)?;
         return Ok(scan(source.info()));
     }
-    let file = EskerFile::open(path)?;
-    let (footer, metadata, table) = (file.footer(), file.metadata(), file.table());
-    let box_world = metadata.bounds.map(|_| bounds(metadata));
-    let sources: Vec<Value> = metadata
-        .sources
-        .iter()
-        .map(|s| {
-            json!({
-                "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
-                "rounding_error_max": s.rounding_error_max,
-                "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
-                "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
-                "notes": s.notes,
-            })
-        })
-        .collect();
-    let first_crs = metadata.sources.iter().find_map(|s| s.crs.as_ref());
-    let attributes: Vec<Value> = metadata
-        .schema
+    let forest = Forest::open(path)?;
+    let (table, lattice) = (forest.table(), forest.lattice());
+    let records = || forest.files().flat_map(|file| &file.metadata().sources);
+    let footers = || forest.files().map(|file| file.footer());
+    let capacity = footers().map(|footer| footer.node_capacity).max().unwrap_or(0);
+    let first_crs = records().find_map(|s| s.crs.as_ref());
+    let mut hash = MultisetHash::default();
+    footers().for_each(|footer| hash += footer.hash);
+    let attributes: Vec<Value> = forest
+        .schema()
         .attributes
         .iter()
         .map(|a| json!({"name": a.name, "type": a.ty.name(), "description": a.description, "scale": a.scale, "offset": a.offset}))
         .collect();
     Ok(json!({
-        "points": footer.points,
-        "bounds": box_world,
-        "scale": metadata.lattice.scale,
-        "offset": metadata.lattice.offset,
-        "shift": metadata.lattice.shift,
-        "rounding_error_max": footer.rounding_error_max,
+        "points": forest.points(),
+        "bounds": forest.bounds().map(|_| bounds(&forest)),
+        "scale": lattice.scale,
+        "offset": lattice.offset,
+        "shift": lattice.shift,
+        "rounding_error_max": footers().map(|f| f.rounding_error_max).fold(0.0, f64::max),
         "attributes": attributes,
-        "classes": metadata.classes.len(),
+        "classes": forest.files().map(|file| file.metadata().classes.len()).sum::<usize>(),
         "crs": first_crs.map(|c| &c.text),
         "unit": first_crs.and_then(|c| c.unit.as_ref()),
-        "nodes": footer.nodes,
-        "node_capacity": footer.node_capacity,
-        "node_fill_mean": fill(table, footer.node_capacity),
-        "small_nodes_share": small_share(table, footer.node_capacity),
+        "nodes": table.nodes.len(),
+        "node_capacity": capacity,
+        "node_fill_mean": fill(table, capacity),
+        "small_nodes_share": small_share(table, capacity),
         "depths": depths(table),
-        "bytes": footer.file_bytes,
-        "bytes_a_point": bytes_a_point(&file)?,
-        "compress": metadata.codec.name(),
-        "normals": metadata.normals_name(),
+        "bytes": forest.file_bytes(),
+        "bytes_a_point": bytes_a_point(&forest)?,
+        "compress": each_once(&forest, |file| file.metadata().codec.name()),
+        "normals": each_once(&forest, |file| file.metadata().normals_name()),
         "table_bytes_a_node": size_of::<Node>(),
-        "table_bytes": footer.table.bytes,
-        "multiset_hash": footer.hash.to_string(),
-        "generator": metadata.generator,
-        "sources": sources,
+        "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
+        "multiset_hash": hash.to_string(),
+        "generator": forest.files().next().map(|file| &file.metadata().generator),
+        "sources": records().map(source).collect::<Vec<_>>(),
+        "trees": trees(&forest),
     }))
+}
+
+fn source(s: &SourceRecord) -> Value {
+    json!({
+        "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
+        "rounding_error_max": s.rounding_error_max,
+        "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
+        "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "notes": s.notes,
+    })
+}
+
+/// The trees of a forest, one a file: the file itself first.
+fn trees(forest: &Forest) -> Vec<Value> {
+    let tree = |file: &esker_format::EskerFile| {
+        let footer = file.footer();
+        json!({
+            "path": file.path().display().to_string(), "points": footer.points, "nodes": footer.nodes,
+            "bytes": footer.file_bytes, "multiset_hash": footer.hash.to_string(),
+            "footer_hash": format!("{:032x}", footer.name_hash()),
+        })
+    };
+    forest.files().map(tree).collect()
 }
 
 fn bits(depth: esker_points::ColourDepth) -> u32 {
@@ -135,30 +150,48 @@ fn depths(table: &NodeTable) -> Vec<Value> {
         .collect()
 }
 
+/// What the trees of a forest say, each answer once.
+fn each_once(forest: &Forest, of: impl Fn(&esker_format::EskerFile) -> &'static str) -> String {
+    let mut said: Vec<_> = forest.files().map(|file| of(file)).collect();
+    said.sort_unstable();
+    said.dedup();
+    said.join(", ")
+}
+
 /// Bytes a point of hot planes, residuals, and everything else in the pages; and of each plane.
-fn bytes_a_point(file: &EskerFile) -> Result<Value> {
-    let layout = file.layout();
-    let points = file.footer().points.max(1) as f64;
-    let (mut hot, mut residual, mut cold) = (0u64, 0u64, 0u64);
-    let mut planes = Vec::new();
-    for (plane, bytes) in layout.planes().iter().zip(file.plane_bytes()?) {
-        *match plane.kind {
-            PlaneKind::Residual => &mut residual,
-            _ if plane.hot => &mut hot,
-            _ => &mut cold,
-        } += bytes;
-        let name = match plane.kind {
-            PlaneKind::Attribute(a) => layout.schema().attributes[usize::from(a)].name.clone(),
-            kind => kind.name(),
-        };
-        planes.push(json!({"plane": name, "hot": plane.hot, "bytes": bytes as f64 / points}));
+fn bytes_a_point(forest: &Forest) -> Result<Value> {
+    let (mut hot, mut residual, mut cold, mut directories) = (0u64, 0u64, 0u64, 0u64);
+    let mut planes: Vec<(String, bool, u64)> = Vec::new();
+    for file in forest.files() {
+        let layout = file.layout();
+        directories += (layout.directory_bytes() * file.table().nodes.len()) as u64;
+        for (plane, bytes) in layout.planes().iter().zip(file.plane_bytes()?) {
+            *match plane.kind {
+                PlaneKind::Residual => &mut residual,
+                _ if plane.hot => &mut hot,
+                _ => &mut cold,
+            } += bytes;
+            let name = match plane.kind {
+                PlaneKind::Attribute(a) => layout.schema().attributes[usize::from(a)].name.clone(),
+                kind => kind.name(),
+            };
+            match planes.iter_mut().find(|p| p.0 == name) {
+                Some(known) => known.2 += bytes,
+                None => planes.push((name, plane.hot, bytes)),
+            }
+        }
     }
+    let points = forest.points().max(1) as f64;
+    let planes: Vec<_> = planes
+        .iter()
+        .map(|(name, hot, bytes)| json!({"plane": name, "hot": hot, "bytes": *bytes as f64 / points}))
+        .collect();
     Ok(json!({
         "hot": hot as f64 / points,
         "residual": residual as f64 / points,
         "cold": cold as f64 / points,
-        "directories": layout.directory_bytes() as f64 * file.table().nodes.len() as f64 / points,
-        "all": file.footer().file_bytes as f64 / points,
+        "directories": directories as f64 / points,
+        "all": forest.file_bytes() as f64 / points,
         "planes": planes,
     }))
 }
@@ -242,6 +275,15 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
         .collect();
     let codec = info["compress"].as_str().unwrap_or("?");
     lines.push(format!("planes       {} (bytes a point; {codec})", planes.join(", ")));
+    let trees = info["trees"].as_array().map_or(&[][..], Vec::as_slice);
+    for tree in trees.iter().filter(|_| trees.len() > 1) {
+        lines.push(format!(
+            "tree         {}, {} points in {} nodes",
+            tree["path"].as_str().unwrap_or("?"),
+            grouped(tree["points"].as_u64().unwrap_or(0)),
+            grouped(tree["nodes"].as_u64().unwrap_or(0))
+        ));
+    }
     for source in info["sources"].as_array().into_iter().flatten() {
         let colours =
             source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));

@@ -8,7 +8,7 @@ use crate::drawing::{draw_node, frame};
 use crate::{info, output, picture, pool, whole};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
-use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{AllResident, CompactOctree, Options, Selection, View, needs_residual, select};
 use esker_points::Task;
 use esker_render::{DrawNode, Method, Picture, Renderer};
@@ -78,7 +78,7 @@ pub fn is_esker(path: &Path) -> Result<bool> {
     Ok(head == HEADER_MAGIC)
 }
 
-/// Draws `inputs` (one `.esker` file, or scans) to the PNG file `out`; what it did, for machines.
+/// Draws `inputs` (one `.esker` file with those that it names, or scans) to the PNG file `out`; what it did, for machines.
 ///
 /// # Errors
 /// Where the input cannot be read or the picture not be written.
@@ -103,11 +103,11 @@ fn open(
     inputs: &[PathBuf],
     request: &Request,
     task: &dyn Task,
-) -> Result<(EskerFile, Option<tempfile::TempDir>)> {
+) -> Result<(Forest, Option<tempfile::TempDir>)> {
     if let [one] = inputs
         && is_esker(one)?
     {
-        return Ok((EskerFile::open(one)?, None));
+        return Ok((Forest::open(one)?, None));
     }
     for input in inputs {
         if is_esker(input)? {
@@ -121,7 +121,7 @@ fn open(
         tempfile::tempdir().context("cannot make a temporary folder to build the scan in")?;
     let built = folder.path().join("scan.esker");
     esker_build::build(inputs, &built, &request.build, task)?;
-    Ok((EskerFile::open(&built)?, Some(folder)))
+    Ok((Forest::open(&built)?, Some(folder)))
 }
 
 /// What the view needs of a file: nodes, prefixes, and just the planes that the frame asks for.
@@ -144,9 +144,9 @@ impl Scene {
     ///
     /// # Errors
     /// Where planes cannot be read.
-    pub fn read(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<Self> {
+    pub fn read(file: &Forest, request: &Request, task: &dyn Task) -> Result<Self> {
         let start = Instant::now();
-        let bounds = info::bounds(file.metadata());
+        let bounds = info::bounds(file);
         let view = request.camera.view(bounds, request.size);
         let colouring = colouring(file, request.colour_by.as_deref(), bounds)?;
         let options = Options {
@@ -154,7 +154,7 @@ impl Scene {
             target_spacing_px: request.target_spacing_px,
             ..Options::default()
         };
-        let lattice = &file.metadata().lattice;
+        let lattice = file.lattice();
         let selection = select(file.table(), lattice, &view, &options, &AllResident, None);
         let select_ms = ms(start);
         let start = Instant::now();
@@ -165,11 +165,11 @@ impl Scene {
     }
 
     /// What the renderer is given.
-    pub fn draws<'a>(&'a self, file: &'a EskerFile) -> Vec<DrawNode<'a>> {
+    pub fn draws<'a>(&'a self, file: &'a Forest) -> Vec<DrawNode<'a>> {
         let nodes = self.selection.drawn.iter().zip(&self.planes).enumerate();
         nodes
             .map(|(entry, (drawn, planes))| {
-                let node = &file.table().nodes[drawn.node as usize];
+                let node = file.record(drawn.node);
                 draw_node(node, entry, drawn.prefix, &self.colouring, |kind| planes.get(kind))
             })
             .collect()
@@ -180,7 +180,7 @@ impl Scene {
 ///
 /// # Errors
 /// Where planes cannot be read, or a GPU is asked for and there is none, or it fails.
-pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
+pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
     let scene = Scene::read(file, request, task)?;
     let (gpu, mut drawer) = request.with.choose(None)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
@@ -206,7 +206,7 @@ pub fn draw(file: &EskerFile, request: &Request, task: &dyn Task) -> Result<(Pic
 
 /// Reads the planes that the frame needs, several nodes at a time.
 fn read(
-    file: &EskerFile,
+    file: &Forest,
     view: &View,
     selection: &Selection,
     colouring: &Colouring,
@@ -214,7 +214,7 @@ fn read(
 ) -> Result<Vec<Planes>> {
     let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
     task.phase("reading", Some(points), "points");
-    let lattice = &file.metadata().lattice;
+    let lattice = file.lattice();
     selection
         .drawn
         .par_iter()

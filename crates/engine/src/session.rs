@@ -1,4 +1,4 @@
-//! A session: one opened file that is looked at, frame by frame. It starts the threads that choose and
+//! A session: an opened file, with those that it names, that is looked at, frame by frame. It starts the threads that choose and
 //! read (kanzok2015, section 3.2), is their render thread, and never waits for the disk. Views go in,
 //! pictures come out; a window is not needed.
 //!
@@ -17,7 +17,7 @@ use crate::painter::{CpuPainter, GpuPainter, Painter, Scene};
 pub use crate::painter::{GpuBytes, Image};
 use crate::{info, system};
 use anyhow::{Context, Error, Result, bail, ensure};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{DepthFeedback, View};
 use esker_render::camera::Camera;
 use esker_render::{Method, Picture, Stats};
@@ -28,8 +28,8 @@ use std::time::{Duration, Instant};
 
 /// Waits of the render thread that count as stalls are longer than this, milliseconds.
 const STALL_MS: f64 = 1.0;
-/// How long the root may take to be read.
-const ROOT_PATIENCE: Duration = Duration::from_secs(60);
+/// How long the roots may take to be read.
+const ROOTS_PATIENCE: Duration = Duration::from_secs(60);
 /// Between two looks for landed runs where nothing is drawn meanwhile.
 const NAP: Duration = Duration::from_micros(200);
 
@@ -66,7 +66,7 @@ pub struct Times {
 
 /// An opened file and the threads that stream it.
 pub struct Session {
-    file: Arc<EskerFile>,
+    file: Arc<Forest>,
     options: Options,
     colouring: Colouring,
     shares: Shares,
@@ -79,15 +79,15 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens a session on a file and waits until its root can be drawn, so that no frame is empty.
+    /// Opens a session on a file and waits until its roots can be drawn, so that no frame is empty.
     ///
     /// # Errors
     /// Where a budget is too small (the least is told), the file has not what colours shall come from,
-    /// a thread cannot be started, the root cannot be read, or a GPU is asked for and cannot be had.
-    pub fn open(file: Arc<EskerFile>, options: Options) -> Result<Self> {
+    /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
+    pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
         let colouring =
-            colouring(&file, options.colour_by.as_deref(), info::bounds(file.metadata()))?;
+            colouring(&file, options.colour_by.as_deref(), info::bounds(&file))?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session = Self {
             file,
@@ -117,11 +117,11 @@ impl Session {
         let options = self.options.stream();
         let needs = Needs {
             colour: self.colouring.plane.map(|(kind, _)| kind),
-            normals: self.file.layout().has(PlaneKind::Normal),
+            normals: self.file.has(PlaneKind::Normal),
         };
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
-        self.wait_for_root()
+        self.wait_for_roots()
     }
 
     /// Where a GPU has failed that the user did not insist on: goes on with the CPU.
@@ -135,13 +135,14 @@ impl Session {
         self.start_on_cpu()
     }
 
-    fn wait_for_root(&mut self) -> Result<()> {
+    fn wait_for_roots(&mut self) -> Result<()> {
         let start = Instant::now();
-        while !self.file.table().nodes.is_empty() {
+        let roots = self.file.table().roots().count();
+        while roots > 0 {
             self.exchange(None)?;
             self.running()?.painter.flush()?;
             let status = self.status();
-            if status.nodes_resident > 0 {
+            if status.nodes_resident >= roots {
                 break;
             }
             let path = self.file.path().display();
@@ -149,17 +150,17 @@ impl Session {
                 bail!("{}", status.fault.unwrap_or_else(|| format!("{path}: cannot be read")));
             }
             ensure!(
-                start.elapsed() < ROOT_PATIENCE,
+                start.elapsed() < ROOTS_PATIENCE,
                 "{path}: its first node was not read within {} s; is its disk there?",
-                ROOT_PATIENCE.as_secs()
+                ROOTS_PATIENCE.as_secs()
             );
             std::thread::sleep(NAP);
         }
         Ok(())
     }
 
-    /// The file that is looked at.
-    pub fn file(&self) -> &Arc<EskerFile> {
+    /// The file that is looked at, with those that it names.
+    pub fn file(&self) -> &Arc<Forest> {
         &self.file
     }
 
@@ -281,7 +282,7 @@ impl Session {
             view.width,
             view.height
         );
-        Camera::new(view, &self.file.metadata().lattice)?;
+        Camera::new(view, self.file.lattice())?;
         Ok(())
     }
 

@@ -1,31 +1,37 @@
-//! Verifying as a call: the file against itself, and against the scans it was built from.
+//! Verifying as a call: a file and those that it names against themselves, and the file against the scans it
+//! was built from.
 
 use crate::pool;
 use anyhow::Result;
-use esker_format::EskerFile;
-use esker_points::Task;
+use esker_format::{EskerFile, Forest};
+use esker_points::{MultisetHash, Task};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Checks every byte and every rule of a file; with `against`, also that its points are those of the scans.
+/// Checks every byte and every rule of a file and of all files that it names; with `against`, also that the
+/// points of its own tree are those of the scans.
 ///
 /// # Errors
 /// The first fault found.
 pub fn verify(path: &Path, against: &[PathBuf], threads: usize, task: &dyn Task) -> Result<Value> {
     let start = Instant::now();
     pool::run(threads, || {
-        let file = EskerFile::open(path)?;
-        let report = esker_format::verify(&file, task)?;
-        if !against.is_empty() {
-            esker_build::against(&file, against, task)?;
+        let forest = Forest::open(path)?;
+        let mut hash = MultisetHash::default();
+        for file in forest.files() {
+            hash += esker_format::verify(file, task)?.hash;
+        }
+        if let Some(own) = forest.files().next().filter(|_| !against.is_empty()) {
+            esker_build::against(own, against, task)?;
         }
         Ok(json!({
             "ok": true,
-            "points": report.points,
-            "nodes": report.nodes,
-            "bytes": report.bytes,
-            "multiset_hash": report.hash.to_string(),
+            "points": forest.points(),
+            "nodes": forest.table().nodes.len(),
+            "bytes": forest.file_bytes(),
+            "trees": forest.files().len(),
+            "multiset_hash": hash.to_string(),
             "against": against.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
             "seconds": start.elapsed().as_secs_f64(),
         }))

@@ -3,7 +3,7 @@
 
 use crate::drawing::{draw_node, frame};
 use crate::render::Scene;
-use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::CompactOctree;
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
 use esker_render::{Method, Picture};
@@ -28,7 +28,7 @@ struct Places {
 /// Where the GPU refuses memory, or fails.
 pub(crate) fn draw(
     gpu: &Gpu,
-    file: &EskerFile,
+    file: &Forest,
     scene: &Scene,
     octree: &CompactOctree,
     method: Method,

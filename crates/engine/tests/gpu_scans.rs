@@ -7,7 +7,7 @@ mod flip;
 
 use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::render::{Request, draw};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_points::task::Silent;
 use esker_render::gpu::Gpu;
 use esker_render::{Method, Picture};
@@ -68,7 +68,7 @@ fn gpu_equals_cpu(method: Method) {
         let built = folder.path().join("scan.esker");
         let options = esker_build::Options { node_capacity: 8192, ..Default::default() };
         esker_build::build(std::slice::from_ref(&input), &built, &options, &Silent).unwrap();
-        let file = EskerFile::open(&built).unwrap();
+        let file = Forest::open(&built).unwrap();
         let by = |with| {
             let request = Request { size: SIZE, method, with, ..Request::default() };
             draw(&file, &request, &Silent).unwrap().0

@@ -11,7 +11,7 @@ mod flip;
 use creek::{SIZE, Wanderer, overview, sample};
 use esker_engine::backend::{Backend, GpuRequest, ProjectPath, wgpu::Backends};
 use esker_engine::session::{Image, Options, Session};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_render::gpu::Gpu;
 use esker_render::{Method, Picture};
 use std::sync::Arc;
@@ -44,7 +44,7 @@ fn options(backend: Backend) -> Options {
 }
 
 fn open(options: Options) -> anyhow::Result<Session> {
-    Session::open(Arc::new(EskerFile::open(sample()).unwrap()), options)
+    Session::open(Arc::new(Forest::open(sample()).unwrap()), options)
 }
 
 /// A session on a device that the test keeps a handle to.

@@ -3,7 +3,7 @@
 //! each source: software depth, the last frame's depth, both.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{
     AllResident, CompactOctree, DepthFeedback, Drawn, Occlusion, Options, Selection, SoftwareDepth,
     View, select, tiles_of,
@@ -21,7 +21,7 @@ const SIDE: u32 = 384;
 
 /// A built scan, with the planes of its nodes.
 struct Scan {
-    file: EskerFile,
+    file: Forest,
     planes: Vec<Planes>,
     _folder: tempfile::TempDir,
 }
@@ -32,7 +32,7 @@ impl Scan {
         let out = folder.path().join("scan.esker");
         let options = esker_build::Options { node_capacity, ..Default::default() };
         esker_build::build(&[input], &out, &options, &Silent).unwrap();
-        let file = EskerFile::open(&out).unwrap();
+        let file = Forest::open(&out).unwrap();
         let kinds = [PlaneKind::Position, PlaneKind::Residual];
         let nodes = 0..file.table().nodes.len() as u32;
         let planes = nodes.map(|node| file.read_planes(node, &kinds).unwrap()).collect();
@@ -42,7 +42,7 @@ impl Scan {
     fn cut(&self, view: &View, target_px: f64, occlusion: Option<&dyn Occlusion>) -> Selection {
         let options =
             Options { target_spacing_px: target_px, points_budget: u64::MAX, ..Options::default() };
-        let lattice = &self.file.metadata().lattice;
+        let lattice = self.file.lattice();
         select(self.file.table(), lattice, view, &options, &AllResident, occlusion)
     }
 
@@ -66,7 +66,7 @@ impl Scan {
         let octree = CompactOctree::with_hidden(self.file.table(), &cut.drawn, &cut.hidden);
         let frame = Frame {
             view,
-            lattice: &self.file.metadata().lattice,
+            lattice: self.file.lattice(),
             draws: &self.draws(&cut.drawn),
             octree: Some(&octree),
             method: Method::PullPush,
@@ -81,7 +81,7 @@ impl Scan {
     fn visible(&self, view: &View) -> HashSet<u32> {
         let cut = self.cut(view, 0.0, None);
         let picture = self.picture(view, &cut);
-        let camera = Camera::new(view, &self.file.metadata().lattice).unwrap();
+        let camera = Camera::new(view, self.file.lattice()).unwrap();
         let shows = |draw: &DrawNode<'_>| {
             let positions = Positions::of(draw);
             let place = camera.place(draw.node, positions.is_exact());
@@ -159,7 +159,7 @@ fn measure(scan: &Scan, views: &[View], step: f64) -> [Sums; 4] {
             let tiles = tiles_of(&old_picture.depth, side, side);
             Arc::new(DepthFeedback::new(old, &tiles).unwrap().seen_from(view))
         };
-        let lattice = &scan.file.metadata().lattice;
+        let lattice = scan.file.lattice();
         let soft = Arc::new(SoftwareDepth::new(scan.file.table(), lattice, view, &all.drawn));
         let still = feedback(view);
         let mut before = *view;
@@ -199,7 +199,7 @@ fn view(eye: DVec3, target: DVec3, up: DVec3) -> View {
 #[test]
 fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     let scan = Scan::build("synthetic:office:1500000:1".into(), 1 << 12);
-    let corner = DVec3::from_array(scan.file.metadata().lattice.offset);
+    let corner = DVec3::from_array(scan.file.lattice().offset);
     let views = [
         ([3.0, 0.15, 1.6], [40.0, 0.0, 1.4]),
         ([10.0, 5.0, 1.6], [14.0, -1.0, 1.2]),

@@ -8,7 +8,7 @@ use esker_engine::bench::path::Path as Flight;
 use esker_engine::colour::{Colouring, colouring};
 use esker_engine::drawing::{draw_node, frame};
 use esker_engine::info;
-use esker_format::{EskerFile, PlaneKind, Planes};
+use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{
     AllResident, CompactOctree, Missing, Options, OrientedBox, Projection, Residency, Selection,
     View, select,
@@ -35,7 +35,7 @@ impl Residency for Known {
 
 /// A file with all of its planes at hand.
 struct Whole {
-    file: EskerFile,
+    file: Forest,
     planes: Vec<Planes>,
     colouring: Colouring,
 }
@@ -45,8 +45,8 @@ impl Whole {
         let out = folder.join("scan.esker");
         let options = esker_build::Options { node_capacity, ..Default::default() };
         esker_build::build(&[scan.to_path_buf()], &out, &options, &Silent).unwrap();
-        let file = EskerFile::open(&out).unwrap();
-        let colouring = colouring(&file, None, info::bounds(file.metadata())).unwrap();
+        let file = Forest::open(&out).unwrap();
+        let colouring = colouring(&file, None, info::bounds(&file)).unwrap();
         let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];
         kinds.extend(colouring.plane.map(|(kind, _)| kind));
         let nodes = 0..file.table().nodes.len() as u32;
@@ -56,7 +56,7 @@ impl Whole {
 
     fn select(&self, view: &View, residency: &impl Residency, target_spacing_px: f64) -> Selection {
         let options = Options { points_budget: u64::MAX, target_spacing_px, ..Options::default() };
-        let lattice = &self.file.metadata().lattice;
+        let lattice = self.file.lattice();
         select(self.file.table(), lattice, view, &options, residency, None)
     }
 
@@ -142,7 +142,7 @@ fn random(seed: u64) -> f64 {
 /// Error on the picture a byte of the node.
 fn error_per_byte(whole: &Whole, view: &View, missing: &Missing) -> f64 {
     let node = &whole.file.table().nodes[missing.node as usize];
-    let contour = OrientedBox::of_contour(node, &whole.file.metadata().lattice);
+    let contour = OrientedBox::of_contour(node, whole.file.lattice());
     let projection = Projection::of(view);
     let silhouette = projection.silhouette(&contour);
     let area_px =

@@ -5,7 +5,7 @@
 
 use esker_engine::camera::Camera;
 use esker_engine::render::{Request, Scene};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_points::quant;
 use esker_points::task::Silent;
 use esker_render::camera::{Camera as Projection, Positions};
@@ -54,10 +54,10 @@ struct Seen {
 }
 
 /// Every drawn point against its exact place.
-fn look(file: &EskerFile, camera: &str, size: [u32; 2]) -> Seen {
+fn look(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
     let request = Request { size, camera: Camera::parse(camera).unwrap(), ..Default::default() };
     let scene = Scene::read(file, &request, &Silent).unwrap();
-    let lattice = &file.metadata().lattice;
+    let lattice = file.lattice();
     let projection = Projection::new(&scene.view, lattice).unwrap();
     let mut seen = Seen { points: 0, worst_px: 0.0, nodes_exact: 0, nodes_hot: 0 };
     for (draw, drawn) in scene.draws(file).iter().zip(&scene.selection.drawn) {
@@ -87,7 +87,7 @@ fn look(file: &EskerFile, camera: &str, size: [u32; 2]) -> Seen {
 }
 
 /// The lattice coordinates of a node's points.
-fn exact(file: &EskerFile, node: u32) -> Vec<[u32; 3]> {
+fn exact(file: &Forest, node: u32) -> Vec<[u32; 3]> {
     let record = &file.table().nodes[node as usize];
     let planes = file.read_planes(node, &[PlaneKind::Position, PlaneKind::Residual]).unwrap();
     let hot = planes.get(PlaneKind::Position).unwrap();
@@ -111,7 +111,7 @@ fn drawn_points_are_within_half_a_pixel_however_close_the_view() {
     let out = folder.path().join("plane.esker");
     let options = esker_build::Options { node_capacity: 1 << 13, ..Default::default() };
     esker_build::build(&[scan], &out, &options, &Silent).unwrap();
-    let file = EskerFile::open(&out).unwrap();
+    let file = Forest::open(&out).unwrap();
     let table = file.table();
     let inner = table.nodes.iter().filter(|n| n.child_count > 0 && n.hot_shift > 0).count();
     assert!(inner > 0, "inner nodes have dropped bits");

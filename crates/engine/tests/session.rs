@@ -7,7 +7,7 @@ mod creek;
 use creek::{SIZE, Wanderer, overview, sample};
 use esker_engine::backend::Backend;
 use esker_engine::session::{Options, Session};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_lod::View;
 use esker_render::Picture;
 use std::path::Path;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn open(path: &Path, budget_gpu_bytes: u64) -> Session {
-    let file = Arc::new(EskerFile::open(path).unwrap());
+    let file = Arc::new(Forest::open(path).unwrap());
     let options = Options {
         backend: Backend::Cpu,
         budget_gpu_bytes,
@@ -64,7 +64,7 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
     let complete = luminance(session.frame(&view).unwrap().image.in_memory().unwrap());
     drop(session);
     // One small hand-over at a time: few nodes arrive between two frames.
-    let file = Arc::new(EskerFile::open(sample()).unwrap());
+    let file = Arc::new(Forest::open(sample()).unwrap());
     let slow = Options {
         backend: Backend::Cpu,
         budget_gpu_bytes: 64 << 20,
@@ -160,7 +160,7 @@ fn a_file_cut_short_in_flight_is_told_and_the_rest_goes_on() {
 
 #[test]
 fn too_small_budgets_are_refused_with_the_least_that_works() {
-    let file = Arc::new(EskerFile::open(sample()).unwrap());
+    let file = Arc::new(Forest::open(sample()).unwrap());
     let refused = |options: Options| {
         let error = Session::open(file.clone(), options).err().unwrap();
         format!("{error:#}")

@@ -8,7 +8,7 @@
 
 mod ring;
 
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::View;
 use esker_stream::{Needs, Options, PassTimes, Streamer};
 use glam::DVec3;
@@ -33,7 +33,7 @@ struct Loaded {
     lod_ms: PassTimes,
 }
 
-fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
+fn load(file: &Arc<Forest>, view: View, needs: Needs) -> Loaded {
     let runs = 2 * IN_FLIGHT;
     let ring = Arc::new(Ring::new(runs));
     let options = Options {
@@ -76,9 +76,9 @@ fn load(file: &Arc<EskerFile>, view: View, needs: Needs) -> Loaded {
     }
 }
 
-fn range(file: &EskerFile, node: u32, kind: PlaneKind) -> Range<u64> {
+fn range(file: &Forest, node: u32, kind: PlaneKind) -> Range<u64> {
     let record = &file.table().nodes[node as usize];
-    let range = file.layout().plane_range(kind, record.points(), record.hot_shift).unwrap();
+    let range = file.plane_range(node, kind).unwrap();
     record.page_offset + range.start..record.page_offset + range.end
 }
 
@@ -100,7 +100,7 @@ fn joined(mut ranges: Vec<Range<u64>>) -> Vec<Range<u64>> {
 }
 
 /// Seconds that plain reads of ranges take.
-fn read(file: &EskerFile, ranges: &[Range<u64>]) -> f64 {
+fn read(file: &Forest, ranges: &[Range<u64>]) -> f64 {
     let next = AtomicUsize::new(0);
     let began = Instant::now();
     std::thread::scope(|scope| {
@@ -144,9 +144,9 @@ fn main() {
     let is_cold = arguments.iter().any(|a| a == "--cold");
     let rounds = arguments.iter().position(|a| a == "--rounds").map(|i| &arguments[i + 1]);
     let rounds: usize = rounds.map_or(5, |n| n.parse().unwrap());
-    let file = Arc::new(EskerFile::open(&path).unwrap());
-    let bounds = file.metadata().bounds.unwrap();
-    let [low, high] = bounds.map(|c| DVec3::from_array(file.metadata().lattice.world(c)));
+    let file = Arc::new(Forest::open(&path).unwrap());
+    let bounds = file.bounds().unwrap();
+    let [low, high] = bounds.map(|c| DVec3::from_array(file.lattice().world(c)));
     let view = View::fit(low, high, DVec3::new(0.3, 1.0, -0.7), 1.0, 3840, 2160);
     let needs = Needs { colour: Some(PlaneKind::Colour), normals: true };
     let (mut streamed, mut plain, mut ratios) = (Vec::new(), Vec::new(), Vec::new());

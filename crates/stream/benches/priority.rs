@@ -8,7 +8,7 @@
 
 mod ring;
 
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{OrientedBox, Projection, View};
 use esker_stream::{Cut, Needs, Options, Priority, Streamer};
 use glam::{DVec2, DVec3};
@@ -21,7 +21,7 @@ use std::time::Duration;
 const ROUNDS: usize = 5;
 
 /// Cuts on the way to a complete one, with the bytes that were there.
-fn cuts(file: &Arc<EskerFile>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut>)> {
+fn cuts(file: &Arc<Forest>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut>)> {
     let ring = Arc::new(Ring::new(2));
     let options = Options {
         drawing_bytes: 4 << 30,
@@ -55,8 +55,8 @@ fn cuts(file: &Arc<EskerFile>, view: View, priority: Priority) -> Vec<(u64, Arc<
 }
 
 /// Mean error of a cut where the nodes of the complete one are, pixels.
-fn error_px(file: &EskerFile, cut: &Cut, complete: &Cut) -> f64 {
-    let (view, lattice) = (&cut.view, &file.metadata().lattice);
+fn error_px(file: &Forest, cut: &Cut, complete: &Cut) -> f64 {
+    let (view, lattice) = (&cut.view, file.lattice());
     let projection = Projection::of(view);
     let (mut sum, mut area) = (0.0, 0.0);
     for node in &complete.nodes {
@@ -79,9 +79,9 @@ fn main() {
         println!("names no file: cargo bench -p esker-stream --bench priority -- FILE");
         return;
     };
-    let file = Arc::new(EskerFile::open(&path).unwrap());
-    let bounds = file.metadata().bounds.unwrap();
-    let [low, high] = bounds.map(|c| DVec3::from_array(file.metadata().lattice.world(c)));
+    let file = Arc::new(Forest::open(&path).unwrap());
+    let bounds = file.bounds().unwrap();
+    let [low, high] = bounds.map(|c| DVec3::from_array(file.lattice().world(c)));
     let extent = high - low;
     let at = |x: f64, y: f64, z: f64| low + extent * DVec3::new(x, y, z);
     let look = |eye, target| View::look_at(eye, target, DVec3::Z, 1.0, 1280, 720);
@@ -124,7 +124,7 @@ struct Measured {
     quarter_px: f64,
 }
 
-fn measure(file: &Arc<EskerFile>, view: View, priority: Priority) -> Measured {
+fn measure(file: &Arc<Forest>, view: View, priority: Priority) -> Measured {
     let cuts = cuts(file, view, priority);
     let (all, complete) = cuts.last().cloned().unwrap();
     let sum: f64 = cuts

@@ -16,7 +16,7 @@ use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::quantity::grouped;
 use esker_engine::session::Image;
-use esker_engine::{EskerFile, View, info};
+use esker_engine::{Forest, View, info};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 use std::time::Instant;
@@ -51,7 +51,7 @@ impl Looking {
     /// At what was opened, from where the arguments say.
     pub fn new(opened: Opened, args: &Args, shown: &ShownBy, is_coarser_moving: bool) -> Self {
         let file = &opened.file;
-        let bounds = info::bounds(file.metadata());
+        let bounds = info::bounds(&file);
         let view = args.camera.view(bounds, args.size);
         let [low, high] = bounds.map(DVec3::from_array);
         let target = match (args.camera.eye, args.camera.target) {
@@ -62,7 +62,7 @@ impl Looking {
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
         let built = if opened.is_temporary() { "; built for this window alone" } else { "" };
-        let [points, nodes] = [file.footer().points, file.footer().nodes].map(grouped);
+        let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
             camera: Camera::new(view.eye, target, up, view.fovy_rad),
@@ -83,7 +83,7 @@ impl Looking {
     }
 
     /// The file.
-    pub fn file(&self) -> &Arc<EskerFile> {
+    pub fn file(&self) -> &Arc<Forest> {
         &self.opened.file
     }
 

@@ -7,7 +7,7 @@ use crate::times::FrameTime;
 use anyhow::{Context, Result};
 use eframe::egui::RawInput;
 use esker_engine::bench::path::Path;
-use esker_engine::{EskerFile, Value, info, system};
+use esker_engine::{Forest, Value, info, system};
 use std::io::Write;
 
 /// A scripted run.
@@ -41,7 +41,7 @@ impl Rig {
     ///
     /// # Errors
     /// Where a camera path cannot be read, or the system does not forget the file.
-    pub fn board(&mut self, file: &EskerFile, size: [u32; 2]) -> Result<()> {
+    pub fn board(&mut self, file: &Forest, size: [u32; 2]) -> Result<()> {
         if self.pilot.is_some() {
             return Ok(());
         }
@@ -52,7 +52,7 @@ impl Rig {
                 .and_then(|f| system::forget(&f))
                 .with_context(|| format!("{}: cannot be forgotten", path.display()))?;
         }
-        let bounds = info::bounds(file.metadata());
+        let bounds = info::bounds(file);
         let mut paths = Vec::new();
         let script = &self.script;
         for step in script.before.iter().chain(&script.flight).chain(&script.after) {

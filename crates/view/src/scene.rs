@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use esker_engine::backend::Drawer;
 use esker_engine::options::Options;
 use esker_engine::session::{Frame, GpuBytes, Session};
-use esker_engine::{Cut, EskerFile, Picture, Status, View};
+use esker_engine::{Cut, Forest, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -20,7 +20,7 @@ const HOLD: Duration = Duration::from_millis(1500);
 
 /// A file that is looked at.
 pub struct Scene {
-    file: Arc<EskerFile>,
+    file: Arc<Forest>,
     settings: Settings,
     device: Device,
     /// The largest picture that the session may draw, pixels.
@@ -68,13 +68,13 @@ pub enum Shown<'a> {
 
 impl Scene {
     /// Opens a session; pictures of at most this size.
-    pub fn new(file: Arc<EskerFile>, settings: Settings, device: Device, size: [u32; 2]) -> Self {
+    pub fn new(file: Arc<Forest>, settings: Settings, device: Device, size: [u32; 2]) -> Self {
         let state = State::open(&file, &settings, &device, size);
         Self { file, settings, device, size, state, hold: None, at_rest: None, reopened: 0 }
     }
 
     /// The file.
-    pub fn file(&self) -> &Arc<EskerFile> {
+    pub fn file(&self) -> &Arc<Forest> {
         &self.file
     }
 
@@ -234,7 +234,7 @@ impl Scene {
 }
 
 impl State {
-    fn open(file: &Arc<EskerFile>, settings: &Settings, device: &Device, size: [u32; 2]) -> Self {
+    fn open(file: &Arc<Forest>, settings: &Settings, device: &Device, size: [u32; 2]) -> Self {
         match Opening::start(Arc::clone(file), device.options(settings, size)) {
             Ok(opening) => Self::Opening(opening),
             Err(error) => Self::Failed(format!("{error:#}")),
@@ -243,7 +243,7 @@ impl State {
 }
 
 impl Opening {
-    fn start(file: Arc<EskerFile>, options: Options) -> Result<Self> {
+    fn start(file: Arc<Forest>, options: Options) -> Result<Self> {
         let (sender, session) = sync_channel(1);
         let open = move || {
             // Nobody listens once the window has closed; the session then ends here.

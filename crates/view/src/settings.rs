@@ -2,7 +2,7 @@
 //! session cannot change is reopened.
 
 use esker_engine::options::Options;
-use esker_engine::{EskerFile, Method};
+use esker_engine::{Forest, Method};
 
 /// What a session costs and how it draws.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,8 +66,8 @@ impl Settings {
 
 /// What colours can come from in this file, as [`Settings::colour_by`] names it: its own colours first, then what
 /// every file has, then its attributes.
-pub fn colour_sources(file: &EskerFile) -> Vec<String> {
-    let attributes = &file.metadata().schema.attributes;
+pub fn colour_sources(file: &Forest) -> Vec<String> {
+    let attributes = &file.schema().attributes;
     let has = |name: &str| attributes.iter().any(|a| a.name == name);
     let channels = ["red", "green", "blue"];
     let mut sources = Vec::new();

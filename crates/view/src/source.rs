@@ -2,7 +2,7 @@
 //! that goes with it. Done by a thread of its own, which tells how far it is and can be stopped.
 
 use anyhow::{Context, Result, bail};
-use esker_engine::{BuildOptions, EskerFile, Task, build, render};
+use esker_engine::{BuildOptions, Forest, Task, build, render};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -13,7 +13,7 @@ use std::time::Instant;
 /// What is looked at.
 pub struct Opened {
     /// The file.
-    pub file: Arc<EskerFile>,
+    pub file: Arc<Forest>,
     /// Where it lies, if it was built for this window alone; removed after the file is closed.
     folder: Option<tempfile::TempDir>,
 }
@@ -180,7 +180,7 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
     if let [one] = inputs
         && render::is_esker(one)?
     {
-        return Ok(Opened { file: Arc::new(EskerFile::open(one)?), folder: None });
+        return Ok(Opened { file: Arc::new(Forest::open(one)?), folder: None });
     }
     for input in inputs {
         if render::is_esker(input)? {
@@ -198,7 +198,7 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
     let built = folder.path().join("scan.esker");
     build::build(inputs, &built, options, 0, task)?;
     task.check()?;
-    Ok(Opened { file: Arc::new(EskerFile::open(&built)?), folder: Some(folder) })
+    Ok(Opened { file: Arc::new(Forest::open(&built)?), folder: Some(folder) })
 }
 
 #[cfg(test)]

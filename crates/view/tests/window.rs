@@ -6,7 +6,7 @@
 use esker_engine::bench::path;
 use esker_engine::camera::Camera;
 use esker_engine::progress::{Progress, Style};
-use esker_engine::{EskerFile, Picture, Value, info, render};
+use esker_engine::{Forest, Picture, Value, info, render};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -109,8 +109,8 @@ fn share_off(a: &Picture, b: &Picture, by: u8) -> f64 {
 
 /// What the engine itself draws from where the window starts, in this size.
 fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
-    let file = EskerFile::open(sample()).unwrap();
-    let view = Camera::default().view(info::bounds(file.metadata()), SIZE);
+    let file = Forest::open(sample()).unwrap();
+    let view = Camera::default().view(info::bounds(&file), SIZE);
     let camera = Camera {
         eye: Some(view.eye),
         target: Some(view.eye + view.forward() * 1000.0),
@@ -188,9 +188,9 @@ fn a_camera_path_is_followed_by_keys_and_mouse() {
     stand.fly(sample(), script, &["--no-panel", "--backend", "cpu"]);
     let seen = read_png(&stand.path("near.png"));
     // It ends near the path's end: what fills the picture there fills it here.
-    let file = EskerFile::open(sample()).unwrap();
+    let file = Forest::open(sample()).unwrap();
     let size = [seen.width, seen.height];
-    let stops = path::Path::parse(path, info::bounds(file.metadata()), size).unwrap().views;
+    let stops = path::Path::parse(path, info::bounds(&file), size).unwrap().views;
     let (view, target) = (stops[1].view, stops[1].target);
     let camera = Camera { eye: Some(view.eye), target: Some(target), ..Camera::default() };
     let request = render::Request { size, camera, ..render::Request::default() };

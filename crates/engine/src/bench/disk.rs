@@ -2,8 +2,9 @@
 //! with as many in flight as the loaders have. What streaming is compared with, in the same run.
 
 use anyhow::{Context, Result};
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_points::Task;
+use esker_points::node::NONE;
 use esker_stream::Cut;
 use std::fs::File;
 use std::io::Read;
@@ -37,14 +38,14 @@ pub fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
     Ok(bytes as f64 / start.elapsed().as_secs_f64().max(1e-9))
 }
 
-/// The ranges of the file that hold the planes of a cut without the root, neighbours as one, none longer
+/// The ranges of the files that hold the planes of a cut without the roots, neighbours as one, none longer
 /// than a read.
-pub fn ranges_of(file: &EskerFile, cut: &Cut) -> Vec<Range<u64>> {
+pub fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
     let mut ranges: Vec<Range<u64>> = Vec::new();
-    for drawn in cut.nodes.iter().filter(|n| n.node != 0) {
-        let node = &file.table().nodes[drawn.node as usize];
+    for drawn in cut.nodes.iter().filter(|n| file.record(n.node).parent != NONE) {
+        let node = file.record(drawn.node);
         let range = |&(kind, _): &(PlaneKind, _)| {
-            let range = file.layout().plane_range(kind, node.points(), node.hot_shift)?;
+            let range = file.plane_range(drawn.node, kind)?;
             Some(node.page_offset + range.start..node.page_offset + range.end)
         };
         ranges.extend(drawn.planes.iter().filter_map(range).filter(|r| !r.is_empty()));
@@ -73,7 +74,7 @@ pub fn ranges_of(file: &EskerFile, cut: &Cut) -> Vec<Range<u64>> {
 ///
 /// # Errors
 /// Where one fails.
-pub fn plain_seconds(file: &EskerFile, ranges: &[Range<u64>], in_flight: usize) -> Result<f64> {
+pub fn plain_seconds(file: &Forest, ranges: &[Range<u64>], in_flight: usize) -> Result<f64> {
     let next = AtomicUsize::new(0);
     let longest = ranges.iter().map(|r| r.end - r.start).max().unwrap_or(0);
     let read = || -> Result<()> {

@@ -5,7 +5,7 @@
 use crate::camera::Camera;
 use crate::info;
 use anyhow::{Context, Result, ensure};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_lod::View;
 use glam::DVec3;
 use serde::Deserialize;
@@ -130,9 +130,9 @@ impl Path {
 
     /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a dense
     /// place that its points lie a pixel apart.
-    pub fn of(file: &EskerFile, size: [u32; 2]) -> Self {
-        let overview = Camera::default().view(info::bounds(file.metadata()), size);
-        let [low, high] = info::bounds(file.metadata()).map(DVec3::from_array);
+    pub fn of(file: &Forest, size: [u32; 2]) -> Self {
+        let overview = Camera::default().view(info::bounds(file), size);
+        let [low, high] = info::bounds(file).map(DVec3::from_array);
         let middle = low.midpoint(high);
         let (dense, spacing) = dense_place(file).unwrap_or((middle, 0.0));
         let far = overview.eye.distance(middle);
@@ -196,7 +196,7 @@ impl ToldView {
 
 /// A place that is scanned densely, and the spacing there: the node below which a tenth of all points
 /// have finer spacings.
-fn dense_place(file: &EskerFile) -> Option<(DVec3, f64)> {
+fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
     let mut nodes: Vec<_> = file.table().nodes.iter().filter(|n| n.spacing > 0.0).collect();
     nodes.sort_by(|a, b| a.spacing.total_cmp(&b.spacing));
     let points: usize = nodes.iter().map(|n| n.points()).sum();
@@ -205,7 +205,7 @@ fn dense_place(file: &EskerFile) -> Option<(DVec3, f64)> {
         finer += n.points();
         finer * 10 >= points
     })?;
-    let corner = DVec3::from_array(file.metadata().lattice.world(node.corner));
+    let corner = DVec3::from_array(file.lattice().world(node.corner));
     let centre = DVec3::from_array(node.contour().centre);
     Some((corner + centre, f64::from(node.spacing)))
 }

@@ -11,7 +11,7 @@ use crate::session::{Options, Session};
 use crate::{info, picture, system};
 use anyhow::{Context, Result};
 use esker_build::memory::usage;
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_points::{Node, Task};
 use esker_stream::Priority;
 use serde_json::{Value, json};
@@ -103,9 +103,9 @@ const INTERACTIVE_MS: f64 = 100.0;
 /// Where the file or the path cannot be read, a budget is too small, or on request.
 pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Result<Value> {
     let empty_rss_bytes = usage().rss_peak_bytes;
-    let file = Arc::new(EskerFile::open(path)?);
+    let file = Arc::new(Forest::open(path)?);
     let way = match &request.path {
-        Some(way) => Path::read(way, info::bounds(file.metadata()), request.size)?,
+        Some(way) => Path::read(way, info::bounds(&file), request.size)?,
         None => Path::of(&file, request.size),
     };
     let mut options = request.settings.options(request);
@@ -120,7 +120,9 @@ pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Re
     let driver_rss_bytes = usage().rss_peak_bytes.saturating_sub(empty_rss_bytes);
     let run = Run { path, file, way, options, request, task, drawer, driver_rss_bytes };
     run.chill()?;
-    let sequential = disk::sequential_rate(path, task)?;
+    // Of the largest file: a small one tells nothing.
+    let largest = run.file.files().max_by_key(|file| file.footer().file_bytes);
+    let sequential = disk::sequential_rate(largest.map_or(path, |file| file.path()), task)?;
     let flight = run.flight(true)?;
     let without = if request.occlusion { Some(run.flight(false)?) } else { None };
     let loading = run.loading()?;
@@ -133,7 +135,7 @@ pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Re
 
 struct Run<'a> {
     path: &'a std::path::Path,
-    file: Arc<EskerFile>,
+    file: Arc<Forest>,
     way: Path,
     options: Options,
     request: &'a Request,
@@ -144,12 +146,14 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Empties the system's cache of the file, where that is asked for.
+    /// Empties the system's cache of the files, where that is asked for.
     fn chill(&self) -> Result<()> {
         if self.request.cold {
-            let context = || format!("{}: cannot drop it from the cache", self.path.display());
-            let file = std::fs::File::open(self.path).with_context(context)?;
-            system::forget(&file).with_context(context)?;
+            for path in self.file.files().map(|file| file.path()) {
+                let context = || format!("{}: cannot drop it from the cache", path.display());
+                let file = std::fs::File::open(path).with_context(context)?;
+                system::forget(&file).with_context(context)?;
+            }
         }
         Ok(())
     }
@@ -206,7 +210,8 @@ impl Run<'_> {
     }
 
     fn report(&self, flight: &Flight, without: Option<&Flight>, empty_rss_bytes: u64) -> Value {
-        let (request, footer) = (self.request, self.file.footer());
+        let (request, forest) = (self.request, &self.file);
+        let footers = || forest.files().map(|file| file.footer());
         let status = &flight.status;
         let flights = || [Some(flight), without].into_iter().flatten();
         let gpu = flight.gpu_bytes;
@@ -226,12 +231,13 @@ impl Run<'_> {
         let choices = |share| quantile(&flight.lod_ms, share);
         let mut report = json!({
             "file": self.path.display().to_string(),
-            "points": footer.points,
-            "nodes": footer.nodes,
-            "node_capacity": footer.node_capacity,
-            "structure_bytes": footer.table.bytes,
+            "points": forest.points(),
+            "trees": forest.files().len(),
+            "nodes": forest.table().nodes.len(),
+            "node_capacity": footers().map(|f| f.node_capacity).max(),
+            "structure_bytes": footers().map(|f| f.table.bytes).sum::<u64>(),
             "table_bytes_a_node": size_of::<Node>(),
-            "file_bytes": footer.file_bytes,
+            "file_bytes": forest.file_bytes(),
             "backend": drawer.backend(),
             "adapter": drawer.adapter,
             "gpu_path": drawer.path_name(),

@@ -6,7 +6,7 @@ use crate::drawing::{draw_node, frame};
 use crate::slots::DrawingMemory;
 use crate::staging::{Landed, PlainRun, RUN_BYTES, Staging};
 use anyhow::{Context, Result};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_lod::{DepthFeedback, View, tiles_of};
 use esker_render::{Picture, Renderer, Stats};
 use esker_stream::{Needs, StreamError, Streamer};
@@ -42,7 +42,7 @@ impl CpuPainter {
 impl Painter for CpuPainter {
     fn start(
         &self,
-        file: Arc<EskerFile>,
+        file: Arc<Forest>,
         options: esker_stream::Options,
         needs: Needs,
     ) -> Result<Streamer, StreamError> {

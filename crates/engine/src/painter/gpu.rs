@@ -8,7 +8,7 @@ use crate::drawing::{draw_node, frame};
 use crate::options::Options;
 use crate::staging::{GpuRun, Landed, RUN_BYTES, Staging};
 use anyhow::{Context, Result};
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_lod::DepthFeedback;
 use esker_render::gpu::shader::folder;
 use esker_render::gpu::wgpu::{CommandEncoder, PollType};
@@ -53,12 +53,12 @@ impl GpuPainter {
     ///
     /// # Errors
     /// Where the budget is too small (the least is told), or the GPU refuses memory or a shader.
-    pub(crate) fn new(gpu: Gpu, file: &EskerFile, options: &Options) -> Result<Self> {
+    pub(crate) fn new(gpu: Gpu, file: &Forest, options: &Options) -> Result<Self> {
         let shares = GpuShares::of(file, options)?;
         let renderer = GpuRenderer::new(&gpu)?;
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
         // A small file shall not take a large page.
-        let page_bytes = file.footer().file_bytes.next_power_of_two();
+        let page_bytes = file.file_bytes().next_power_of_two();
         Ok(Self {
             landing: Arc::new(Staging::new(runs)),
             ring: UploadRing::default(),
@@ -129,7 +129,7 @@ impl GpuPainter {
 impl Painter for GpuPainter {
     fn start(
         &self,
-        file: Arc<EskerFile>,
+        file: Arc<Forest>,
         options: esker_stream::Options,
         needs: Needs,
     ) -> Result<Streamer, StreamError> {

@@ -9,7 +9,7 @@ pub(crate) use gpu::GpuPainter;
 
 use crate::colour::Colouring;
 use anyhow::Result;
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::gpu::wgpu;
 use esker_render::{Method, Picture, Stats};
@@ -49,7 +49,7 @@ pub struct GpuBytes {
 /// What is drawn, and how.
 #[derive(Clone, Copy)]
 pub(crate) struct Scene<'a> {
-    pub(crate) file: &'a EskerFile,
+    pub(crate) file: &'a Forest,
     pub(crate) view: &'a View,
     pub(crate) cut: &'a Cut,
     pub(crate) colouring: &'a Colouring,
@@ -61,7 +61,7 @@ pub(crate) trait Painter: Send {
     /// Starts streaming into its memory. `options` say neither how much there is of it nor in what pages.
     fn start(
         &self,
-        file: Arc<EskerFile>,
+        file: Arc<Forest>,
         options: esker_stream::Options,
         needs: Needs,
     ) -> Result<Streamer, StreamError>;

@@ -25,7 +25,7 @@ pub fn sample() -> &'static Path {
 
 /// The whole scan, obliquely.
 pub fn overview(session: &Session) -> View {
-    let [low, high] = info::bounds(session.file().metadata()).map(DVec3::from_array);
+    let [low, high] = info::bounds(session.file()).map(DVec3::from_array);
     View::fit(low, high, DVec3::new(0.6, 0.5, -0.6), 1.0, SIZE[0], SIZE[1])
 }
 
@@ -40,7 +40,7 @@ pub struct Wanderer {
 
 impl Wanderer {
     pub fn new(session: &Session, seed: u64) -> Self {
-        let [low, high] = info::bounds(session.file().metadata()).map(DVec3::from_array);
+        let [low, high] = info::bounds(session.file()).map(DVec3::from_array);
         Self { state: seed, view: overview(session), target: low.midpoint(high), low, high }
     }
 

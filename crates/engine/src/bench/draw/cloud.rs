@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::info;
 use anyhow::{Context, Result};
 use bytemuck::Zeroable;
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::View;
 use esker_points::node::NONE;
 use esker_points::{Lattice, Node, Task, quant};
@@ -43,7 +43,7 @@ pub enum Cloud<'a> {
     /// A ground of so many points.
     Ground(u64, Order),
     /// All nodes of a file, in their order.
-    File(&'a EskerFile),
+    File(&'a Forest),
 }
 
 impl Cloud<'_> {
@@ -81,7 +81,7 @@ impl Cloud<'_> {
     pub fn lattice(&self) -> Lattice {
         match self {
             Self::Ground(..) => Lattice { scale: [STEP_M; 3], offset: [0.0; 3], shift: [0; 3] },
-            Self::File(file) => file.metadata().lattice,
+            Self::File(file) => *file.lattice(),
         }
     }
 
@@ -93,7 +93,7 @@ impl Cloud<'_> {
                 let high = DVec3::new(side, side, HEIGHT) * STEP_M;
                 View::fit(DVec3::ZERO, high, DVec3::NEG_Z, 1.0, size[0], size[1])
             }
-            Self::File(file) => Camera::default().view(info::bounds(file.metadata()), size),
+            Self::File(file) => Camera::default().view(info::bounds(file), size),
         }
     }
 

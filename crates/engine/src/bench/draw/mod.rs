@@ -16,7 +16,7 @@ use crate::quantity::{grouped, readable_bytes};
 use anyhow::{Result, ensure};
 use cloud::{Cloud, Order};
 use cpu::OnCpu;
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_points::Task;
 use esker_points::quant::HOT_POSITION_BYTES;
 use esker_render::gpu::{Gpu, GpuError};
@@ -75,7 +75,7 @@ struct Times {
 /// budgets; on request.
 pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
     ensure!(!request.sizes.is_empty(), "no size of pictures");
-    let file = request.file.as_ref().map(|path| EskerFile::open(path)).transpose()?;
+    let file = request.file.as_ref().map(|path| Forest::open(path)).transpose()?;
     let (gpu, drawer) = request.with.choose(None)?;
     pool::run(request.threads, || {
         let mut bench = Bench { request, task, gpu, rows: Vec::new(), notes: Vec::new() };
