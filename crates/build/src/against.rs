@@ -3,6 +3,7 @@
 
 use crate::error::BuildError;
 use crate::intake::{Intake, open};
+use crate::onto::{OFF_LATTICE, Within};
 use crate::row::{Incoming, RowLayout};
 use esker_format::EskerFile;
 use esker_points::{Batch, MultisetHash, Task};
@@ -40,9 +41,11 @@ pub fn against_sources(
     sources: Vec<Box<dyn Source>>,
     task: &dyn Task,
 ) -> Result<Against, BuildError> {
-    let intake = Intake::new(sources, false);
-    let name = file.path();
     let recorded = &file.metadata().sources;
+    // Points outside of a lattice that was given were refused, and are so again.
+    let refuses = recorded.iter().any(|s| s.refused.contains_key(OFF_LATTICE));
+    let intake = Intake::new(if refuses { Within::all(sources) } else { sources }, false);
+    let name = file.path();
     if recorded.len() != intake.sources.len() {
         return differs(
             name,

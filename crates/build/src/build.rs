@@ -5,6 +5,7 @@ use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken, open};
 use crate::levels::{Raiser, Store, assemble};
 use crate::memory::{self, Peak};
+use crate::onto::{Merged, Onto};
 use crate::row::RowLayout;
 use crate::scratch::Scratch;
 use crate::tree::{Context, Subtree};
@@ -41,6 +42,8 @@ pub struct Options {
     pub compress: Codec,
     /// Whether inputs of different coordinate reference systems are taken as they are.
     pub ignore_crs: bool,
+    /// What is taken from files that are there already: see [`crate::append()`] and [`crate::merge()`].
+    pub onto: Onto,
 }
 
 impl Default for Options {
@@ -52,6 +55,7 @@ impl Default for Options {
             colour_depth: None,
             compress: Codec::default(),
             ignore_crs: false,
+            onto: Onto::default(),
         }
     }
 }
@@ -172,6 +176,7 @@ pub fn build_shared(
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let mut scratch = Scratch::new(&folder)?;
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
+    intake.lattice = options.onto.lattice;
     let mut writer = FileWriter::create(out)?;
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
@@ -203,6 +208,9 @@ pub fn build_shared(
     let written = root.as_ref().map_or_else(MultisetHash::default, hash_of);
     let (table, own) = assemble(root);
     prove(&table, points, written, hash)?;
+    if let Some(merged) = &options.onto.merged {
+        prove_merged(merged, points, hash)?;
+    }
     let mut histograms = Histograms::new(ranges);
     for part in context.histograms {
         histograms.merge(&part.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
@@ -311,6 +319,17 @@ fn prove(
     Ok(())
 }
 
+/// The points that were merged must be those that their files' footers tell.
+fn prove_merged(merged: &Merged, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
+    if (merged.points, merged.hash) == (points, hash) {
+        return Ok(());
+    }
+    Err(BuildError::Differs(format!(
+        "the files hold {points} points of hash {hash}, their footers tell of {} of hash {}: esker verify says which file is damaged",
+        merged.points, merged.hash
+    )))
+}
+
 fn metadata(
     intake: &Intake,
     plan: &Plan,
@@ -345,10 +364,19 @@ fn metadata(
         node_capacity: options.node_capacity,
         estimated_normals: false,
         codec: options.compress,
-        sources: reports.iter().enumerate().map(record).collect(),
-        forest: Vec::new(),
+        sources: match &options.onto.merged {
+            None => reports.iter().enumerate().map(record).collect(),
+            Some(merged) => merged.records.iter().map(|r| of_merged(intake, plan, r)).collect(),
+        },
+        forest: options.onto.forest.clone(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),
     }
+}
+
+/// The record of a source whose points were merged, with their class in the new file.
+fn of_merged(intake: &Intake, plan: &Plan, (path, record): &(PathBuf, SourceRecord)) -> SourceRecord {
+    let at = intake.sources.iter().position(|source| source.info().path == *path);
+    SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
 /// The notes on all sources; and a word where their reference systems differ.

@@ -35,6 +35,8 @@ pub struct Intake {
     /// What is known of their colours.
     depths: Vec<ColourDepth>,
     forced_depth: bool,
+    /// The lattice, where it is given.
+    pub lattice: Option<Lattice>,
 }
 
 /// What was chosen for all inputs.
@@ -162,15 +164,16 @@ impl Intake {
         let grids = sources.iter().map(|s| s.info().grid.clone()).collect();
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         let depths = sources.iter().map(|s| depth(s.as_ref())).collect();
-        Self { sources, grids, depths, forced_depth }
+        Self { sources, grids, depths, forced_depth, lattice: None }
     }
 
-    /// Chooses lattice, schema and classes.
+    /// Chooses lattice, where none is given, schema and classes.
     ///
     /// # Errors
     /// Where an input's scale or offset is no number.
     pub fn plan(&self) -> Result<Plan, BuildError> {
-        self.plan_on(Lattice::choose(&self.grids)?)
+        let chosen = Lattice::choose(&self.grids)?;
+        self.plan_on(self.lattice.unwrap_or(chosen))
     }
 
     /// Chooses schema and classes on a given lattice.

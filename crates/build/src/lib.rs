@@ -2,6 +2,7 @@
 //! the file, and the proof that no point was lost. Meets the runtime only in the file.
 
 pub mod against;
+pub mod append;
 pub mod build;
 mod candidates;
 mod chunk;
@@ -13,6 +14,8 @@ mod gather;
 mod intake;
 mod levels;
 pub mod memory;
+pub mod merge;
+pub mod onto;
 mod order;
 mod partition;
 mod rest;
@@ -22,10 +25,14 @@ mod scratch;
 mod shape;
 mod sort;
 mod spacing;
+mod stored;
 mod thin;
 mod tree;
 mod turn;
 
 pub use against::{Against, against, against_sources};
+pub use append::{append, append_sources};
 pub use build::{Options, Report, Shares, build, build_shared, build_sources};
 pub use error::BuildError;
+pub use merge::merge;
+pub use onto::Onto;

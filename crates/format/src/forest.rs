@@ -118,6 +118,11 @@ impl Forest {
         self.trees.iter().map(|tree| &tree.file)
     }
 
+    /// The files by themselves, the one that names the others first.
+    pub fn into_files(self) -> impl Iterator<Item = EskerFile> {
+        self.trees.into_iter().map(|tree| tree.file)
+    }
+
     /// The nodes of all trees, with places of pages for [`Forest::read_exact_at`].
     pub fn table(&self) -> &NodeTable {
         self.joined.as_ref().unwrap_or_else(|| self.trees[0].file.table())

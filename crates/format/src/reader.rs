@@ -162,6 +162,11 @@ impl EskerFile {
         })
     }
 
+    /// What a fault in the page of a node is.
+    pub fn damaged_page(&self, node: u32, fault: Fault) -> FormatError {
+        self.in_node(node)(fault)
+    }
+
     fn in_node(&self, node: u32) -> impl Fn(Fault) -> FormatError + '_ {
         move |fault| {
             let section = format!("page of node {node}, {}", fault.section);

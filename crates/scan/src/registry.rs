@@ -13,7 +13,7 @@ pub static FORMATS: &[Format] = &[crate::las::FORMAT, crate::ply::FORMAT, crate:
 
 /// Files that are known by their first bytes and not read, with what to do.
 const NAMED: &[(&[u8], &str)] = &[
-    (b"\x89ESKER", "is an .esker file already; give it to info, verify or render"),
+    (b"\x89ESKER", "is an .esker file already; give it to info, verify, render or build --merge"),
     (b"ASTM-E57", "E57 is not read yet; convert it to LAZ or PLY"),
 ];
 

@@ -1,0 +1,89 @@
+//! Append: new scans become a file of their own over the lattice of an old one, and name it. The old one, and
+//! what it names, stay as they are; all together are a forest (DESIGN, section 5).
+
+use crate::build::{Options, Report, build_sources};
+use crate::crs::one_system;
+use crate::error::BuildError;
+use crate::intake::open;
+use crate::onto::{Onto, Within};
+use esker_format::forest::TREES_MAX;
+use esker_format::{EskerFile, Forest, TreeRef};
+use esker_points::Task;
+use esker_scan::Source;
+use std::path::{Path, PathBuf};
+
+/// Builds `out` from `inputs` onto the lattice of the file `old`, which it then names with all that `old`
+/// names; in the current rayon pool. Points off the lattice are rounded, points outside of it refused; the
+/// report counts them.
+///
+/// # Errors
+/// As [`crate::build()`]; where `old` or what it names does not open; where they and the inputs are in
+/// different coordinate reference systems, unless the options say otherwise.
+pub fn append(
+    old: &Path,
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
+    let forest = Forest::open(old)?;
+    append_sources(&forest, open(inputs, options.colour_depth, task)?, out, options, task)
+}
+
+/// As [`append`], from opened inputs, onto opened files.
+///
+/// # Errors
+/// As [`append`].
+pub fn append_sources(
+    old: &Forest,
+    sources: Vec<Box<dyn Source>>,
+    out: &Path,
+    options: &Options,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
+    for file in old.files() {
+        not_replaced(file, out)?;
+    }
+    if old.files().len() >= TREES_MAX {
+        let (path, trees) = (old.path().display(), old.files().len());
+        return Err(BuildError::Options(format!(
+            "{path}: has {trees} trees already, as many as a forest can; make one of them first with esker build --merge"
+        )));
+    }
+    if !options.ignore_crs {
+        one_system_with(old, &sources)?;
+    }
+    let forest = old.files().map(|file| TreeRef::new(out, file)).collect::<Result<_, _>>()?;
+    let onto = Onto { lattice: Some(*old.lattice()), forest, merged: None };
+    let options = Options { onto, ..options.clone() };
+    build_sources(Within::all(sources), out, &options, task)
+}
+
+/// A file that is read must not be written.
+pub(crate) fn not_replaced(file: &EskerFile, out: &Path) -> Result<(), BuildError> {
+    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    if same(file.path(), out) {
+        let path = file.path().display();
+        return Err(BuildError::Options(format!(
+            "{path}: is input and output at once; choose another output"
+        )));
+    }
+    Ok(())
+}
+
+/// The first system that the old files tell, and all of the inputs'.
+fn one_system_with(old: &Forest, sources: &[Box<dyn Source>]) -> Result<(), BuildError> {
+    let path = old.path().display().to_string();
+    let known = systems_of(old).next();
+    let mut told: Vec<(String, &str)> = known.map(|text| (path, text)).into_iter().collect();
+    for info in sources.iter().map(|source| source.info()) {
+        told.extend(info.crs.as_ref().map(|c| (info.path.display().to_string(), c.text.as_str())));
+    }
+    one_system(told.iter().map(|(path, text)| (path.as_str(), *text)))
+}
+
+/// The coordinate reference systems that files tell.
+pub(crate) fn systems_of(forest: &Forest) -> impl Iterator<Item = &str> {
+    let records = forest.files().flat_map(|file| &file.metadata().sources);
+    records.filter_map(|record| record.crs.as_ref().map(|crs| crs.text.as_str()))
+}
