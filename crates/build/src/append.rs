@@ -61,7 +61,8 @@ pub fn append_sources(
 
 /// A file that is read must not be written.
 pub(crate) fn not_replaced(file: &EskerFile, out: &Path) -> Result<(), BuildError> {
-    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    let same =
+        |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
     if same(file.path(), out) {
         let path = file.path().display();
         return Err(BuildError::Options(format!(

@@ -374,7 +374,11 @@ fn metadata(
 }
 
 /// The record of a source whose points were merged, with their class in the new file.
-fn of_merged(intake: &Intake, plan: &Plan, (path, record): &(PathBuf, SourceRecord)) -> SourceRecord {
+fn of_merged(
+    intake: &Intake,
+    plan: &Plan,
+    (path, record): &(PathBuf, SourceRecord),
+) -> SourceRecord {
     let at = intake.sources.iter().position(|source| source.info().path == *path);
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }

@@ -60,7 +60,8 @@ pub fn merge(
         merged.records.extend(records(file)?);
         sources.extend(Stored::of(file).into_iter().map(|s| Box::new(s) as Box<dyn Source>));
     }
-    let rounding_error_max = merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
+    let rounding_error_max =
+        merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
     let onto = Onto { lattice: Some(lattice), forest: Vec::new(), merged: Some(merged) };
     let options = Options { onto, ..options.clone() };
     let report = build_sources(sources, out, &options, task)?;

@@ -109,7 +109,9 @@ impl Source for Stored {
                 points.map(|points| self.batches(&points))
             });
             let batches: Result<Vec<_>, _> = batches.collect();
-            for batch in batches.map_err(|e| BuildError::from(e).through_sink())?.into_iter().flatten() {
+            for batch in
+                batches.map_err(|e| BuildError::from(e).through_sink())?.into_iter().flatten()
+            {
                 report.points += batch.len() as u64;
                 sink(batch)?;
             }

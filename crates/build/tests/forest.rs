@@ -20,7 +20,8 @@ fn options() -> Options {
 }
 
 fn scan(name: &str, seed: u64, count: u64) -> Given {
-    let at = |i: u64| [0, 1, 2].map(|axis| below(seed + 3 * i + axis, [9000, 9000, 400][axis as usize]));
+    let at =
+        |i: u64| [0, 1, 2].map(|axis| below(seed + 3 * i + axis, [9000, 9000, 400][axis as usize]));
     let mut scan = given(name, [0.01; 3], (0..count).map(at).collect())
         .with("intensity", AttrType::U16, |i| i)
         .with("gps_time", AttrType::F64, move |i| (seed + i) as f64 as u64);
@@ -129,7 +130,10 @@ fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_coun
     let mut changed = sources.clone();
     let inside = changed[1].positions.iter().position(|p| p[0] <= 4647).unwrap();
     changed[1].positions[inside][0] = 100_000;
-    assert!(matches!(against_sources(&file, boxed(&changed), &Silent), Err(BuildError::Differs(_))));
+    assert!(matches!(
+        against_sources(&file, boxed(&changed), &Silent),
+        Err(BuildError::Differs(_))
+    ));
 }
 
 #[test]
@@ -161,7 +165,13 @@ fn what_is_read_is_not_written() {
     yard.build("a.esker", &[scan("a.las", 1, 300)]);
     yard.append("a.esker", &[scan("b.las", 2, 300)], "ab.esker");
     let (before, old) = (yard.bytes("a.esker"), Forest::open(&yard.at("ab.esker")).unwrap());
-    let over = append_sources(&old, boxed(&[scan("c.las", 3, 9)]), &yard.at("a.esker"), &options(), &Silent);
+    let over = append_sources(
+        &old,
+        boxed(&[scan("c.las", 3, 9)]),
+        &yard.at("a.esker"),
+        &options(),
+        &Silent,
+    );
     assert!(over.unwrap_err().to_string().contains("input and output at once"));
     let over = merge(&[yard.at("ab.esker")], &yard.at("a.esker"), &options(), &Silent);
     assert!(over.unwrap_err().to_string().contains("input and output at once"));
@@ -219,8 +229,13 @@ fn merging_keeps_what_points_have_and_what_they_lack() {
     for source in &metadata.sources {
         let given = all.iter().find(|g| g.info.path == Path::new(&source.path)).unwrap();
         let class = &metadata.classes[usize::from(source.class)];
-        let present = class.present.iter().map(|&i| metadata.schema.attributes[usize::from(i)].key());
-        assert!(present.eq(given.info.schema.attributes.iter().map(|a| a.key())), "{}", source.path);
+        let present =
+            class.present.iter().map(|&i| metadata.schema.attributes[usize::from(i)].key());
+        assert!(
+            present.eq(given.info.schema.attributes.iter().map(|a| a.key())),
+            "{}",
+            source.path
+        );
         assert!(source.colour_depth.is_none_or(|depth| depth == class.colour_depth));
     }
 }
@@ -232,7 +247,10 @@ fn files_over_different_lattices_are_not_merged() {
     yard.build("b.esker", &[scan("b.las", 2, 300).at([0.5; 3])]);
     let files = ["a.esker", "b.esker"].map(|name| yard.at(name));
     let error = merge(&files, &yard.at("c.esker"), &options(), &Silent).unwrap_err().to_string();
-    assert!(error.contains("a.esker") && error.contains("b.esker") && error.contains("lattice"), "{error}");
+    assert!(
+        error.contains("a.esker") && error.contains("b.esker") && error.contains("lattice"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -25,6 +25,10 @@ pub enum Command {
     /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV; or generated ones,
     /// synthetic:SCENE:POINTS[:SEED]).
     Build(Build),
+    /// Add scans to an .esker file without writing it again: a new file holds their points and names the old
+    /// one, and is opened in its place. Points between the old file's steps are rounded, those outside of its
+    /// lattice refused.
+    Append(Append),
     /// Say what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {
         /// The file.
@@ -295,9 +299,34 @@ impl From<SettingsArg> for Settings {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans; also generated ones, named as synthetic:SCENE:POINTS[:SEED]: SCENE is bridge, office or
+    /// The scans, or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS[:SEED]: SCENE is bridge, office or
     /// terrain, POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
     #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to build.
+    #[arg(short, long, value_name = "OUT.esker")]
+    pub out: PathBuf,
+    /// Make one tree of .esker files and of all that they name by append: every point and what is known of its
+    /// source is kept.
+    #[arg(long)]
+    pub merge: bool,
+    #[command(flatten)]
+    pub how: BuildHow,
+    /// Print one JSON object, as the last line of standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is shown on standard error.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+#[derive(ClapArgs)]
+pub struct Append {
+    /// The .esker file to add to; it may name others itself.
+    #[arg(value_name = "OLD.esker")]
+    pub old: PathBuf,
+    /// The scans to add.
+    #[arg(required = true, value_name = "MORE")]
     pub inputs: Vec<PathBuf>,
     /// The file to build.
     #[arg(short, long, value_name = "OUT.esker")]
@@ -330,8 +359,7 @@ pub struct BuildHow {
     /// How attributes that are not drawn are compressed; nothing is lost.
     #[arg(long, value_enum, default_value_t)]
     pub compress: Compress,
-    /// Take the coordinates of inputs as they are where their coordinate reference systems differ, which is refused
-    /// else.
+    /// Take coordinates as they are where inputs name different coordinate reference systems.
     #[arg(long)]
     pub ignore_crs: bool,
     /// Threads; one a core where not said.

@@ -1,7 +1,7 @@
 //! Each command: from its arguments to a call of the engine, and what that returns to standard output.
 
 use crate::args::{
-    BenchBuild, Benchmark, Build, BuildHow, Command, Decode, Draw, Render, Stream, Verify,
+    Append, BenchBuild, Benchmark, Build, BuildHow, Command, Decode, Draw, Render, Stream, Verify,
 };
 use crate::view;
 use anyhow::{Context, Result, bail};
@@ -20,6 +20,7 @@ use std::sync::atomic::AtomicBool;
 pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
     let done = match command {
         Command::Build(args) => run_build(args, stop),
+        Command::Append(args) => run_append(args, stop),
         Command::Info { file: Some(file), json, .. } => {
             let report = info::info(&file, &Progress::new(Style::None, stop))?;
             print(json, &report, || info::text(&report))
@@ -49,10 +50,19 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
 
 fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
     let progress = Progress::new(args.progress.into(), stop);
+    let build = if args.merge { build::merge } else { build::build };
     let (report, seconds) =
-        build::build(&args.inputs, &args.out, &options(&args.how), args.how.threads, &progress)?;
+        build(&args.inputs, &args.out, &options(&args.how), args.how.threads, &progress)?;
     drop(progress);
     print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, &args.out))
+}
+
+fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
+    let progress = Progress::new(args.progress.into(), stop);
+    let Append { old, inputs, out, how, .. } = &args;
+    let (report, seconds) = build::append(old, inputs, out, &options(how), how.threads, &progress)?;
+    drop(progress);
+    print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, out))
 }
 
 fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
@@ -66,7 +76,9 @@ fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
     print(args.json, &report, || {
         let points = quantity::grouped(report["points"].as_u64().unwrap_or(0));
         let against = if args.against.is_empty() { "" } else { ", the points of the scans" };
-        format!("{}: ok, {points} points{against}", args.file.display())
+        let trees = report["trees"].as_u64().filter(|&trees| trees > 1);
+        let trees = trees.map_or(String::new(), |trees| format!(" in {trees} trees"));
+        format!("{}: ok, {points} points{trees}{against}", args.file.display())
     })
 }
 
@@ -172,6 +184,7 @@ fn options(how: &BuildHow) -> BuildOptions {
         colour_depth: how.colour_bits.map(Into::into),
         compress: how.compress.into(),
         ignore_crs: how.ignore_crs,
+        ..default
     }
 }
 

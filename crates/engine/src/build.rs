@@ -1,4 +1,4 @@
-//! Building as a call, and its report as JSON and as text.
+//! Building, appending and merging as calls, and their report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
 use crate::{output, pool};
@@ -23,6 +23,41 @@ pub fn build(
     let start = Instant::now();
     output::may_write(out, inputs)?;
     let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
+    Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// Builds `out` from scans onto the lattice of `old`, which it names; nothing of that is written again.
+///
+/// # Errors
+/// As [`build`]; where `old` does not open, or is in another coordinate reference system.
+pub fn append(
+    old: &Path,
+    inputs: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<(Report, f64)> {
+    let start = Instant::now();
+    output::may_write(out, inputs)?;
+    let report = pool::run(threads, || Ok(esker_build::append(old, inputs, out, options, task)?))?;
+    Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// Builds `out`, one tree, from all points of `.esker` files and of those that they name.
+///
+/// # Errors
+/// As [`build`]; where the files do not open, or do not lie on one lattice.
+pub fn merge(
+    files: &[PathBuf],
+    out: &Path,
+    options: &Options,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<(Report, f64)> {
+    let start = Instant::now();
+    output::may_write(out, files)?;
+    let report = pool::run(threads, || Ok(esker_build::merge(files, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
 

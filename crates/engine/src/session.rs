@@ -86,8 +86,7 @@ impl Session {
     /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
-        let colouring =
-            colouring(&file, options.colour_by.as_deref(), info::bounds(&file))?;
+        let colouring = colouring(&file, options.colour_by.as_deref(), info::bounds(&file))?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session = Self {
             file,

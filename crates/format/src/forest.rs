@@ -85,8 +85,7 @@ impl Forest {
             let fault = "lies on another lattice; append its scans instead, which are then placed on this one";
             return Err(misfit(other, fault.into()));
         }
-        let schema =
-            files.iter().fold(Schema::default(), |all, f| all.union(&f.metadata().schema));
+        let schema = files.iter().fold(Schema::default(), |all, f| all.union(&f.metadata().schema));
         let (mut table, mut trees, mut first_byte) = (NodeTable::default(), Vec::new(), 0u64);
         for file in files {
             let bytes = file.footer().file_bytes.checked_next_multiple_of(FILES_APART_BYTES);
@@ -259,7 +258,9 @@ fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, Forma
     let file = EskerFile::open(at).map_err(|error| {
         let error = error.to_string();
         let plain = error.strip_prefix(&format!("{}: ", at.display())).unwrap_or(&error);
-        fault(format!("does not open: {plain}; keep the files of a forest where they are to each other"))
+        fault(format!(
+            "does not open: {plain}; keep the files of a forest where they are to each other"
+        ))
     })?;
     let found = file.footer().name_hash();
     if found != tree.footer_hash {
@@ -288,8 +289,9 @@ impl TreeRef {
             path.canonicalize().map_err(crate::error::io_error(path, "find it"))
         };
         let folder = absolute(from.parent().unwrap_or(Path::new("")))?;
-        let way = way(&folder, &absolute(file.path())?)
-            .ok_or_else(|| unnamed("lies on another drive; write the forest where its files are"))?;
+        let way = way(&folder, &absolute(file.path())?).ok_or_else(|| {
+            unnamed("lies on another drive; write the forest where its files are")
+        })?;
         let parts: Option<Vec<_>> = way.iter().map(|part| part.to_str()).collect();
         let parts = parts.ok_or_else(|| unnamed("has a name that is no Unicode; rename it"))?;
         Ok(Self { path: parts.join("/"), footer_hash: file.footer().name_hash() })

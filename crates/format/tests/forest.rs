@@ -133,7 +133,8 @@ fn what_does_not_belong_is_refused_by_name() {
     assert!(error.contains("is no file"), "{error}");
     // Damaged.
     let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut std::fs::File::open(at("b.esker")).unwrap(), &mut bytes).unwrap();
+    std::io::Read::read_to_end(&mut std::fs::File::open(at("b.esker")).unwrap(), &mut bytes)
+        .unwrap();
     bytes.truncate(bytes.len() - 1);
     std::fs::write(at("b.esker"), bytes).unwrap();
     let error = refused(other);

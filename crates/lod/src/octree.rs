@@ -125,7 +125,8 @@ impl CompactOctree {
 
     /// Gives entries that are not drawn the spacing of what is above them; 0 where nothing is.
     fn inherit(&mut self, continued: &[(u32, u32, u32)]) {
-        let below: HashMap<u32, u32> = continued.iter().map(|&(_, entry, head)| (head, entry)).collect();
+        let below: HashMap<u32, u32> =
+            continued.iter().map(|&(_, entry, head)| (head, entry)).collect();
         let mut open: Vec<_> = self.roots.iter().map(|&root| (root, 0.0f32)).collect();
         while let Some((index, above)) = open.pop() {
             let Some(entry) = self.entries.get_mut(index as usize) else { continue };

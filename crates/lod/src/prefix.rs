@@ -19,13 +19,7 @@ pub fn spacing(node: &Node) -> f64 {
 /// face (`facing`, 0 to 1), it is the distance that fills the picture as well face-on: foreshortening
 /// brings points together, so that splats need not grow by what it lets be left out. Never less than the
 /// node's spacing. `above` is [`share_above`].
-pub fn effective_spacing(
-    node: &Node,
-    count: usize,
-    prefix: usize,
-    facing: f64,
-    above: f64,
-) -> f64 {
+pub fn effective_spacing(node: &Node, count: usize, prefix: usize, facing: f64, above: f64) -> f64 {
     let own = prefix.max(1) as f64 / count as f64;
     let left = (above + (1.0 - above) * own).recip();
     let apart = left.powf(1.0 / f64::from(dimension(node)));
@@ -66,8 +60,7 @@ pub fn wanted(node: &Node, count: usize, shown: &Shown, target_spacing_px: f64) 
     }
     let share = (shown.spacing_px / target_spacing_px).powi(dimension(node) as i32);
     // What the points above give already, its own need not.
-    let share =
-        if shown.above < 1.0 { (share - shown.above) / (1.0 - shown.above) } else { share };
+    let share = if shown.above < 1.0 { (share - shown.above) / (1.0 - shown.above) } else { share };
     let by_spacing = count as f64 * share * shown.facing.clamp(0.0, 1.0);
     let by_area = shown.area_px / target_spacing_px.powi(2);
     // A rounding error above a whole number must not cost a stratum.
@@ -147,7 +140,8 @@ mod tests {
             let expect = ((256.0 + prefix.max(1) as f64) / 256.0).sqrt().recip();
             let spacing = effective_spacing(&node, 256, prefix, 1.0, above);
             assert!((spacing - expect).abs() < 1e-6, "{prefix}: {spacing} {expect}");
-            let shown = Shown { spacing_px: 0.5f64.sqrt(), facing: 1.0, area_px: f64::INFINITY, above };
+            let shown =
+                Shown { spacing_px: 0.5f64.sqrt(), facing: 1.0, area_px: f64::INFINITY, above };
             let least = boundaries(&[16, 240]).into_iter().find(|&b| b >= prefix.max(1));
             assert_eq!(Some(wanted(&node, 256, &shown, expect * (1.0 + 1e-7))), least, "{prefix}");
         }

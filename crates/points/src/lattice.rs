@@ -304,9 +304,8 @@ impl Placement {
                 }
             };
             let Some(placed) = placed else {
-                return self.off(|| {
-                    [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i])
-                });
+                return self
+                    .off(|| [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i]));
             };
             out[axis] = placed;
         }

@@ -204,7 +204,8 @@ impl NodeTable {
     /// # Panics
     /// If there are 2^32 nodes in all, or pages behind byte 2^64: whoever joins trees has asked.
     pub fn join(&mut self, tree: &Self, pages_moved: u64) {
-        let base = u32::try_from(self.nodes.len()).expect("nodes are counted before trees are joined");
+        let base =
+            u32::try_from(self.nodes.len()).expect("nodes are counted before trees are joined");
         if base > 0 {
             self.later_roots.extend(tree.roots().map(|root| root + base));
         } else {
@@ -244,7 +245,8 @@ mod tests {
             page_offset,
             ..Node::zeroed()
         };
-        let tree = NodeTable::of_tree(vec![node(NONE, 1, 2, 64), node(0, 0, 0, 128), node(0, 0, 0, 192)]);
+        let tree =
+            NodeTable::of_tree(vec![node(NONE, 1, 2, 64), node(0, 0, 0, 128), node(0, 0, 0, 192)]);
         let mut forest = NodeTable::default();
         assert_eq!(forest.roots().count(), 0);
         [0, 1000].into_iter().for_each(|moved| forest.join(&tree, moved));

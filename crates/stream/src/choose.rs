@@ -266,7 +266,8 @@ impl Chooser {
             let kinds = base.iter().copied().chain(residual);
             let planes = kinds.filter_map(|k| Some((k, self.cache.resident(d.node, k)?)));
             let planes: Vec<_> = planes.collect();
-            lacks_residual |= residual.is_some_and(|residual| planes.iter().all(|p| p.0 != residual));
+            lacks_residual |=
+                residual.is_some_and(|residual| planes.iter().all(|p| p.0 != residual));
             CutNode {
                 node: d.node,
                 prefix: d.prefix,

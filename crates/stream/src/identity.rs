@@ -2,8 +2,8 @@
 //! while loading and whenever a read fails. Bytes that are read may be anything after a change; the
 //! picture is then wrong but nothing else is.
 
-use esker_format::{EskerFile, Forest};
 use esker_format::footer::FOOTER_BYTES;
+use esker_format::{EskerFile, Forest};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;

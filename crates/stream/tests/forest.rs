@@ -61,7 +61,11 @@ fn an_attribute_is_that_of_its_name_in_every_tree_that_has_it() {
         let cut = rig.streamer.cut();
         assert!(cut.complete && cut.nodes.iter().any(|n| tree_of(&rig, n.node) == 0));
         for node in &cut.nodes {
-            assert_eq!(node.slot(plane).is_some(), of.contains(&tree_of(&rig, node.node)), "{name}");
+            assert_eq!(
+                node.slot(plane).is_some(),
+                of.contains(&tree_of(&rig, node.node)),
+                "{name}"
+            );
         }
     }
 }

@@ -4,8 +4,8 @@
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_format::{EskerFile, Forest, PlaneKind};
-use esker_points::node::NONE;
 use esker_lod::{OrientedBox, Projection};
+use esker_points::node::NONE;
 use esker_stream::{Cut, CutNode, Landing, Run, Slot, Streamer, Transfer};
 use glam::DVec2;
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
@@ -247,14 +247,14 @@ impl Gpu {
         }
         let projection = Projection::of(&cut.view);
         for root in table.roots() {
-            let contour = OrientedBox::of_contour(&table.nodes[root as usize], self.forest.lattice());
+            let contour =
+                OrientedBox::of_contour(&table.nodes[root as usize], self.forest.lattice());
             let seen = projection.silhouette(&contour);
             // More than a sliver at the picture's border, which may have no pixel.
             let seen = seen
                 .is_some_and(|s| s.clipped(DVec2::ZERO, projection.size_px()).area_px() > 400.0);
-            let is_drawn = |n: &CutNode| {
-                self.forest.name_of(n.node).tree == self.forest.name_of(root).tree
-            };
+            let is_drawn =
+                |n: &CutNode| self.forest.name_of(n.node).tree == self.forest.name_of(root).tree;
             if self.roots_seen.contains(&root) && seen {
                 let of = (&cut.view, &cut.counters);
                 assert!(cut.nodes.iter().any(is_drawn), "never without a tree in view: {of:?}");
