@@ -197,9 +197,9 @@ class Statistics:  # section 7
         self.finite[a] = min(low, column.min()), max(high, column.max())
         low, high = self.stored_range(a)
         column = column[(column >= low) & (column <= high)]
-        width = high / 2 - low / 2
         with np.errstate(all="ignore"):
-            bins = np.nan_to_num((column / 2 - low / 2) / width * 256, nan=0.0)
+            scale = np.float64(256) / (high * 0.5 - low * 0.5)
+            bins = np.nan_to_num((column * 0.5 - low * 0.5) * scale, nan=0.0)
         bins = np.minimum(bins, 255).astype(np.int64)
         self.counts[a] += np.bincount(bins, minlength=256).astype(np.uint64)
 

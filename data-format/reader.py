@@ -4,7 +4,8 @@
     python3 reader.py FILE [--json] [--quiet] [--points OUT.npy] [--csv OUT.csv]
 
 Prints what is in the file and checks everything that the specification says of it. The exit code is 0 only
-where all of it holds. Section numbers in comments are those of SPEC.md.
+where all of it holds, and 2 where a plane cannot be decoded without a library (see codec.py). Of a forest it
+reads the file's own tree. Section numbers in comments are those of SPEC.md.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import zlib
 import numpy as np
 
 import checks
+import codec
 from xxh3 import hash128, hash128_sum
 
 TYPES = {
@@ -83,7 +85,7 @@ class Esker:
     def read_header(self):
         header = self.at(0, 64)
         fields = struct.unpack("<8sII44sI", header)
-        expected = (b"\x89ESKER\r\n", 0, 64, bytes(44), zlib.crc32(header[:60]))
+        expected = (b"\x89ESKER\r\n", 1, 64, bytes(44), zlib.crc32(header[:60]))
         require(fields == expected, "the header is damaged")
 
     def read_footer(self):  # section 3
@@ -92,7 +94,7 @@ class Esker:
         (crc,) = struct.unpack_from("<I", footer, 188)
         valid = magic == b"ESKEREND" and crc == zlib.crc32(footer[:188])
         require(valid, "cut short, or not an .esker file: no valid footer")
-        require(version == 0 and size == 192, f"version {version} is not read by this reader")
+        require(version == 1 and size == 192, f"version {version} is not read by this reader")
         self.points, self.nodes, low, high = struct.unpack_from("<QQQQ", footer, 16)
         self.hash = low | high << 64
         self.rounding, self.capacity, zero = struct.unpack_from("<dII", footer, 48)
@@ -114,7 +116,11 @@ class Esker:
     def read_metadata(self):  # section 8
         self.meta = json.loads(self.section("metadata", self.places[2]))
         meta = self.meta
-        require(not meta["forest"], "forests are not read by version 0")
+        names = [tree["footer_hash"] for tree in meta["forest"]]
+        valid = all(len(n) == 32 and int(n, 16) >= 0 for n in names) and len(names) < 512
+        require(valid and len(set(names)) == len(names), "the forest names a file twice, or by no hash")
+        ways = [tree["path"] for tree in meta["forest"]]
+        require(all(w and not w.startswith("/") for w in ways), "the forest names a file by no way")
         require(meta["node_capacity"] == self.capacity, "node capacity differs from the footer's")
         rounding = max([0.0] + [float(s["rounding_error_max"]) for s in meta["sources"]])
         require(rounding == self.rounding, "rounding error differs from the footer's")
@@ -171,7 +177,10 @@ class Esker:
         planes = [(POSITION, None, True, 8)]
         planes += [(COLOUR, None, True, 4)] if any(self.colours) else []
         planes += [(INTENSITY, None, True, 2)] if self.intensity is not None else []
-        planes += [(NORMAL, None, True, 4)] if self.normals else []
+        estimated = self.meta["normals"] == "estimated"
+        origin = "source" if self.normals else "estimated" if estimated else "none"
+        require(self.meta["normals"] == origin, "the origin of normals does not suit the attributes")
+        planes += [(NORMAL, None, True, 4)] if origin != "none" else []
         planes += [(RESIDUAL, None, True, 0)]
         planes += [(CLASS, None, False, 2)] if len(self.classes) > 1 else []
         planes += [(REMAINDER, None, False, 3)] if sixteen else []
@@ -227,10 +236,14 @@ class Esker:
                 continue
             if kind == RESIDUAL:
                 value_bytes = 0 if shift == 0 else 4 if shift <= 10 else 6
-            require(encoding == 0 or (encoding == 1 and not hot), "a plane's encoding is unknown")
-            require(length == value_bytes * (1 if encoding else n), "a plane's length is wrong")
-            if encoding == 1:
-                data = data * n
+            require(encoding == 0 or not hot, "a hot plane is not raw")
+            require(encoding <= 3, f"plane of kind {kind}: encoding {encoding} is of a later version")
+            if encoding < 2:
+                require(length == value_bytes * (1 if encoding else n), "a plane's length is wrong")
+                data = data * n if encoding else data
+            else:
+                require(length < value_bytes * n, "a compressed plane is longer than the raw one")
+                data = codec.runs(encoding, data, value_bytes, n)
             if not hot:
                 alike = n >= 2 and data == data[:value_bytes] * n
                 require(alike == (encoding == 1), "a cold plane has the wrong encoding")
@@ -358,7 +371,7 @@ def point_array(esker, kept):
 def summary(esker):
     return {
         "ok": True,
-        "version": 0,
+        "version": 1,
         "points": esker.points,
         "nodes": esker.nodes,
         "multiset_hash": f"{esker.hash:032x}",
@@ -370,7 +383,10 @@ def summary(esker):
         "bounds": esker.bounds,
         "attributes": [f"{a['name']}:{a['type']}" for a in esker.attributes],
         "classes": len(esker.classes),
+        "normals": esker.meta["normals"],
+        "compress": esker.meta["compress"],
         "sources": [s["path"] for s in esker.meta["sources"]],
+        "forest": esker.meta["forest"],
     }
 
 
@@ -385,6 +401,11 @@ def main():
     try:
         esker = Esker(options.file)
         kept = check(esker, options.points or options.csv)
+    except codec.NoLibrary as fault:
+        if options.json:
+            print(json.dumps({"ok": False, "error": str(fault)}))
+        print(f"{options.file}: {fault}", file=sys.stderr)
+        return 2
     except (Damaged, OSError, KeyError, TypeError, ValueError, IndexError, struct.error) as fault:
         if options.json:
             print(json.dumps({"ok": False, "error": str(fault)}))

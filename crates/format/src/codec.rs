@@ -5,7 +5,6 @@
 
 use crate::directory::u32_at;
 use crate::error::Fault;
-use serde::{Deserialize, Serialize};
 
 /// Level of zstd: 9 takes six times as long for 1 % less.
 const ZSTD_LEVEL: i32 = 3;
@@ -13,8 +12,7 @@ const ZSTD_LEVEL: i32 = 3;
 const SIXTEENTHS_MAX: usize = 15;
 
 /// How cold planes are compressed; hot ones never are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Codec {
     /// Not at all, but for planes of one value.
     None,
@@ -33,6 +31,12 @@ impl Codec {
             Self::Fast => "fast",
             Self::Small => "small",
         }
+    }
+
+    /// The codec of this name; the default for one that this version does not know.
+    pub(crate) fn from_name(name: &str) -> Self {
+        let known = [Self::None, Self::Fast, Self::Small];
+        known.into_iter().find(|codec| codec.name() == name).unwrap_or_default()
     }
 }
 

@@ -6,7 +6,7 @@ use esker_points::MultisetHash;
 use xxhash_rust::xxh3::xxh3_128;
 
 /// The version that this crate writes and reads.
-pub const VERSION: u32 = 0;
+pub const VERSION: u32 = 1;
 /// First bytes of the file; made so that a transfer as text damages them.
 pub const HEADER_MAGIC: [u8; 8] = *b"\x89ESKER\r\n";
 /// First bytes of the footer.

@@ -102,10 +102,8 @@ pub(crate) struct MetadataJson {
     node_capacity: u32,
     attributes: Vec<AttributeJson>,
     classes: Vec<PointClass>,
-    #[serde(default)]
     normals: String,
-    #[serde(default)]
-    compress: Codec,
+    compress: String,
     planes: Vec<PlaneJson>,
     sources: Vec<SourceJson>,
     forest: Vec<TreeJson>,
@@ -125,7 +123,7 @@ impl MetadataJson {
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
             classes: metadata.classes.clone(),
             normals: metadata.normals_name().into(),
-            compress: metadata.codec,
+            compress: metadata.codec.name().into(),
             planes: metadata.layout().planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
             forest: metadata.forest.iter().map(tree_json).collect(),
@@ -147,12 +145,12 @@ impl MetadataJson {
             classes: self.classes,
             node_capacity: self.node_capacity,
             estimated_normals: self.normals == "estimated",
-            codec: self.compress,
+            codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
             generator: self.generator,
         };
-        if !self.normals.is_empty() && self.normals != metadata.normals_name() {
+        if self.normals != metadata.normals_name() {
             return Err(Fault::new(
                 "metadata",
                 "the origin of normals does not suit the attributes",

@@ -4,6 +4,7 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
+pub use crate::kinds::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use esker_points::attribute::names;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
@@ -16,115 +17,12 @@ pub const ALIGNMENT: u64 = 64;
 pub const DIRECTORY_HEAD_BYTES: usize = 12;
 /// Bytes of one entry of a page's directory.
 pub const DIRECTORY_ENTRY_BYTES: usize = 20;
-/// "No attribute" in a directory entry.
-pub const NO_ATTRIBUTE: u16 = u16::MAX;
 /// Attributes, and classes, that a file can have.
 pub const ATTRIBUTES_MAX: usize = 65_000;
 /// Attributes times classes: bounds what a lying file can make a reader tabulate.
 pub const ATTRIBUTES_TIMES_CLASSES_MAX: usize = 1 << 22;
 /// Bytes of a point's value in a plane: bounds sums of lengths.
 const VALUE_BYTES_MAX: u32 = 1 << 16;
-
-/// What a plane holds. Numbers on disk in [`PlaneKind::number`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum PlaneKind {
-    /// Hot: three `u16` of [`esker_points::quant::hot`], the log-u8 radius, a zero byte.
-    Position,
-    /// The bits that hot positions drop, as [`esker_points::quant::push_residual`] lays them out.
-    Residual,
-    /// Hot: red, green, blue, 255; all zero for a point without colour.
-    Colour,
-    /// Hot: `u16`.
-    Intensity,
-    /// Hot: two `i16` of [`esker_points::quant::oct_encode`].
-    Normal,
-    /// Reserved: tangents of splats.
-    Tangents,
-    /// Reserved: clip lines of splats.
-    ClipLines,
-    /// Index of each point's class, `u16`; only where the file has several.
-    Class,
-    /// The byte of each 16-bit red, green, blue that the colour plane does not hold.
-    ColourRemainder,
-    /// Exact values of one attribute, given by its index in the schema.
-    Attribute(u16),
-    /// A kind that this version does not know; skipped.
-    Unknown(u16),
-}
-
-impl PlaneKind {
-    /// Its number on disk.
-    pub fn number(self) -> u16 {
-        match self {
-            Self::Position => 1,
-            Self::Residual => 2,
-            Self::Colour => 3,
-            Self::Intensity => 4,
-            Self::Normal => 5,
-            Self::Tangents => 6,
-            Self::ClipLines => 7,
-            Self::Class => 8,
-            Self::ColourRemainder => 9,
-            Self::Attribute(_) => 10,
-            Self::Unknown(number) => number,
-        }
-    }
-
-    /// Whether this version writes such planes. Others are skipped.
-    pub fn is_written(self) -> bool {
-        !matches!(self, Self::Unknown(_) | Self::Tangents | Self::ClipLines)
-    }
-
-    /// A word for it.
-    pub fn name(self) -> String {
-        match self {
-            Self::Position => "position".into(),
-            Self::Residual => "residual".into(),
-            Self::Colour => "colour".into(),
-            Self::Intensity => "intensity".into(),
-            Self::Normal => "normal".into(),
-            Self::Tangents => "tangents".into(),
-            Self::ClipLines => "clip lines".into(),
-            Self::Class => "class".into(),
-            Self::ColourRemainder => "colour remainder".into(),
-            Self::Attribute(index) => format!("attribute {index}"),
-            Self::Unknown(number) => format!("of unknown kind {number}"),
-        }
-    }
-
-    /// The attribute it belongs to, [`NO_ATTRIBUTE`] for most.
-    pub fn attribute(self) -> u16 {
-        if let Self::Attribute(index) = self { index } else { NO_ATTRIBUTE }
-    }
-
-    /// The kind of this number and attribute.
-    pub fn from_number(number: u16, attribute: u16) -> Self {
-        match number {
-            1 => Self::Position,
-            2 => Self::Residual,
-            3 => Self::Colour,
-            4 => Self::Intensity,
-            5 => Self::Normal,
-            6 => Self::Tangents,
-            7 => Self::ClipLines,
-            8 => Self::Class,
-            9 => Self::ColourRemainder,
-            10 => Self::Attribute(attribute),
-            other => Self::Unknown(other),
-        }
-    }
-}
-
-/// One plane of every page of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PlaneSpec {
-    /// What it holds.
-    pub kind: PlaneKind,
-    /// Whether it is always raw, so that its place follows from the node's record.
-    pub hot: bool,
-    /// Bytes of a point's value; 0 for the residual, whose size follows from the node's hot shift.
-    pub value_bytes: u32,
-}
 
 /// Where a class of points has its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,6 +12,7 @@ pub mod error;
 pub mod footer;
 pub mod forest;
 mod json;
+mod kinds;
 pub mod layout;
 pub mod metadata;
 pub mod page;

@@ -318,10 +318,10 @@ fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, FormatError> 
         FooterFault::None(fault) => not_esker(fault),
         FooterFault::Version(version) => FormatError::Unsupported {
             path: path.into(),
-            what: format!(
-                "version {version} of the format, which this Esker does not read; use the Esker that \
-                 wrote it, or build it again"
-            ),
+            what: match version {
+                0 => "version 0 of the format, from before it was frozen; build it again".into(),
+                later => format!("version {later} of the format; use a newer Esker to read it"),
+            },
         },
     })?;
     if footer.file_bytes != file_bytes {

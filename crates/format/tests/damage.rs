@@ -154,14 +154,16 @@ fn claims_of_the_footer_are_not_believed() {
 
 #[test]
 fn other_versions_are_refused_by_name() {
-    let mut bytes = small_file();
-    let at = bytes.len() - esker_format::footer::FOOTER_BYTES;
-    bytes[at + 8] = 9;
-    let crc = crc32fast::hash(&bytes[at..bytes.len() - 4]);
-    let end = bytes.len();
-    bytes[end - 4..].copy_from_slice(&crc.to_le_bytes());
-    let error = check(bytes).unwrap_err().to_string();
-    assert!(error.contains("version 9"), "{error}");
+    for (version, remedy) in [(0, "build it again"), (9, "use a newer Esker")] {
+        let mut bytes = small_file();
+        let at = bytes.len() - esker_format::footer::FOOTER_BYTES;
+        bytes[at + 8] = version;
+        let crc = crc32fast::hash(&bytes[at..bytes.len() - 4]);
+        let end = bytes.len();
+        bytes[end - 4..].copy_from_slice(&crc.to_le_bytes());
+        let error = check(bytes).unwrap_err().to_string();
+        assert!(error.contains(&format!("version {version}")) && error.contains(remedy), "{error}");
+    }
 }
 
 /// Recomputes the checksums of a page's planes, where they lie inside it, and of its directory.

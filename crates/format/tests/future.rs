@@ -7,7 +7,7 @@ mod tree;
 
 use esker_format::footer::{FOOTER_BYTES, Section, header};
 use esker_format::layout::PlaneSpec;
-use esker_format::{EskerFile, Footer, PageLayout, PlaneKind, encode_page, verify};
+use esker_format::{EskerFile, Footer, FormatError, PageLayout, PlaneKind, encode_page, verify};
 use esker_points::task::Silent;
 use std::path::Path;
 use std::process::Command;
@@ -85,6 +85,43 @@ fn later_file(file: &EskerFile) -> Vec<u8> {
     footer.file_bytes = (out.len() + FOOTER_BYTES) as u64;
     out.extend_from_slice(&footer.encode());
     out
+}
+
+/// The first entry of a page whose kind is 10 gets an encoding that nobody knows.
+fn with_later_encoding(mut file: Vec<u8>, page: usize, planes: usize) -> Vec<u8> {
+    let entries = page + 12..page + 12 + 20 * planes;
+    let mut starts = entries.clone().step_by(20);
+    let entry = starts.find(|&at| file[at..at + 2] == [10, 0]).unwrap();
+    file[entry + 4] = 9;
+    let crc = crc32fast::hash(&file[page..entries.end]);
+    file[entries.end..entries.end + 4].copy_from_slice(&crc.to_le_bytes());
+    file
+}
+
+#[test]
+fn an_unknown_encoding_is_named_when_its_plane_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.esker");
+    let (schema, classes) = tree::mixed_schema();
+    let points = tree::points_of(&schema, &classes, 50, 20, 3);
+    let table = tree::write(&path, &tree::metadata(schema, classes), &points, 60);
+    let today = EskerFile::open(&path).unwrap();
+    let mut bytes = vec![0; today.footer().file_bytes as usize];
+    today.read_exact_at(&mut bytes, 0).unwrap();
+    let planes = today.layout().planes();
+    let bytes = with_later_encoding(bytes, table.nodes[0].page_offset as usize, planes.len());
+    let later = EskerFile::from_source(Path::new("b"), Box::new(bytes)).unwrap();
+    let attributes = planes.iter().map(|p| p.kind).filter(|k| k.number() == 10);
+    let attributes: Vec<PlaneKind> = attributes.collect();
+    let told = later.read_planes(0, &attributes[..1]).unwrap_err();
+    assert!(matches!(told, FormatError::Unsupported { .. }), "{told}");
+    assert!(told.to_string().contains("encoding 9"), "{told}");
+    for kind in [PlaneKind::Position, PlaneKind::Class, attributes[1]] {
+        let read =
+            |file: &EskerFile| file.read_planes(0, &[kind]).unwrap().get(kind).unwrap().to_vec();
+        assert_eq!(read(&today), read(&later));
+    }
+    assert!(verify(&later, &Silent).unwrap_err().to_string().contains("encoding 9"));
 }
 
 #[test]

@@ -83,6 +83,34 @@ fn compare<'a>(file: &EskerFile, mut rows: impl Iterator<Item = &'a str>) {
 }
 
 #[test]
+fn the_samples_are_read() {
+    let Some(python) = python() else { return };
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format/samples");
+    let text = std::fs::read_to_string(folder.join("expected.json")).unwrap();
+    let expected: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for (name, expected) in expected.as_object().unwrap() {
+        let output = read(&python, &folder.join(name), &[]);
+        if output.status.code() == Some(2) && name == "small.esker" {
+            println!("skipped: this Python has no Zstandard");
+            continue;
+        }
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        for member in [
+            "points",
+            "multiset_hash",
+            "footer_hash",
+            "compress",
+            "normals",
+            "attributes",
+            "classes",
+        ] {
+            assert_eq!(told[member], expected[member], "{name}: {member}");
+        }
+    }
+}
+
+#[test]
 fn the_python_reader_finds_damage() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
