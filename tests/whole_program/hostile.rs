@@ -20,7 +20,7 @@ fn below(seed: u64, n: u32) -> i32 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (((z ^ (z >> 31)) >> 32) * u64::from(n) >> 32) as i32
+    ((((z ^ (z >> 31)) >> 32) * u64::from(n)) >> 32) as i32
 }
 
 fn scattered(i: u64) -> [i32; 3] {
@@ -121,7 +121,7 @@ mod unix {
         let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
         las::write(&scan, "", is_compressed, POINTS, position);
         let limit_kib = empty_kib() + MEMORY_KIB + MEMORY_KIB / 20;
-        let words = words(&[scan.clone()], &out, &folder.file(""));
+        let words = words(std::slice::from_ref(&scan), &out, &folder.file(""));
         let report = esker_within(limit_kib, 300, words).json();
         assert_eq!(report["points_out"], POINTS, "{report}");
         let peak = report["peak_anon_bytes"].as_u64().unwrap();
@@ -154,7 +154,7 @@ mod unix {
         let fails = |kib: u64| -> Outcome {
             // Files are counted in blocks of 512 bytes; without the trap a signal would end the program.
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
-            let outcome = esker_under(&limit, words(&[scan.clone()], &out, &scratch));
+            let outcome = esker_under(&limit, words(std::slice::from_ref(&scan), &out, &scratch));
             outcome.error();
             assert_eq!(folder.names(), ["scan", "scratch"], "after {kib} KiB");
             let left = std::fs::read_dir(&scratch).unwrap().count();

@@ -72,12 +72,17 @@ impl Grid {
 
 /// Dart throwing: the cloud's points in the order given, each taken where none is nearer than the radius.
 fn throw(cloud: &[P], radius: f64) -> Vec<P> {
+    throw_indices(cloud, radius).into_iter().map(|i| cloud[i]).collect()
+}
+
+/// As [`throw`]; the places of the points in the cloud.
+pub fn throw_indices(cloud: &[P], radius: f64) -> Vec<usize> {
     let mut grid = Grid::new(radius);
     let mut sample = Vec::new();
-    for p in cloud {
+    for (i, p) in cloud.iter().enumerate() {
         if grid.nearest2(p, false) >= radius * radius {
             grid.add(*p);
-            sample.push(*p);
+            sample.push(i);
         }
     }
     sample
@@ -88,9 +93,11 @@ fn throw(cloud: &[P], radius: f64) -> Vec<P> {
 pub struct Poisson<'a> {
     /// In random order.
     cloud: &'a [P],
-    /// The last one, and its radius.
+    /// What was measured last.
     last: Spread,
-    radius: f64,
+    /// Points and radius of the last sample.
+    points: usize,
+    pub radius: f64,
 }
 
 impl<'a> Poisson<'a> {
@@ -101,18 +108,25 @@ impl<'a> Poisson<'a> {
             along.clone().fold(f64::MIN, f64::max) - along.fold(f64::MAX, f64::min)
         });
         let radius = extent.fold(0.0, f64::max);
-        Self { cloud, last: Spread { points: 1, gap: 0.0, nearest: 0.0 }, radius }
+        let last = Spread { points: 1, gap: 0.0, nearest: 0.0 };
+        Self { cloud, last, points: 1, radius }
+    }
+
+    /// What the sample of about `count` points is like.
+    pub fn of(&mut self, count: usize) -> Spread {
+        if self.last.points.abs_diff(count) * 60 > count {
+            let sample = self.sample(count);
+            self.last = self.measure(&sample);
+        }
+        self.last
     }
 
     /// The sample of about `count` points: its radius is searched for from that of the last one.
-    pub fn of(&mut self, count: usize) -> Spread {
+    pub fn sample(&mut self, count: usize) -> Vec<P> {
         let off = |points: usize| points.abs_diff(count) * 60;
-        if off(self.last.points) <= count {
-            return self.last;
-        }
         let (mut low, mut high) = (0.0, f64::INFINITY);
         let mut best = (0, self.radius);
-        let mut radius = self.radius * (self.last.points as f64 / count as f64).sqrt();
+        let mut radius = self.radius * (self.points as f64 / count as f64).sqrt();
         for _ in 0..12 {
             let found = throw(self.cloud, radius).len();
             if off(found) < off(best.0) {
@@ -133,9 +147,8 @@ impl<'a> Poisson<'a> {
                 (false, false) => low * 1.5,
             };
         }
-        self.radius = best.1;
-        self.last = self.measure(&throw(self.cloud, self.radius));
-        self.last
+        (self.points, self.radius) = best;
+        throw(self.cloud, self.radius)
     }
 
     /// No point of the cloud is farther from the sample than its radius; few have no neighbour within twice that.

@@ -1,0 +1,255 @@
+//! The root of a file, and prefixes of it, show a scan as truly as a Poisson-disk sample of as many points: in colour
+//! (the mean colour of the sample in coarse cells against that of all points there), and as the picture of an overview
+//! (mean FLIP against the picture of all points). Samples become files of one node each, so that nothing but the
+//! choice of points differs.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "../../render/tests/gpu/flip.rs"]
+#[allow(dead_code, reason = "other tests use the rest of it")]
+mod flip;
+#[path = "../../build/tests/given/mod.rs"]
+mod given;
+#[path = "../../build/tests/poisson/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest of it")]
+mod poisson;
+
+use esker_engine::colour::colouring;
+use esker_engine::drawing::{draw_node, frame};
+use esker_engine::info;
+use esker_format::{EskerFile, PlaneKind};
+use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
+use esker_points::strata::{STRATA, stratum_len};
+use esker_points::task::Silent;
+use esker_points::{AttrType, ColourDepth, Lattice};
+use esker_render::{Method, Picture, Renderer};
+use given::given;
+use glam::DVec3;
+use poisson::{P, Poisson, throw_indices};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Width and height of the pictures.
+const SIDE: u32 = 256;
+/// Points of the root, at most.
+const CAPACITY: u32 = 8192;
+/// Points of a sample in a cell whose colours are compared, on average.
+const CELL_POINTS: usize = 4;
+/// Directions of view.
+const VIEWS: [[f64; 3]; 3] = [[0.0, 0.02, -1.0], [0.6, 0.5, -0.6], [-0.8, 0.3, -0.4]];
+/// How much greater our errors may be. Measured: pictures 0.99 to 1.06 times, of whole roots at most 1.01; colours 1.01 to
+/// 1.09 times.
+const FLIP_RATIO_MAX: f64 = 1.1;
+const COLOUR_RATIO_MAX: f64 = 1.15;
+/// In few cells chance has a part: Poisson-disk samples of 500 points differ by up to 12 % among themselves, and ours
+/// had 0.83 to 1.24 times their error.
+const FEW: (usize, f64) = (1000, 1.35);
+/// Poisson-disk samples that ours is compared with, each of another order of darts.
+const ORDERS: u64 = 3;
+
+/// A point: its place on the lattice, and its colour as drawn.
+type Point = ([u32; 3], [u8; 3]);
+
+/// All points of a file, node after node; the first of them are the root's.
+fn points_of(file: &EskerFile) -> Vec<Point> {
+    let mut points = Vec::new();
+    for node in 0..file.table().nodes.len() as u32 {
+        let positions = file.read_page(node).unwrap().points().unwrap().positions;
+        let planes = file.read_planes(node, &[PlaneKind::Colour]).unwrap();
+        let colours = planes.get(PlaneKind::Colour).unwrap().chunks_exact(4);
+        points.extend(positions.into_iter().zip(colours.map(|c| [c[0], c[1], c[2]])));
+    }
+    points
+}
+
+/// Builds a file of one node that has these points.
+fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> EskerFile {
+    assert_eq!(lattice.shift, [0; 3], "raw coordinates are the lattice's");
+    let raw = |p: [u32; 3]| p.map(|c| (i64::from(c) - (1 << 31)) as i32);
+    let positions = points.iter().map(|(p, _)| raw(*p)).collect();
+    let mut source = given(name, lattice.scale, positions).at(lattice.offset);
+    for (channel, attribute) in ["red", "green", "blue"].into_iter().enumerate() {
+        source =
+            source.with(attribute, AttrType::U16, |i| u64::from(points[i as usize].1[channel]));
+    }
+    let source = source.coloured(ColourDepth::Eight);
+    let out = folder.join(format!("{name}.esker"));
+    let options = esker_build::Options { node_capacity: 1 << 17, ..Default::default() };
+    esker_build::build_sources(vec![source.boxed()], &out, &options, &Silent).unwrap();
+    let file = EskerFile::open(&out).unwrap();
+    assert_eq!(file.table().nodes.len(), 1);
+    file
+}
+
+/// The picture of all points of a file.
+fn picture(file: &EskerFile, view: &View) -> Picture {
+    let colouring = colouring(file, None, info::bounds(file.metadata())).unwrap();
+    let kinds = [PlaneKind::Position, PlaneKind::Residual, PlaneKind::Colour];
+    let options = Options { points_budget: u64::MAX, target_spacing_px: 0.0, ..Options::default() };
+    let lattice = &file.metadata().lattice;
+    let drawn = select(file.table(), lattice, view, &options, &AllResident, None).drawn;
+    let planes: Vec<_> = drawn.iter().map(|d| file.read_planes(d.node, &kinds).unwrap()).collect();
+    let nodes = &file.table().nodes;
+    let draw = |(entry, d): (usize, &Drawn)| {
+        let node = &nodes[d.node as usize];
+        draw_node(node, entry, d.prefix, &colouring, |kind| planes[entry].get(kind))
+    };
+    let draws: Vec<_> = drawn.iter().enumerate().map(draw).collect();
+    let octree = CompactOctree::new(file.table(), &drawn);
+    let frame = frame(file, view, &draws, &octree, &colouring, Method::PullPush);
+    Renderer::default().render(&frame).unwrap()
+}
+
+/// Sums of colours by cells of an edge of `2^log2` steps.
+fn cells(points: &[Point], log2: u32) -> HashMap<[u32; 3], ([f64; 3], f64)> {
+    let mut cells: HashMap<_, ([f64; 3], f64)> = HashMap::new();
+    for (p, colour) in points {
+        let cell = cells.entry(p.map(|c| c >> log2)).or_default();
+        (0..3).for_each(|i| cell.0[i] += f64::from(colour[i]));
+        cell.1 += 1.0;
+    }
+    cells
+}
+
+/// Mean distance of the cells' mean colours from those of all points, where the sample has a point: 0 to 255.
+fn colour_error(sample: &[Point], all: &[Point], log2: u32) -> f64 {
+    let (all, cells) = (cells(all, log2), cells(sample, log2));
+    let distance = |(cell, (sum, n)): (&[u32; 3], &([f64; 3], f64))| {
+        let (all_sum, all_n) = all[cell];
+        (0..3).map(|i| (sum[i] / n - all_sum[i] / all_n).powi(2)).sum::<f64>().sqrt()
+    };
+    cells.iter().map(distance).sum::<f64>() / cells.len() as f64
+}
+
+/// The log2 of the edge of cells that have some points of this sample each.
+fn cells_of(sample: &[Point]) -> u32 {
+    let is_wide = |log2: &u32| cells(sample, *log2).len() * CELL_POINTS <= sample.len();
+    (0..32).find(is_wide).unwrap_or(31)
+}
+
+/// A number by a seed (splitmix64).
+fn random(seed: u64) -> u64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Errors of a sample: in colour, of the picture.
+#[derive(Clone, Copy, Debug)]
+struct Errors {
+    colour: f64,
+    flip: f64,
+}
+
+/// Our error over the mean of others; and that in words, with how far the others are from their mean.
+fn over(ours: f64, others: Vec<f64>) -> (f64, String) {
+    let mean = others.iter().sum::<f64>() / others.len() as f64;
+    let off = others.iter().map(|e| (e / mean - 1.0).abs()).fold(0.0, f64::max);
+    let ratio = ours / mean;
+    (ratio, format!("{ratio:.3} times Poisson's (whose differ by {off:.3})"))
+}
+
+/// A scan, built, with pictures of all of it.
+struct Scan {
+    file: EskerFile,
+    all: Vec<Point>,
+    views: Vec<(View, Picture)>,
+    folder: tempfile::TempDir,
+}
+
+impl Scan {
+    fn build(input: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("scan.esker");
+        let options = esker_build::Options { node_capacity: CAPACITY, ..Default::default() };
+        esker_build::build(&[input.to_owned()], &out, &options, &Silent).unwrap();
+        let file = EskerFile::open(&out).unwrap();
+        let all = points_of(&file);
+        let [low, high] = info::bounds(file.metadata()).map(DVec3::from_array);
+        let view = |direction| View::fit(low, high, DVec3::from(direction), 1.0, SIDE, SIDE);
+        let views = VIEWS.map(view).map(|view| (view, picture(&file, &view)));
+        Self { file, all, views: views.into(), folder }
+    }
+
+    fn errors(&self, sample: &[Point], log2: u32) -> Errors {
+        let lattice = &self.file.metadata().lattice;
+        let file = one_node(sample, lattice, self.folder.path(), "sample");
+        let flip = self.views.iter().map(|(view, expected)| {
+            let picture = picture(&file, view);
+            flip::mean_flip(&picture.rgba, &expected.rgba, SIDE as usize)
+        });
+        let flip = flip.sum::<f64>() / self.views.len() as f64;
+        Errors { colour: colour_error(sample, &self.all, log2), flip }
+    }
+
+    /// Holds that the root and two prefixes of it are no worse than Poisson-disk samples by these ratios.
+    fn compare(&self, name: &str) {
+        let lattice = &self.file.metadata().lattice;
+        let world = |p: &Point| lattice.world(p.0);
+        let orders: Vec<Vec<Point>> = (1..=ORDERS)
+            .map(|seed| {
+                let mut order: Vec<usize> = (0..self.all.len()).collect();
+                order.sort_by_cached_key(|&i| random(seed << 40 | i as u64));
+                order.into_iter().map(|i| self.all[i]).collect()
+            })
+            .collect();
+        let clouds: Vec<Vec<P>> = orders.iter().map(|o| o.iter().map(world).collect()).collect();
+        let mut poisson = Poisson::new(&clouds[0]);
+        for share in [16, 4, 1] {
+            let prefix = self.prefix(self.file.table().nodes[0].points() / share);
+            poisson.sample(prefix);
+            let radius = poisson.radius;
+            let samples = clouds.par_iter().zip(&orders).map(|(cloud, order)| {
+                let taken = throw_indices(cloud, radius);
+                taken.into_iter().map(|i| order[i]).collect::<Vec<_>>()
+            });
+            let samples: Vec<_> = samples.collect();
+            let log2 = cells_of(&self.all[..prefix]);
+            let ours = self.errors(&self.all[..prefix], log2);
+            let theirs: Vec<_> = samples.iter().map(|s| self.errors(s, log2)).collect();
+            let [colour, flip] = [|e: &Errors| e.colour, |e: &Errors| e.flip]
+                .map(|of| over(of(&ours), theirs.iter().map(of).collect()));
+            println!(
+                "{name}: {prefix} of {} points: colour {:.2} of 255, {}; FLIP {:.4}, {}",
+                self.all.len(),
+                ours.colour,
+                colour.1,
+                ours.flip,
+                flip.1
+            );
+            let colour_max = if prefix < FEW.0 { FEW.1 } else { COLOUR_RATIO_MAX };
+            assert!(colour.0 <= colour_max && flip.0 <= FLIP_RATIO_MAX, "{name}, {prefix} points");
+        }
+    }
+
+    /// The number of points of whole strata of the root that is nearest to this one.
+    fn prefix(&self, count: usize) -> usize {
+        let strata = |n| (0..STRATA).map(move |s| stratum_len(n, s));
+        let mut prefixes = vec![0];
+        for more in self.file.table().nodes[0].levels().flat_map(strata) {
+            prefixes.push(prefixes[prefixes.len() - 1] + more);
+        }
+        prefixes.into_iter().min_by_key(|p| p.abs_diff(count)).unwrap()
+    }
+}
+
+#[test]
+fn the_root_of_an_airborne_scan_is_as_true_as_a_poisson_disk_sample() {
+    let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
+    Scan::build(&scan).compare("creek");
+}
+
+#[test]
+fn the_root_of_an_office_is_as_true_as_a_poisson_disk_sample() {
+    Scan::build("synthetic:office:300k:1".as_ref()).compare("office");
+}
+
+#[test]
+fn the_root_of_an_outcrop_is_as_true_as_a_poisson_disk_sample() {
+    let Some(data) = std::env::var_os("ESKER_DATA") else {
+        println!("skipped: ESKER_DATA is not set");
+        return;
+    };
+    Scan::build(&Path::new(&data).join("laz/example-outcrop.laz")).compare("outcrop");
+}

@@ -1,0 +1,224 @@
+//! Builds that take too long for the gate: `cargo xtask large`. `ESKER_LARGE=stack` runs only those that have this word in
+//! their names; a thousand million points are built with `ESKER_LARGE=1G` only. Each is built by the program as users run it, under a limit of anonymous memory that the system holds where it
+//! can, and verified; a table, and an error where a bound does not hold. Files go to the system's place for temporary
+//! ones (`TMPDIR`): 60 bytes a point at most.
+
+use crate::shell::run_cargo;
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Scratch and output together, at most.
+const BYTES_A_POINT_MAX: f64 = 60.0;
+/// What anonymous memory may be above `--memory`.
+const MARGIN: f64 = 1.05;
+/// A mebibyte.
+const MIB: u64 = 1 << 20;
+
+/// One build.
+struct Case {
+    /// A generated scan, or a stack of as many coincident points.
+    input: &'static str,
+    points: u64,
+    memory_mib: u64,
+}
+
+/// In the order in which they are run.
+const CASES: [Case; 5] = [
+    Case { input: "synthetic:terrain:20M:1", points: 20_000_000, memory_mib: 512 },
+    Case { input: "synthetic:terrain:100M:1", points: 100_000_000, memory_mib: 1024 },
+    Case { input: "synthetic:office:20M:1", points: 20_000_000, memory_mib: 512 },
+    Case { input: "stack", points: 50_000_000, memory_mib: 512 },
+    Case { input: "synthetic:terrain:1G:1", points: 1_000_000_000, memory_mib: 4096 },
+];
+/// More points are built where they are named only.
+const POINTS_MAX: u64 = 100_000_000;
+
+/// Builds all of them.
+///
+/// # Errors
+/// Where a build fails or a bound does not hold; the others are run all the same.
+pub fn run() -> Result<()> {
+    let wanted = std::env::var("ESKER_LARGE").ok();
+    let is_wanted = |case: &&Case| match &wanted {
+        Some(word) => case.input.contains(word.as_str()),
+        None => case.points <= POINTS_MAX,
+    };
+    let cases: Vec<&Case> = CASES.iter().filter(is_wanted).collect();
+    ensure!(!cases.is_empty(), "ESKER_LARGE={}: no build is named so", wanted.unwrap_or_default());
+    run_cargo(&["build", "--release", "-p", "esker"])?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    let program = Path::new(&target).join("release/esker").canonicalize();
+    let program = program.context("the program that was built")?;
+    let place = Place::new()?;
+    let empty_mib = empty_mib(&program, &place)?;
+    println!("the empty program: {empty_mib} MiB");
+    println!(
+        "{:<28}{:>9}{:>9}{:>9}{:>10}{:>10}{:>9}{:>9}",
+        "", "memory", "s", "Mpts/s", "anon MiB", "verify s", "scratch", "out"
+    );
+    let mut failed = 0;
+    for case in cases {
+        if let Err(error) = case.run(&program, &place, empty_mib) {
+            println!("{:<28}FAILED {error:#}", case.input);
+            failed += 1;
+        }
+    }
+    ensure!(failed == 0, "{failed} builds failed or broke a bound");
+    Ok(())
+}
+
+/// A folder of our own, gone in the end.
+struct Place(PathBuf);
+
+impl Place {
+    fn new() -> Result<Self> {
+        let folder = std::env::temp_dir().join(format!("esker-large-{}", std::process::id()));
+        std::fs::create_dir(&folder).with_context(|| format!("{}", folder.display()))?;
+        Ok(Self(folder))
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+impl Case {
+    fn run(&self, program: &Path, place: &Place, empty_mib: u64) -> Result<()> {
+        let out = place.file("out.esker");
+        let input = match self.input {
+            "stack" => stack(&place.file("stack.las"), self.points)?,
+            generated => generated.into(),
+        };
+        let memory = format!("--memory={}MiB", self.memory_mib);
+        let words: [&OsStr; 9] = [
+            "build".as_ref(),
+            input.as_os_str(),
+            "-o".as_ref(),
+            out.as_os_str(),
+            memory.as_ref(),
+            "--scratch".as_ref(),
+            place.0.as_os_str(),
+            "--json".as_ref(),
+            "--progress=none".as_ref(),
+        ];
+        let limit_mib = empty_mib + (self.memory_mib as f64 * MARGIN) as u64;
+        let start = Instant::now();
+        let report = esker(program, limit_mib, &words)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let words = ["verify".as_ref(), out.as_os_str(), "--json".as_ref()];
+        let verified = esker(program, limit_mib, &words)?;
+        let verify_seconds = start.elapsed().as_secs_f64();
+        std::fs::remove_file(&out)?;
+        let number = |name: &str| report[name].as_u64().unwrap_or(0);
+        let scratch = report["scratch_bytes_peak"].as_u64().unwrap_or(number("scratch_bytes"));
+        let a_point = |bytes: u64| bytes as f64 / self.points as f64;
+        println!(
+            "{:<28}{:>5} MiB{seconds:>9.1}{:>9.2}{:>10}{verify_seconds:>10.1}{:>9.1}{:>9.1}",
+            self.input,
+            self.memory_mib,
+            self.points as f64 / seconds / 1e6,
+            number("peak_anon_bytes") / MIB,
+            a_point(scratch),
+            a_point(number("bytes_out")),
+        );
+        ensure!(
+            number("points_out") == self.points && verified["points"] == self.points,
+            "{} points out, {} verified, of {}",
+            number("points_out"),
+            verified["points"],
+            self.points
+        );
+        let anon_mib = number("peak_anon_bytes") / MIB;
+        ensure!(
+            anon_mib as f64 <= self.memory_mib as f64 * MARGIN,
+            "{anon_mib} MiB of anonymous memory, of {}",
+            self.memory_mib
+        );
+        let bytes = a_point(scratch + number("bytes_out"));
+        ensure!(bytes <= BYTES_A_POINT_MAX, "{bytes:.1} bytes a point of scratch and output");
+        Ok(())
+    }
+}
+
+/// Runs the program within a limit; what it reports.
+fn esker(program: &Path, limit_mib: u64, words: &[&OsStr]) -> Result<Value> {
+    let mut command = if cfg!(unix) {
+        let mut shell = Command::new("sh");
+        let line = format!("ulimit -d {} && exec \"$0\" \"$@\"", limit_mib << 10);
+        shell.arg("-c").arg(OsString::from(line)).arg(program);
+        shell
+    } else {
+        Command::new(program)
+    };
+    let output = command.args(words).stdin(Stdio::null()).output()?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "{}: {}", output.status, said.trim());
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let last = printed.lines().last().unwrap_or_default();
+    serde_json::from_str(last).with_context(|| format!("no report: {last}"))
+}
+
+/// The least limit under which the program builds three points, MiB.
+fn empty_mib(program: &Path, place: &Place) -> Result<u64> {
+    let (tiny, out) = (place.file("tiny.xyz"), place.file("tiny.esker"));
+    std::fs::write(&tiny, "0 0 0\n1 2 3\n4 5 6\n")?;
+    let words: [&OsStr; 6] = [
+        "build".as_ref(),
+        tiny.as_os_str(),
+        "-o".as_ref(),
+        out.as_os_str(),
+        "--json".as_ref(),
+        "--progress=none".as_ref(),
+    ];
+    let (mut fails, mut works) = (0, 1024);
+    while works - fails > 1 {
+        let middle = u64::midpoint(fails, works);
+        let outcome = esker(program, middle, &words);
+        *(if outcome.is_ok() { &mut works } else { &mut fails }) = middle;
+    }
+    ensure!(works < 1024, "three points are not built in a gibibyte");
+    Ok(works)
+}
+
+/// A LAS file of points in one place, all of them different, where it is not there yet.
+fn stack(path: &Path, points: u64) -> Result<PathBuf> {
+    const HEADER_BYTES: usize = 227;
+    let mut head = vec![0; HEADER_BYTES];
+    let mut put = |at: usize, bytes: &[u8]| head[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, b"LASF");
+    put(24, &[1, 2]);
+    put(94, &(HEADER_BYTES as u16).to_le_bytes());
+    put(96, &(HEADER_BYTES as u32).to_le_bytes());
+    // Point format 0 and its record.
+    put(105, &20u16.to_le_bytes());
+    put(107, &u32::try_from(points)?.to_le_bytes());
+    (0..3).for_each(|axis| put(131 + 8 * axis, &0.001f64.to_le_bytes()));
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    file.write_all(&head)?;
+    let mut record = [0; 20];
+    for (axis, c) in [123_456i32, -5, 99].into_iter().enumerate() {
+        record[4 * axis..][..4].copy_from_slice(&c.to_le_bytes());
+    }
+    for i in 0..points {
+        // Intensity, user data and source: 32 bits of the point's number.
+        record[12..14].copy_from_slice(&(i as u16).to_le_bytes());
+        record[17] = (i >> 16) as u8;
+        record[18..20].copy_from_slice(&((i >> 24) as u16).to_le_bytes());
+        file.write_all(&record)?;
+    }
+    file.flush()?;
+    Ok(path.to_owned())
+}
