@@ -1,9 +1,10 @@
 //! Every good scan of the data folder is built and verified against itself, with the count of points that an
-//! independent reader found (`manifest.csv`). Formats that Esker does not read are refused by name.
+//! independent reader found (`manifest.csv`), and exported again. Formats that Esker does not read are refused by
+//! name.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, verify};
-use crate::{missing, trial};
+use crate::{export, missing, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -96,6 +97,7 @@ fn comes_through(scan: &Path, points: u64) {
         assert_eq!(report["points_refused"], 0, "{report}");
     }
     assert_eq!(folder.names(), ["out.esker"], "nothing else is left");
+    export::gives_back(scan, &out);
 }
 
 fn is_refused(path: &Path) {

@@ -14,6 +14,7 @@ mod contract;
 mod data;
 mod devices;
 mod draw;
+mod export;
 mod folder;
 mod hostile;
 mod interrupt;
@@ -47,6 +48,7 @@ fn main() {
     devices::trials(&mut trials);
     interrupt::trials(&mut trials);
     python::trials(&mut trials);
+    export::trials(&mut trials);
     stream::trials(&mut trials);
     draw::trials(&mut trials);
     libtest_mimic::run(&arguments, trials).exit();

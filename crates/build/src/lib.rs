@@ -1,5 +1,5 @@
 //! From scans to an .esker file under a memory bound: intake, partition, chunks bottom-up, levels above,
-//! the file, and the proof that no point was lost. Meets the runtime only in the file.
+//! the file, and the proof that no point was lost; and from the file back to a scan. Meets the runtime only in the file.
 
 pub mod against;
 pub mod append;
@@ -11,6 +11,7 @@ mod contour;
 pub mod crs;
 pub mod error;
 mod gather;
+pub mod export;
 mod intake;
 mod levels;
 pub mod memory;
@@ -36,3 +37,4 @@ pub use build::{Options, Report, Shares, build, build_shared, build_sources};
 pub use error::BuildError;
 pub use merge::merge;
 pub use onto::Onto;
+pub use export::{Exported, export};

@@ -45,6 +45,9 @@ pub enum Command {
     },
     /// Check an .esker file, byte for byte; with --against also that its points are those of the scans.
     Verify(Verify),
+    /// Write an .esker file, or a part of it, as a scan: LAS, LAZ, PLY or text, told by the ending. All of it is
+    /// the points, records and header of the scans that it was built from.
+    Export(crate::export::Export),
     /// Draw a picture of an .esker file, or of scans (which are built first, into a temporary file).
     Render(Render),
     /// Fly through an .esker file, or scans, in a window.

@@ -3,7 +3,7 @@
 use crate::args::{
     Append, BenchBuild, Benchmark, Build, BuildHow, Command, Decode, Draw, Render, Stream, Verify,
 };
-use crate::view;
+use crate::{export, view};
 use anyhow::{Context, Result, bail};
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{
@@ -30,6 +30,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
             print(json, &report, || devices::text(&report))
         }
         Command::Verify(args) => run_verify(args, stop),
+        Command::Export(args) => export::run(args, stop),
         Command::Render(args) => run_render(args, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
@@ -195,7 +196,8 @@ fn project() -> &'static Path {
     if Path::new("tests/sample").is_dir() { Path::new(".") } else { built }
 }
 
-fn print(as_json: bool, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
+/// A report for machines or for people, to standard output.
+pub fn print(as_json: bool, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
     write(&if as_json { report.to_string() } else { text() })
 }
 

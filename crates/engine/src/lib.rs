@@ -1,4 +1,4 @@
-//! What the programs do, as calls: build, info, verify, render, demo, bench. Puts scan, build, format,
+//! What the programs do, as calls: build, info, verify, export, render, demo, bench. Puts scan, build, format,
 //! lod, stream and render together; the programs only parse their command lines and print what comes
 //! back.
 
@@ -11,6 +11,7 @@ pub mod colour;
 pub mod demo;
 pub mod devices;
 pub mod drawing;
+pub mod export;
 pub mod info;
 pub mod options;
 pub mod output;
@@ -31,6 +32,7 @@ pub use esker_build::memory;
 pub use esker_build::{Options as BuildOptions, Report as BuildReport};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
+pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
 pub use esker_points::{Cancelled, ColourDepth, Task};
 pub use esker_render::{Method, Picture};
 pub use esker_stream::{Cut, Status};

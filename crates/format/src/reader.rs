@@ -152,6 +152,14 @@ impl EskerFile {
         blocks.iter().map(read).collect()
     }
 
+    /// Checks the verbatim blocks of all sources, which [`EskerFile::verbatim`] does not.
+    ///
+    /// # Errors
+    /// Where they cannot be read or are damaged.
+    pub fn check_verbatim(&self) -> Result<(), FormatError> {
+        self.check_section(self.footer.verbatim, "verbatim section")
+    }
+
     /// A node's record.
     ///
     /// # Errors

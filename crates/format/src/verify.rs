@@ -49,7 +49,7 @@ struct Sums {
 /// The first fault found, or [`FormatError::Cancelled`].
 pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatError> {
     let footer = file.footer();
-    file.check_section(footer.verbatim, "verbatim section")?;
+    file.check_verbatim()?;
     let damaged = |fault: Fault| fault.damaged(file.path());
     check_pages_fill(file.table(), footer.table.offset).map_err(damaged)?;
     let stored = file.statistics()?;

@@ -5,6 +5,7 @@
 pub mod attribute;
 pub mod batch;
 pub mod cell;
+pub mod filter;
 pub mod hash;
 pub mod lattice;
 pub mod morton;
@@ -17,6 +18,7 @@ pub mod task;
 pub use attribute::{AttrType, Attribute};
 pub use batch::{Batch, Column};
 pub use cell::Cell;
+pub use filter::{Filter, FilterError};
 pub use hash::MultisetHash;
 pub use lattice::{Grid, InputGrid, Lattice};
 pub use node::{Contour, Node, NodeName, NodeTable};

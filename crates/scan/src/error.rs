@@ -15,6 +15,14 @@ pub enum ScanError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file could not be written.
+    #[error("{}: cannot write: {source}{}", path.display(), remedy(source))]
+    Write {
+        /// The file as it was to be called.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// Its content is of no known format.
     #[error("{}: not a scan file that Esker knows (it reads {known})", path.display())]
     UnknownFormat {
@@ -66,8 +74,20 @@ impl ScanError {
         Self::Unsupported { path: path.to_owned(), what: what.into() }
     }
 
+    /// A refused write.
+    pub fn write(path: &Path, source: std::io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
+    }
+
     /// A refused read.
     pub fn io(path: &Path, source: std::io::Error) -> Self {
         Self::Io { path: path.to_owned(), source }
+    }
+}
+
+fn remedy(source: &std::io::Error) -> &'static str {
+    match source.kind() {
+        std::io::ErrorKind::StorageFull => "; free space there, or name another place",
+        _ => "",
     }
 }

@@ -1,4 +1,4 @@
-//! Scan formats to columnar batches on the lattice. The only crate that knows LAS, LAZ, PLY and text.
+//! Scan formats to columnar batches on the lattice, and back ([`write`]). The only crate that knows LAS, LAZ, PLY and text.
 //! The format is told by content, never by the name; only generated scans ([`synthetic`]) are named.
 //!
 //! | format | what is read | coordinates |
@@ -16,6 +16,7 @@ pub mod registry;
 pub mod source;
 pub mod synthetic;
 pub mod text;
+pub mod write;
 
 pub use error::ScanError;
 pub use registry::open;

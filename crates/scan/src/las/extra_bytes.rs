@@ -6,7 +6,8 @@ use super::header::f64_at;
 use super::vlr::{Records, text};
 use esker_points::{AttrType, Attribute, attribute::names};
 
-const DESCRIPTION_BYTES: usize = 192;
+/// Bytes of a description.
+pub const DESCRIPTION_BYTES: usize = 192;
 const OPTION_SCALE: u8 = 1 << 3;
 const OPTION_OFFSET: u8 = 1 << 4;
 
@@ -103,6 +104,9 @@ fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, 
     let ty = TYPES[usize::from(ty) - 1];
     let base = match text(&description[4..36]) {
         name if name.is_empty() => "unnamed".to_owned(),
+        name if ty == AttrType::F32 && number == 1 && normal(&name).is_some() => {
+            normal(&name).unwrap_or_default().to_owned()
+        }
         name if RESERVED.contains(&name.as_str()) => format!("{name}_extra"),
         name => name,
     };
@@ -120,6 +124,37 @@ fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, 
             offset: option(OPTION_OFFSET, 136 + 8 * i, 0.0),
         })
         .collect())
+}
+
+/// Normals by the names that they usually have in LAS, and Esker's.
+const NORMALS: [(&str, &str); 3] =
+    [("NormalX", names::NX), ("NormalY", names::NY), ("NormalZ", names::NZ)];
+
+fn normal(name: &str) -> Option<&'static str> {
+    NORMALS.iter().find(|(usual, _)| *usual == name).map(|&(_, own)| own)
+}
+
+/// Descriptions of attributes, each a value of its own: the way back of [`attributes`].
+pub fn describe_all(attributes: &[Attribute]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(attributes.len() * DESCRIPTION_BYTES);
+    for a in attributes {
+        let mut description = [0; DESCRIPTION_BYTES];
+        let mut put = |at: usize, bytes: &[u8], room: usize| {
+            let n = bytes.len().min(room);
+            description[at..at + n].copy_from_slice(&bytes[..n]);
+        };
+        let kind = TYPES.iter().position(|&ty| ty == a.ty).map_or(0, |i| i as u8 + 1);
+        let scale = if a.scale == 1.0 { 0 } else { OPTION_SCALE };
+        let offset = if a.offset == 0.0 { 0 } else { OPTION_OFFSET };
+        let usual = NORMALS.iter().find(|(_, own)| *own == a.name && a.ty == AttrType::F32);
+        put(2, &[kind, scale | offset], 2);
+        put(4, usual.map_or(a.name.as_str(), |(usual, _)| usual).as_bytes(), 32);
+        put(112, &a.scale.to_le_bytes(), if scale > 0 { 8 } else { 0 });
+        put(136, &a.offset.to_le_bytes(), if offset > 0 { 8 } else { 0 });
+        put(160, a.description.as_bytes(), 32);
+        out.extend_from_slice(&description);
+    }
+    out
 }
 
 /// Data types 1 to 10 of the extra-bytes VLR.

@@ -5,11 +5,11 @@
 
 mod crs;
 mod decode;
-mod extra_bytes;
-mod header;
+pub(crate) mod extra_bytes;
+pub(crate) mod header;
 mod laszip;
-mod points;
-mod vlr;
+pub(crate) mod points;
+pub(crate) mod vlr;
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
@@ -33,7 +33,7 @@ pub const FORMAT: Format =
 const HEAD_BYTES: u64 = 512;
 /// Extra bytes of a record at most: each may become an attribute of its own, and LASzip's models of
 /// each take up to 12 KiB a thread. Real files have a few dozen.
-const EXTRA_BYTES_MAX: usize = 1024;
+pub(crate) const EXTRA_BYTES_MAX: usize = 1024;
 /// First points whose colours tell whether 16-bit fields hold 8-bit values.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 

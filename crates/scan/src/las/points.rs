@@ -15,7 +15,7 @@ const BLOCK_POINTS: usize = 512;
 
 /// How the values of an attribute come out of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Take {
+pub enum Take {
     /// Copied.
     Copy,
     /// `returns` of formats 0 to 5: two fields of three bits.
@@ -27,11 +27,14 @@ enum Take {
 }
 
 /// Where the value of an attribute stands in a record.
-#[derive(Clone, Copy, Debug)]
-struct Field {
-    offset: usize,
-    bytes: usize,
-    take: Take,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Its first byte in a record.
+    pub offset: usize,
+    /// Its bytes.
+    pub bytes: usize,
+    /// How its value comes out of them.
+    pub take: Take,
 }
 
 /// The table of one file: its schema and, in the schema's order, the field of each attribute.
@@ -43,7 +46,8 @@ pub struct Layout {
     pub record_bytes: usize,
     /// Byte of a record at which red, green and blue stand, where it has colour.
     pub rgb_offset: Option<usize>,
-    fields: Vec<Field>,
+    /// The field of each attribute.
+    pub fields: Vec<Field>,
 }
 
 /// A batch and what was noticed while it was made.

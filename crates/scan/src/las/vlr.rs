@@ -9,7 +9,8 @@ use std::path::Path;
 
 /// Header, VLRs and EVLRs together are kept up to here; real files have kilobytes.
 pub const VERBATIM_BYTES_MAX: u64 = 64 << 20;
-const VLR_HEAD_BYTES: usize = 54;
+/// Bytes of a VLR before its payload.
+pub const VLR_HEAD_BYTES: usize = 54;
 const EVLR_HEAD_BYTES: usize = 60;
 /// Record id of waveform packets in an EVLR of `LASF_Spec`.
 const WAVEFORM_PACKETS: u16 = 65535;
@@ -21,8 +22,17 @@ pub struct Vlr {
     pub user: String,
     /// Its number among that user's.
     pub record: u16,
+    /// Its head as in the file: that of a VLR, or the longer one of an EVLR.
+    pub head: Vec<u8>,
     /// Its payload.
     pub data: Vec<u8>,
+}
+
+impl Vlr {
+    /// Whether it stood after the points.
+    pub fn is_extended(&self) -> bool {
+        self.head.len() == EVLR_HEAD_BYTES
+    }
 }
 
 /// All records of a file, and its header, VLRs and EVLRs as bytes.
@@ -69,7 +79,7 @@ impl Records {
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         file.read_exact(&mut head).map_err(io)?;
         let region = head.split_off(header.header_bytes as usize);
-        let mut records = Self { vlrs: walk_vlrs(&region, header.vlrs, notes), verbatim: vec![] };
+        let mut records = Self { vlrs: walk_vlrs(&region, header.vlrs, notes).0, verbatim: vec![] };
         records.verbatim.push(("las header".into(), head));
         if !region.is_empty() {
             records.verbatim.push(("las vlrs".into(), region));
@@ -125,13 +135,29 @@ impl Records {
             file.read_exact(&mut data)?;
             kept.extend_from_slice(&head);
             kept.extend_from_slice(&data);
-            self.vlrs.push(Vlr { user, record, data });
+            self.vlrs.push(Vlr { user, record, head: head.to_vec(), data });
         }
         Ok(kept)
     }
 }
 
-fn walk_vlrs(region: &[u8], number: u32, notes: &mut Vec<String>) -> Vec<Vlr> {
+/// The records of blocks kept verbatim: VLRs and then EVLRs; and the bytes behind the VLRs, which some files
+/// have before their points.
+pub fn of_blocks<'a>(header: &Header, region: &'a [u8], evlrs: &[u8]) -> (Records, &'a [u8]) {
+    let (mut vlrs, tail) = walk_vlrs(region, header.vlrs, &mut Vec::new());
+    let mut rest = evlrs;
+    while let Some((head, behind)) = rest.split_at_checked(EVLR_HEAD_BYTES) {
+        let bytes = usize::try_from(u64_at(head, 20)).unwrap_or(usize::MAX);
+        let Some((data, behind)) = behind.split_at_checked(bytes) else { break };
+        let (user, record) = (text(&head[2..18]), u16_at(head, 18));
+        vlrs.push(Vlr { user, record, head: head.to_vec(), data: data.to_vec() });
+        rest = behind;
+    }
+    (Records { vlrs, verbatim: Vec::new() }, tail)
+}
+
+/// The VLRs, and what stands behind them.
+fn walk_vlrs<'a>(region: &'a [u8], number: u32, notes: &mut Vec<String>) -> (Vec<Vlr>, &'a [u8]) {
     let mut vlrs = Vec::new();
     let mut rest = region;
     for index in 0..number {
@@ -143,10 +169,12 @@ fn walk_vlrs(region: &[u8], number: u32, notes: &mut Vec<String>) -> Vec<Vlr> {
             ));
             break;
         };
-        vlrs.push(Vlr { user: text(&rest[2..18]), record: u16_at(rest, 18), data: data.to_vec() });
+        let (user, record) = (text(&rest[2..18]), u16_at(rest, 18));
+        let head = rest[..VLR_HEAD_BYTES].to_vec();
+        vlrs.push(Vlr { user, record, head, data: data.to_vec() });
         rest = &rest[VLR_HEAD_BYTES + data_bytes..];
     }
-    vlrs
+    (vlrs, rest)
 }
 
 /// Text of a field padded with zeros.

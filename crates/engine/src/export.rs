@@ -1,0 +1,187 @@
+//! Exporting as a call: an .esker file, or the part of it that is wanted, as a scan; the polygon that the user
+//! names, and the report as JSON and as text.
+
+use crate::quantity::{grouped, readable_bytes};
+use crate::{output, pool};
+use anyhow::{Context, Result, bail, ensure};
+use esker_build::Exported;
+use esker_format::EskerFile;
+use esker_points::filter::Polygon;
+use esker_points::{Filter, Task};
+use serde_json::{Value, json};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::time::Instant;
+
+/// Bytes of a polygon's file at most.
+const POLYGON_BYTES_MAX: u64 = 64 << 20;
+
+/// Writes the points of `file` that `filter` wants to `out`, on so many threads (0: one a core).
+///
+/// # Errors
+/// Where the file is damaged, nothing is wanted, the disk is full, or on request; nothing is left under the
+/// final name.
+pub fn export(
+    file: &Path,
+    out: &Path,
+    filter: &Filter,
+    threads: usize,
+    task: &dyn Task,
+) -> Result<(Exported, f64)> {
+    let start = Instant::now();
+    output::may_write(out, &[file.to_owned()])?;
+    let report = pool::run(threads, || {
+        let file = EskerFile::open(file)?;
+        Ok(esker_build::export(&file, out, filter, task)?)
+    })?;
+    Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// The polygon that a word names: corners (`x,y x,y x,y`), or a file of such lines or of GeoJSON.
+///
+/// # Errors
+/// Where it is none of these.
+pub fn polygon(word: &str) -> Result<Polygon> {
+    let has_corners = word.split_whitespace().filter(|w| w.contains(',')).count() > 1;
+    if has_corners && !Path::new(word).exists() {
+        return Ok(word.parse()?);
+    }
+    let file = File::open(word).with_context(|| {
+        format!("{word}: cannot read the polygon; name a file, or corners as \"x,y x,y x,y\"")
+    })?;
+    let mut text = String::new();
+    let read = file.take(POLYGON_BYTES_MAX + 1).read_to_string(&mut text);
+    read.with_context(|| format!("{word}: cannot read the polygon"))?;
+    ensure!(text.len() as u64 <= POLYGON_BYTES_MAX, "{word}: is too long for a polygon");
+    let polygon = if text.trim_start().starts_with('{') { geo_json(&text) } else { lines(&text) };
+    polygon.with_context(|| format!("{word}: is no polygon"))
+}
+
+/// Lines of two numbers; lines of `#` are comments.
+fn lines(text: &str) -> Result<Polygon> {
+    let lines: Vec<&str> = text.lines().filter(|l| !l.trim_start().starts_with('#')).collect();
+    Ok(lines.join("\n").parse()?)
+}
+
+/// The rings of all polygons in a GeoJSON object (RFC 7946), in the coordinates of the scan.
+fn geo_json(text: &str) -> Result<Polygon> {
+    let value: Value = serde_json::from_str(text)?;
+    let mut rings = Vec::new();
+    gather(&value, &mut rings)?;
+    Ok(Polygon::new(rings)?)
+}
+
+fn gather(value: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> {
+    let each = |list: &Value, rings: &mut _| -> Result<()> {
+        list.as_array().into_iter().flatten().try_for_each(|v| gather(v, rings))
+    };
+    match value["type"].as_str() {
+        Some("FeatureCollection") => each(&value["features"], rings),
+        Some("GeometryCollection") => each(&value["geometries"], rings),
+        Some("Feature") => gather(&value["geometry"], rings),
+        Some("Polygon") => add_rings(&value["coordinates"], rings),
+        Some("MultiPolygon") => {
+            let polygons = value["coordinates"].as_array().into_iter().flatten();
+            polygons.into_iter().try_for_each(|p| add_rings(p, rings))
+        }
+        Some(other) => bail!("it has a `{other}`; only polygons have an inside"),
+        None => bail!("an object of GeoJSON has no type"),
+    }
+}
+
+fn add_rings(polygon: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> {
+    for ring in polygon.as_array().into_iter().flatten() {
+        let corner = |c: &Value| Some([c.get(0)?.as_f64()?, c.get(1)?.as_f64()?]);
+        let corners: Option<Vec<_>> = ring.as_array().into_iter().flatten().map(corner).collect();
+        rings.push(corners.context("a corner is not two numbers")?);
+    }
+    Ok(())
+}
+
+/// The report for machines.
+pub fn json(report: &Exported, seconds: f64) -> Value {
+    json!({
+        "points_in": report.points_in,
+        "points_out": report.points_out,
+        "multiset_hash": report.hash.to_string(),
+        "filtered": !report.is_whole,
+        "hash_equal": report.is_whole.then_some(true),
+        "nodes": report.nodes,
+        "nodes_read": report.nodes_read,
+        "bytes_read": report.bytes_read,
+        "bytes_out": report.bytes_out,
+        "format": report.format,
+        "seconds": seconds,
+        "points_per_second": report.points_out as f64 / seconds.max(1e-9),
+        "notes": report.notes,
+    })
+}
+
+/// The report for people.
+pub fn text(report: &Exported, seconds: f64, out: &Path) -> String {
+    let mut lines = vec![format!(
+        "{}: {}, {} points, {} ({:.1} bytes a point), in {seconds:.1} s",
+        out.display(),
+        report.format,
+        grouped(report.points_out),
+        readable_bytes(report.bytes_out),
+        report.bytes_out as f64 / report.points_out.max(1) as f64,
+    )];
+    lines.push(if report.is_whole {
+        format!("proof: all points of the file, multiset hash {}", report.hash)
+    } else {
+        format!(
+            "filtered: {} of {} points, from {} of {} nodes, multiset hash {}",
+            grouped(report.points_out),
+            grouped(report.points_in),
+            grouped(report.nodes_read),
+            grouped(report.nodes),
+            report.hash
+        )
+    });
+    lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polygons_are_corners_or_files_of_lines_or_of_geo_json() {
+        let square = polygon("0,0 4,0 4,4 0,4").unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let file = |text: &str| {
+            let path = folder.path().join("polygon");
+            std::fs::write(&path, text).unwrap();
+            polygon(path.to_str().unwrap())
+        };
+        assert_eq!(file("# a square\n0 0\n4 0\n4 4\n0 4\n").unwrap(), square);
+        let ring = "[[0,0],[4,0],[4,4],[0,4]]";
+        for text in [
+            format!(r#"{{"type":"Polygon","coordinates":[{ring}]}}"#),
+            format!(r#"{{"type":"MultiPolygon","coordinates":[[{ring}]]}}"#),
+            format!(
+                r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{{}},
+                "geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
+            ),
+        ] {
+            assert_eq!(file(&text).unwrap(), square, "{text}");
+        }
+        for (text, word) in [
+            ("", "three corners"),
+            ("0 0\n1 1\n2", "5 numbers"),
+            ("{", "EOF"),
+            (r#"{"type":"Point","coordinates":[1,2]}"#, "`Point`"),
+            (r#"{"type":"Polygon","coordinates":[[[1],[2],[3]]]}"#, "two numbers"),
+            (r#"{"type":"Polygon"}"#, "three corners"),
+        ] {
+            let error = format!("{:#}", file(text).unwrap_err());
+            assert!(error.contains(word), "{error}");
+        }
+        assert!(
+            format!("{:#}", polygon("nowhere.geojson").unwrap_err()).contains("nowhere.geojson")
+        );
+    }
+}

@@ -1,0 +1,112 @@
+//! ASPRS classes that are wanted: numbers, ranges and names in, a bit each out.
+
+use super::{FilterError, Side};
+use std::str::FromStr;
+
+/// Names of the classes of LAS 1.4 R15, table 17, from class 0 on.
+const NAMES: [&str; 23] = [
+    "never-classified",
+    "unclassified",
+    "ground",
+    "low-vegetation",
+    "medium-vegetation",
+    "high-vegetation",
+    "building",
+    "low-noise",
+    "model-key-point",
+    "water",
+    "rail",
+    "road",
+    "overlap",
+    "wire-guard",
+    "wire-conductor",
+    "tower",
+    "wire-connector",
+    "bridge",
+    "high-noise",
+    "overhead-structure",
+    "ignored-ground",
+    "snow",
+    "temporal-exclusion",
+];
+
+/// A set of classes: class `c` is bit `c % 64` of word `c / 64`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Classes([u64; 4]);
+
+impl Classes {
+    /// Whether a class is in it.
+    pub fn has(&self, class: u8) -> bool {
+        self.0[usize::from(class >> 6)] >> (class & 63) & 1 == 1
+    }
+
+    /// Where points of these classes lie.
+    pub(super) fn side_of(&self, bits: [u64; 4]) -> Side {
+        if (0..4).all(|i| bits[i] & self.0[i] == 0) {
+            Side::Outside
+        } else if (0..4).all(|i| bits[i] & !self.0[i] == 0) {
+            Side::Inside
+        } else {
+            Side::Across
+        }
+    }
+
+    fn insert(&mut self, class: u8) {
+        self.0[usize::from(class >> 6)] |= 1 << (class & 63);
+    }
+}
+
+impl FromStr for Classes {
+    type Err = FilterError;
+
+    /// Reads `2,6`, `3-5`, `ground,building`.
+    fn from_str(text: &str) -> Result<Self, FilterError> {
+        let mut classes = Self::default();
+        for part in text.split(',').map(str::trim) {
+            let number = |word: &str| {
+                let named = NAMES.iter().position(|n| n.eq_ignore_ascii_case(word));
+                named.map(|n| n as u8).or_else(|| word.parse().ok())
+            };
+            let range = number(part).map(|n| (n, n)).or_else(|| {
+                let (from, to) = part.split_once('-')?;
+                Some((number(from)?, number(to)?)).filter(|(from, to)| from <= to)
+            });
+            let (from, to) = range.ok_or_else(|| {
+                let names = NAMES.join(", ");
+                FilterError(format!(
+                    "`{part}` is no class: 0 to 255, a range such as 3-5, or {names}"
+                ))
+            })?;
+            (from..=to).for_each(|c| classes.insert(c));
+        }
+        Ok(classes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_ranges_and_names_are_read() {
+        let classes: Classes = "2, Building,64-66,255".parse().unwrap();
+        let found: Vec<u8> = (0..=255).filter(|&c| classes.has(c)).collect();
+        assert_eq!(found, [2, 6, 64, 65, 66, 255]);
+        for wrong in ["", "2,", "256", "trees", "5-3", "-1"] {
+            assert!(
+                wrong.parse::<Classes>().unwrap_err().to_string().contains("no class"),
+                "{wrong}"
+            );
+        }
+    }
+
+    #[test]
+    fn bits_of_a_node_tell_on_which_side_it_lies() {
+        let classes: Classes = "2,200".parse().unwrap();
+        let bits = |classes: &str| classes.parse::<Classes>().unwrap().0;
+        assert_eq!(classes.side_of(bits("2")), Side::Inside);
+        assert_eq!(classes.side_of(bits("2,200")), Side::Inside);
+        assert_eq!(classes.side_of(bits("1,200")), Side::Across);
+        assert_eq!(classes.side_of(bits("1,199")), Side::Outside);
+    }
+}

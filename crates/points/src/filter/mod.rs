@@ -1,0 +1,330 @@
+//! Which points are wanted: a box, a polygon, classes, a spacing. [`Filter`] is what the user says, in world
+//! units and parsed once; [`LatticeFilter`] is the same on the lattice of one file, all tests on integers. Each
+//! test is first asked of a node (its box, its classes, its parent's spacing), so that what is not wanted is not
+//! read, and of single points only where a node lies across a border.
+
+mod classes;
+mod polygon;
+
+pub use classes::Classes;
+pub use polygon::{LatticePolygon, Polygon};
+
+use crate::lattice::Lattice;
+use crate::node::Node;
+use crate::strata::prefix_at_least;
+use std::str::FromStr;
+
+/// Parts of a step to which faces and corners are rounded, once; from there on all is integers.
+const PARTS: i64 = 256;
+
+/// What is wanted, in world units. What is not said is wanted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Filter {
+    /// Points in this box, its faces included.
+    pub bounds: Option<Bounds>,
+    /// Points over this polygon, its edges included.
+    pub polygon: Option<Polygon>,
+    /// Points of these classes.
+    pub classes: Option<Classes>,
+    /// An even sample whose points are at most about this far apart, the file's unit.
+    pub max_spacing: Option<f64>,
+}
+
+/// A filter that makes no sense, in words.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct FilterError(pub String);
+
+/// A box in world units; without a third axis it is open upwards and downwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub min: [f64; 3],
+    /// Greatest corner.
+    pub max: [f64; 3],
+}
+
+impl FromStr for Bounds {
+    type Err = FilterError;
+
+    /// Reads `x0,y0,z0,x1,y1,z1` or `x0,y0,x1,y1`.
+    fn from_str(text: &str) -> Result<Self, FilterError> {
+        let wrong = |what: &str| {
+            FilterError(format!("`{text}` is no box: {what}, as x0,y0,z0,x1,y1,z1 or x0,y0,x1,y1"))
+        };
+        let numbers: Option<Vec<f64>> = text
+            .split(',')
+            .map(|n| n.trim().parse().ok().filter(|v: &f64| v.is_finite()))
+            .collect();
+        let (min, max) = match numbers.as_deref() {
+            Some(&[x0, y0, z0, x1, y1, z1]) => ([x0, y0, z0], [x1, y1, z1]),
+            Some(&[x0, y0, x1, y1]) => ([x0, y0, f64::NEG_INFINITY], [x1, y1, f64::INFINITY]),
+            _ => return Err(wrong("it needs six or four numbers")),
+        };
+        if (0..3).any(|i| min[i] > max[i]) {
+            return Err(wrong("the least corner comes first"));
+        }
+        Ok(Self { min, max })
+    }
+}
+
+/// Where the points of a node lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// None is wanted.
+    Outside,
+    /// All are wanted.
+    Inside,
+    /// Each must be asked.
+    Across,
+}
+
+impl Side {
+    /// Of two tests that both must hold.
+    fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Outside, _) | (_, Self::Outside) => Self::Outside,
+            (Self::Inside, Self::Inside) => Self::Inside,
+            _ => Self::Across,
+        }
+    }
+}
+
+impl Filter {
+    /// Whether all points are wanted.
+    pub fn is_all(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The filter on the lattice of a file.
+    ///
+    /// # Errors
+    /// Where the polygon lies farther away than the lattice can tell, or the spacing is no length.
+    pub fn on(&self, lattice: &Lattice) -> Result<LatticeFilter, FilterError> {
+        if let Some(spacing) = self.max_spacing.filter(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(FilterError(format!("a spacing of {spacing} is no length")));
+        }
+        Ok(LatticeFilter {
+            region: self.bounds.map(|b| region(lattice, &b)),
+            polygon: self.polygon.as_ref().map(|p| p.on(lattice)).transpose()?,
+            classes: self.classes,
+            max_spacing: self.max_spacing,
+        })
+    }
+}
+
+/// What is wanted, on a lattice.
+#[derive(Clone, Debug)]
+pub struct LatticeFilter {
+    /// Least and greatest coordinates; the least is above the greatest where nothing is inside.
+    region: Option<[[u32; 3]; 2]>,
+    polygon: Option<LatticePolygon>,
+    classes: Option<Classes>,
+    max_spacing: Option<f64>,
+}
+
+/// What must be asked of the points of one node.
+#[derive(Clone, Debug)]
+pub struct PointTest {
+    region: Option<[[u32; 3]; 2]>,
+    polygon: Option<LatticePolygon>,
+    classes: Option<Classes>,
+}
+
+impl LatticeFilter {
+    /// Where the points of a box, both corners included, lie.
+    pub fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
+        let by_region = self.region.map_or(Side::Inside, |[low, high]| {
+            if (0..3).any(|i| max[i] < low[i] || min[i] > high[i] || low[i] > high[i]) {
+                Side::Outside
+            } else if (0..3).all(|i| low[i] <= min[i] && max[i] <= high[i]) {
+                Side::Inside
+            } else {
+                Side::Across
+            }
+        });
+        if by_region == Side::Outside {
+            return by_region;
+        }
+        let by_polygon = self.polygon.as_ref().map_or(Side::Inside, |p| p.side_of_box(min, max));
+        by_region.and(by_polygon)
+    }
+
+    /// Where points of these classes (a bit each, as the statistics have them) lie; `None` where points have no
+    /// class, and none is wanted if classes are.
+    pub fn side_of_classes(&self, bits: Option<[u64; 4]>) -> Side {
+        match (self.classes, bits) {
+            (None, _) => Side::Inside,
+            (Some(_), None) => Side::Outside,
+            (Some(wanted), Some(bits)) => wanted.side_of(bits),
+        }
+    }
+
+    /// Whether it asks for classes.
+    pub fn asks_classes(&self) -> bool {
+        self.classes.is_some()
+    }
+
+    /// How many of a node's points the spacing wants, from the first on: none where its parent is dense enough,
+    /// all where it is itself not denser than wanted, else the smallest prefix of whole strata that is dense
+    /// enough. It is how a picture is thinned: a prefix and the ancestors' points are an even sample, whose
+    /// distance grows with the root of what is left out, of surfaces the second (DESIGN, section 8).
+    pub fn prefix(&self, node: &Node, parent: Option<&Node>) -> usize {
+        let count = node.points();
+        let Some(wanted) = self.max_spacing else { return count };
+        if parent.is_some_and(|p| spacing(p) <= wanted) {
+            return 0;
+        }
+        let share = (spacing(node) / wanted).powi(node.dimension().clamp(1, 2) as i32);
+        if share >= 1.0 {
+            return count;
+        }
+        // A rounding error above a whole number must not cost a stratum.
+        let points = (count as f64 * share - 1e-6).ceil() as usize;
+        prefix_at_least(node.levels(), points.clamp(1, count.max(1)))
+    }
+
+    /// What must be asked of the points in a box that lies across.
+    pub fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> PointTest {
+        PointTest {
+            region: self.region,
+            polygon: self.polygon.as_ref().map(|p| p.in_box(min, max)),
+            classes: self.classes,
+        }
+    }
+}
+
+impl PointTest {
+    /// Whether a point is wanted; `class` where it has one.
+    pub fn keeps(&self, p: [u32; 3], class: Option<u8>) -> bool {
+        self.region.is_none_or(|[low, high]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]))
+            && self.classes.is_none_or(|wanted| class.is_some_and(|c| wanted.has(c)))
+            && self.polygon.as_ref().is_none_or(|polygon| polygon.contains([p[0], p[1]]))
+    }
+}
+
+fn spacing(node: &Node) -> f64 {
+    let spacing = f64::from(node.spacing);
+    if spacing.is_finite() { spacing.max(0.0) } else { 0.0 }
+}
+
+/// The place of a world coordinate along an axis of the lattice, in parts of a step: rounded, so that a coordinate
+/// as people write it is the step that it names, whatever `f64` makes of it. Saturates.
+fn in_parts(lattice: &Lattice, axis: usize, world: f64) -> i64 {
+    (lattice.steps_axis(axis, world) * PARTS as f64).round() as i64
+}
+
+/// The lattice points in the box.
+fn region(lattice: &Lattice, bounds: &Bounds) -> [[u32; 3]; 2] {
+    let mut region = [[0; 3], [u32::MAX; 3]];
+    for axis in 0..3 {
+        let [low, high] = [bounds.min, bounds.max].map(|c| in_parts(lattice, axis, c[axis]));
+        // The first step that is not below, the last that is not above.
+        let (least, greatest) =
+            (low.div_euclid(PARTS) + i64::from(low.rem_euclid(PARTS) > 0), high.div_euclid(PARTS));
+        if greatest < 0 || least > i64::from(u32::MAX) || least > greatest {
+            return [[1; 3], [0; 3]];
+        }
+        region[0][axis] = least.max(0) as u32;
+        region[1][axis] = greatest.min(i64::from(u32::MAX)) as u32;
+    }
+    region
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use proptest::prelude::*;
+
+    fn lattice() -> Lattice {
+        Lattice { scale: [0.01, 0.001, 0.25], offset: [500_000.0, -3.5, 0.1], shift: [0, 7, -9] }
+    }
+
+    fn side(filter: &str, min: [u32; 3], max: [u32; 3]) -> Side {
+        let bounds = Some(filter.parse().unwrap());
+        Filter { bounds, ..Filter::default() }.on(&lattice()).unwrap().side_of_box(min, max)
+    }
+
+    #[test]
+    fn boxes_are_read_in_words() {
+        let bounds: Bounds = "-1,2, 3,4,5,6".parse().unwrap();
+        assert_eq!((bounds.min, bounds.max), ([-1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
+        let flat: Bounds = "0,0,1,1".parse().unwrap();
+        assert_eq!((flat.min[2], flat.max[2]), (f64::NEG_INFINITY, f64::INFINITY));
+        for (text, word) in [
+            ("1,2,3", "six or four"),
+            ("a,b,c,d", "six or four"),
+            ("1,2,nan,4", "six"),
+            ("2,0,1,1", "least corner"),
+        ] {
+            let error = text.parse::<Bounds>().unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_box_beside_everything_holds_nothing() {
+        let whole = ([0; 3], [u32::MAX; 3]);
+        assert_eq!(side("1e12,0,2e12,1", whole.0, whole.1), Side::Outside);
+        assert_eq!(side("-1e15,-1e15,1e15,1e15", whole.0, whole.1), Side::Inside);
+    }
+
+    #[test]
+    fn spacings_take_nodes_until_they_are_dense_enough() {
+        let filter = Filter { max_spacing: Some(1.0), ..Filter::default() };
+        let filter = filter.on(&lattice()).unwrap();
+        let node = |spacing: f32, shape: u8| {
+            let mut node = Node::zeroed();
+            (node.spacing, node.shape) = (spacing, shape);
+            node.set_levels(&[64, 1600]);
+            node
+        };
+        assert_eq!(filter.prefix(&node(2.0, 2), None), 1664);
+        // A quarter of them is 416: the first level and four strata of the second.
+        assert_eq!(filter.prefix(&node(0.5, 2), Some(&node(2.0, 2))), 64 + 4 * 100);
+        assert_eq!(filter.prefix(&node(0.5, 2), Some(&node(1.0, 2))), 0);
+        assert!(filter.prefix(&node(0.0, 0), None) > 0);
+        for wrong in [0.0, -1.0, f64::NAN] {
+            let filter = Filter { max_spacing: Some(wrong), ..Filter::default() };
+            assert!(filter.on(&lattice()).unwrap_err().to_string().contains("no length"));
+        }
+    }
+
+    #[test]
+    fn a_face_as_people_write_it_is_the_step_that_it_names() {
+        let lattice = Lattice { scale: [0.01; 3], ..Lattice::default() };
+        for hundredths in 0..2000u32 {
+            let p = [0, 0, crate::lattice::ORIGIN as u32 + 99_000 + hundredths];
+            let face = format!("{}.{:02}", 990 + hundredths / 100, hundredths % 100);
+            let bounds = format!("-1e9,-1e9,{face},1e9,1e9,{face}").parse().unwrap();
+            let filter = Filter { bounds: Some(bounds), ..Filter::default() }.on(&lattice).unwrap();
+            assert!(filter.in_box(p, p).keeps(p, None), "{face}");
+            assert!(!filter.in_box(p, p).keeps([p[0], p[1], p[2] + 1], None), "{face}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_point_is_kept_exactly_where_its_steps_lie_in_the_box_and_the_rectangle(
+            p: [u32; 3], a: [u32; 3], b: [u32; 3], equal in 0usize..4,
+        ) {
+            let mut a = a;
+            if equal < 3 { a[equal] = p[equal]; }
+            let (low, high) = ([0, 1, 2].map(|i| a[i].min(b[i])), [0, 1, 2].map(|i| a[i].max(b[i])));
+            let (min, max) = (lattice().world(low), lattice().world(high));
+            let filter = Filter { bounds: Some(Bounds { min, max }), ..Filter::default() };
+            let filter = filter.on(&lattice()).unwrap();
+            let within = |axes: usize| (0..axes).all(|i| low[i] <= p[i] && p[i] <= high[i]);
+            prop_assert_eq!(filter.in_box(p, p).keeps(p, None), within(3));
+            prop_assert_eq!(filter.side_of_box(p, p), if within(3) { Side::Inside } else { Side::Outside });
+            let ring = vec![[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
+            let over = Filter { polygon: Some(Polygon::new(vec![ring]).unwrap()), ..Filter::default() };
+            let over = over.on(&lattice()).unwrap();
+            // A rectangle without area has no edge that a corner could lie on.
+            if low[0] < high[0] || low[1] < high[1] {
+                prop_assert_eq!(over.in_box(p, p).keeps(p, None), within(2));
+            }
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! LAS and LAZ: header and VLRs, points in the order in which they come, EVLRs; bounds and counts are filled in
+//! at the end (LAS 1.4 R15, tables 3 to 5). What is decided before is in [`plan`], the records in [`records`].
+//!
+//! - Sources of one record keep it, and with it version, point format and extra bytes. The header is that of the
+//!   first source, in byte order of paths, and so is the global encoding; scale and offset are the lattice's.
+//! - VLRs and EVLRs are the first source's, then those of others that it lacks. Indices into the order of points
+//!   (COPC, LAX) are left out, since the order is another; so are waveform packets, which Esker does not keep.
+//! - Other sources get the least point format with a field for every attribute; of those that are no LAS 6 to 10,
+//!   version 1.4. What has no field becomes extra bytes; colours of 8 bits are widened.
+
+mod plan;
+mod records;
+
+use crate::error::ScanError;
+use crate::las::vlr::Vlr;
+use crate::write::partial::Partial;
+use crate::write::{Encoded, Export, Origins, Outline, Output};
+use esker_points::Grid;
+use laz::{LazVlr, ParLasZipCompressor};
+use plan::{Plan, is_1_4, minor};
+use records::raw;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Points of a chunk of LAZ.
+const CHUNK_POINTS: usize = 50_000;
+/// Chunks that a thread compresses in turn.
+const CHUNKS_A_THREAD: usize = 2;
+
+/// Begins a file.
+///
+/// # Errors
+/// Where it cannot be written, or LAS cannot hold the attributes.
+pub fn create(
+    path: &Path,
+    outline: &Outline,
+    origins: &mut Origins<'_>,
+    is_compressed: bool,
+) -> Result<Export, ScanError> {
+    let plan = plan::plan(path, outline, origins, is_compressed)?;
+    let Plan { header, vlrs, tail, records, laszip, notes } = plan;
+    let format = format!(
+        "{} 1.{}, point format {}",
+        if is_compressed { "LAZ" } else { "LAS" },
+        minor(&header),
+        records.point_format
+    );
+    let lattice = &outline.lattice;
+    let moved = |i: usize| lattice.shift[i] as f64 * lattice.scale[i] + lattice.offset[i];
+    let offset =
+        [0, 1, 2].map(|i| if lattice.shift[i] == 0 { lattice.offset[i] } else { moved(i) });
+    let (behind, before): (Vec<Vlr>, Vec<Vlr>) = vlrs.into_iter().partition(Vlr::is_extended);
+    let mut file = Partial::create(path)?;
+    let mut head = header.clone();
+    for v in &before {
+        head.extend_from_slice(&v.head);
+        head.extend_from_slice(&v.data);
+    }
+    head.extend_from_slice(&tail);
+    file.write_all(&head).map_err(|e| file.error(e))?;
+    let points = match laszip {
+        None => Points::Plain(file),
+        Some(laszip) => Points::Compressed(Compressor::new(file, laszip, path)?),
+    };
+    let output = LasOutput {
+        points,
+        is_legacy: records.point_format < 6,
+        grid: Grid { scale: lattice.scale, offset },
+        header,
+        points_start: head.len() as u32,
+        vlrs: before.len() as u32,
+        evlrs: behind,
+        count: 0,
+        by_return: [0; 15],
+        bounds: None,
+    };
+    Ok(Export { encode: Arc::new(records), output: Box::new(output), format, notes })
+}
+
+enum Points {
+    Plain(Partial),
+    Compressed(Compressor),
+}
+
+/// A file of which header and points are being written.
+struct LasOutput {
+    points: Points,
+    is_legacy: bool,
+    grid: Grid,
+    header: Vec<u8>,
+    points_start: u32,
+    vlrs: u32,
+    evlrs: Vec<Vlr>,
+    count: u64,
+    by_return: [u64; 15],
+    bounds: Option<[[u32; 3]; 2]>,
+}
+
+impl Output for LasOutput {
+    fn put(&mut self, points: Encoded) -> Result<(), ScanError> {
+        self.count += points.points;
+        for (sum, n) in self.by_return.iter_mut().zip(points.by_return) {
+            *sum += n;
+        }
+        self.bounds = self.bounds.into_iter().chain(points.bounds).reduce(|a, b| {
+            [[0, 1, 2].map(|i| a[0][i].min(b[0][i])), [0, 1, 2].map(|i| a[1][i].max(b[1][i]))]
+        });
+        match &mut self.points {
+            Points::Plain(file) => file.write_all(&points.bytes).map_err(|e| file.error(e)),
+            Points::Compressed(compressor) => compressor.put(&points.bytes),
+        }
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<u64, ScanError> {
+        self.fill();
+        let mut file = match self.points {
+            Points::Plain(file) => file,
+            Points::Compressed(compressor) => compressor.finish()?,
+        };
+        if !self.evlrs.is_empty() && is_1_4(&self.header) {
+            let start = file.seek(SeekFrom::End(0)).map_err(|e| file.error(e))?;
+            self.header[235..243].copy_from_slice(&start.to_le_bytes());
+            self.header[243..247].copy_from_slice(&(self.evlrs.len() as u32).to_le_bytes());
+            for v in &self.evlrs {
+                let written = file.write_all(&v.head).and_then(|()| file.write_all(&v.data));
+                written.map_err(|e| file.error(e))?;
+            }
+        }
+        file.finish(&self.header)
+    }
+}
+
+impl LasOutput {
+    /// Fills in what is known when all points are written.
+    fn fill(&mut self) {
+        let is_1_4 = is_1_4(&self.header);
+        let tells_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
+        let header = &mut self.header;
+        let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
+        put(96, &self.points_start.to_le_bytes());
+        put(100, &self.vlrs.to_le_bytes());
+        // Formats 6 to 10 have no counts of 32 bits.
+        let legacy = |n: u64| {
+            let fits = self.is_legacy && self.count <= u64::from(u32::MAX);
+            if fits || !is_1_4 { n.min(u64::from(u32::MAX)) as u32 } else { 0 }
+        };
+        put(107, &legacy(self.count).to_le_bytes());
+        for i in 0..5 {
+            put(111 + 4 * i, &legacy(self.by_return[i]).to_le_bytes());
+        }
+        for axis in 0..3 {
+            let (scale, offset) = (self.grid.scale[axis], self.grid.offset[axis]);
+            put(131 + 8 * axis, &scale.to_le_bytes());
+            put(155 + 8 * axis, &offset.to_le_bytes());
+            let bound = |end: usize| match self.bounds {
+                None => offset,
+                Some(bounds) => f64::from(raw(bounds[end][axis])) * scale + offset,
+            };
+            put(179 + 16 * axis, &bound(1).to_le_bytes());
+            put(187 + 16 * axis, &bound(0).to_le_bytes());
+        }
+        if tells_waveforms {
+            // Waveform packets are not kept.
+            put(227, &0u64.to_le_bytes());
+        }
+        if is_1_4 {
+            put(235, &[0; 12]);
+            put(247, &self.count.to_le_bytes());
+            for (i, n) in self.by_return.iter().enumerate() {
+                put(255 + 8 * i, &n.to_le_bytes());
+            }
+        }
+    }
+}
+
+/// Compresses records, chunks side by side on the current rayon pool.
+struct Compressor {
+    inner: Box<ParLasZipCompressor<Partial>>,
+    gathered: Vec<u8>,
+    chunk_bytes: usize,
+    path: std::path::PathBuf,
+}
+
+impl Compressor {
+    fn new(file: Partial, laszip: LazVlr, path: &Path) -> Result<Self, ScanError> {
+        let chunk_bytes = CHUNK_POINTS * laszip.items_size() as usize;
+        let mut inner = ParLasZipCompressor::new(file, laszip)
+            .map_err(|e| ScanError::unsupported(path, e.to_string()))?;
+        inner.reserve_offset_to_chunk_table().map_err(|e| ScanError::write(path, e))?;
+        let inner = Box::new(inner);
+        Ok(Self { inner, gathered: Vec::new(), chunk_bytes, path: path.to_owned() })
+    }
+
+    fn put(&mut self, records: &[u8]) -> Result<(), ScanError> {
+        self.gathered.extend_from_slice(records);
+        let at_once = rayon::current_num_threads() * CHUNKS_A_THREAD * self.chunk_bytes;
+        if self.gathered.len() < at_once {
+            return Ok(());
+        }
+        // Whole chunks only: the compressor would work on a rest alone, on one core.
+        let whole = self.gathered.len() / at_once * at_once;
+        let written = self.inner.compress_many(&self.gathered[..whole]);
+        self.gathered.drain(..whole);
+        written.map_err(|e| ScanError::write(&self.path, e))
+    }
+
+    fn finish(mut self) -> Result<Partial, ScanError> {
+        let written = self.inner.compress_many(&self.gathered).map_err(std::io::Error::other);
+        let written = written.and_then(|()| self.inner.done().map_err(std::io::Error::other));
+        written.map_err(|e| ScanError::write(&self.path, e))?;
+        Ok(self.inner.into_inner())
+    }
+}

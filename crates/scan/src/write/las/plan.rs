@@ -1,0 +1,325 @@
+//! What a LAS file begins and ends with, and how its records are laid out, decided from the sources before the
+//! first point. One LAS source, or several of one record: version, point format, extra bytes and all records
+//! before and behind the points are as they were. Else the least point format serves that has a field for
+//! every attribute; what has none becomes extra bytes.
+
+use super::records::Records;
+use crate::error::ScanError;
+use crate::las::EXTRA_BYTES_MAX;
+use crate::las::extra_bytes;
+use crate::las::header::{Header, format_bytes};
+use crate::las::points::Layout;
+use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::write::{Origin, Origins, Outline};
+use esker_points::attribute::names;
+use esker_points::{AttrType, Attribute, Schema};
+use laz::{LazVlr, LazVlrBuilder};
+use std::path::Path;
+
+/// Bytes of a header of LAS 1.0 to 1.5.
+const HEADER_BYTES: [u16; 6] = [227, 227, 227, 235, 375, 393];
+const HEADER_BYTES_1_4: u16 = HEADER_BYTES[4];
+/// Bit of the global encoding: the CRS is WKT.
+const WKT_BIT: u16 = 1 << 4;
+/// Descriptions of extra bytes that fit a VLR.
+const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYTES;
+/// Bytes of VLRs at most: a header tells where points begin in 32 bits.
+const VLR_BYTES_MAX: usize = 1 << 30;
+
+/// What was decided.
+pub struct Plan {
+    /// The header, but for counts, bounds and places.
+    pub header: Vec<u8>,
+    /// VLRs and then EVLRs.
+    pub vlrs: Vec<Vlr>,
+    /// Bytes between the VLRs and the points.
+    pub tail: Vec<u8>,
+    /// How records are laid out.
+    pub records: Records,
+    /// How they are compressed, if they are.
+    pub laszip: Option<LazVlr>,
+    /// What is not as in the sources, a line each.
+    pub notes: Vec<String>,
+}
+
+/// What the sources had, gathered one by one.
+#[derive(Default)]
+struct Found {
+    /// Header, VLRs and tail of the first LAS source.
+    first: Option<(Vec<u8>, Vec<Vlr>, Vec<u8>)>,
+    /// The record that all sources so far have.
+    layout: Option<(u8, Layout)>,
+    /// Whether sources differ, or one is no LAS.
+    differ: bool,
+    /// Whether a source is no LAS of point format 0 to 5.
+    modern: bool,
+    minor: u8,
+    wkt: Option<String>,
+    dropped: Vec<&'static str>,
+    conflicts: usize,
+}
+
+/// Decides.
+///
+/// # Errors
+/// Where a source cannot be read, or LAS cannot hold the attributes.
+pub fn plan(
+    path: &Path,
+    outline: &Outline,
+    origins: &mut Origins<'_>,
+    is_compressed: bool,
+) -> Result<Plan, ScanError> {
+    let mut found = Found::default();
+    let mut sources = 0usize;
+    for origin in origins {
+        sources += 1;
+        found.add(&origin?, sources == 1);
+    }
+    let of_source = found.layout.as_ref().filter(|_| !found.differ);
+    let of_source =
+        of_source.and_then(|(f, layout)| Records::of_source(*f, layout, &outline.schema));
+    let is_restored = of_source.is_some();
+    let mut notes = Vec::new();
+    let (records, extra) = match of_source {
+        Some(records) => (records, Vec::new()),
+        None => {
+            let format = least_format(&outline.schema, found.modern || found.layout.is_none());
+            Records::of_format(format, format_bytes(format).unwrap_or(0), &outline.schema)
+        }
+    };
+    check_extra(path, &records, &extra)?;
+    let (header, mut vlrs, tail) =
+        found.first.take().unwrap_or_else(|| new_head(found.wkt.as_deref()));
+    if !is_restored {
+        vlrs.retain(|v| !(v.user == "LASF_Spec" && v.record == 4));
+        if !extra.is_empty() {
+            vlrs.insert(0, vlr("LASF_Spec", 4, "extra bytes", extra_bytes::describe_all(&extra)));
+        }
+        found.note_format(sources, &records, &extra, &mut notes);
+    }
+    let laszip = is_compressed.then(|| laszip(path, &records)).transpose()?;
+    place_laszip(laszip.as_ref(), &mut vlrs, path)?;
+    if vlrs.iter().map(|v| v.head.len() + v.data.len()).sum::<usize>() > VLR_BYTES_MAX {
+        return Err(ScanError::unsupported(path, "its VLRs would take over a GiB"));
+    }
+    found.differ = !is_restored;
+    let mut header = with_version(header, &found, &records, outline.points_max, &mut notes);
+    header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
+    header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
+    notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
+    if found.conflicts > 0 {
+        let n = found.conflicts;
+        notes.push(format!("{n} VLRs of later sources differ from the first's and are left out"));
+    }
+    Ok(Plan { header, vlrs, tail, records, laszip, notes })
+}
+
+impl Found {
+    fn add(&mut self, origin: &Origin, is_first: bool) {
+        if self.wkt.is_none() {
+            self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(|t| t.contains('['));
+        }
+        let parsed = origin.block("las header").and_then(|bytes| {
+            // The blocks were checked when they were read; here they only must not be believed.
+            let header = Header::parse(bytes, u64::MAX, Path::new("")).ok()?;
+            (header.header_bytes == bytes.len() as u64).then_some((bytes, header))
+        });
+        let Some((bytes, header)) = parsed else {
+            (self.differ, self.modern) = (true, true);
+            return;
+        };
+        let empty: &[u8] = &[];
+        let block = |name| origin.block(name).unwrap_or(empty);
+        let (records, tail) = of_blocks(&header, block("las vlrs"), block("las evlrs"));
+        self.modern |= header.point_format >= 6;
+        self.minor = self.minor.max(header.minor);
+        let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
+        if extra <= EXTRA_BYTES_MAX {
+            let attributes = extra_bytes::attributes(&records, extra, &mut Vec::new());
+            let layout = Layout::new(header.point_format, header.record_bytes, attributes);
+            let same = self.layout.as_ref().is_none_or(|(format, l)| {
+                *format == header.point_format
+                    && l.schema == layout.schema
+                    && l.fields == layout.fields
+            });
+            self.differ |= !same || (self.layout.is_none() && !is_first);
+            self.layout.get_or_insert((header.point_format, layout));
+        } else {
+            self.differ = true;
+        }
+        let mut vlrs = records.vlrs;
+        vlrs.retain(|v| self.is_kept(v));
+        match &mut self.first {
+            None => self.first = Some((bytes.to_vec(), vlrs, tail.to_vec())),
+            Some((_, kept, _)) => {
+                for v in vlrs {
+                    match kept.iter().find(|k| k.user == v.user && k.record == v.record) {
+                        None => kept.push(v),
+                        Some(k) if k.data != v.data => self.conflicts += 1,
+                        Some(_) => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a record says something that still holds: indices into the order of points do not.
+    fn is_kept(&mut self, vlr: &Vlr) -> bool {
+        let what = match (vlr.user.as_str(), vlr.record) {
+            ("copc", _) => "the sources' COPC index is left out: the order of points is another",
+            ("LAStools", 30) => {
+                "the sources' spatial index is left out: the order of points is another"
+            }
+            _ => return true,
+        };
+        if !self.dropped.contains(&what) {
+            self.dropped.push(what);
+        }
+        false
+    }
+
+    fn note_format(
+        &self,
+        sources: usize,
+        records: &Records,
+        extra: &[Attribute],
+        notes: &mut Vec<String>,
+    ) {
+        if self.layout.is_some() && sources > 1 {
+            notes.push(format!(
+                "the sources' records differ: all are written in point format {}, with zeros for what a point lacks",
+                records.point_format
+            ));
+        }
+        if !extra.is_empty() {
+            let names: Vec<_> = extra.iter().map(|a| a.name.as_str()).collect();
+            notes.push(format!("as extra bytes: {}", names.join(", ")));
+        }
+    }
+}
+
+/// The least point format that has a field for every attribute that any has.
+fn least_format(schema: &Schema, modern: bool) -> u8 {
+    let has = |name, ty| schema.find_typed(name, ty).is_some();
+    let colour = schema.rgb().is_some();
+    let nir = has(names::NIR, AttrType::U16);
+    let time = has(names::GPS_TIME, AttrType::F64);
+    let wave = has(names::WAVE_OFFSET, AttrType::U64);
+    match (modern, wave, nir, colour, time) {
+        (true, true, false, false, _) => 9,
+        (true, true, _, _, _) => 10,
+        (true, false, true, _, _) => 8,
+        (true, false, false, true, _) => 7,
+        (true, false, false, false, _) => 6,
+        (false, true, _, colour, _) => 4 + u8::from(colour),
+        (false, false, _, colour, time) => u8::from(time) + 2 * u8::from(colour),
+    }
+}
+
+fn check_extra(path: &Path, records: &Records, extra: &[Attribute]) -> Result<(), ScanError> {
+    let bytes: usize = extra.iter().map(|a| a.ty.size()).sum();
+    if extra.len() > DESCRIPTIONS_MAX || bytes > EXTRA_BYTES_MAX || records.record_bytes > 0xffff {
+        let what = format!(
+            "{} attributes of {bytes} bytes have no field in LAS; {DESCRIPTIONS_MAX} of {EXTRA_BYTES_MAX} bytes are written at most: export as .ply",
+            extra.len()
+        );
+        return Err(ScanError::unsupported(path, what));
+    }
+    Ok(())
+}
+
+/// Header and VLRs of a file whose sources had none.
+fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
+    let mut header = vec![0; usize::from(HEADER_BYTES_1_4)];
+    let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, b"LASF");
+    put(24, &[1, 4]);
+    put(26, b"OTHER");
+    put(58, concat!("Esker ", env!("CARGO_PKG_VERSION")).as_bytes());
+    // Day and year of creation stay zero: the same points are the same file.
+    put(94, &HEADER_BYTES_1_4.to_le_bytes());
+    let mut vlrs = Vec::new();
+    if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
+        put(6, &WKT_BIT.to_le_bytes());
+        vlrs.push(vlr("LASF_Projection", 2112, "WKT", [wkt.as_bytes(), &[0]].concat()));
+    }
+    (header, vlrs, Vec::new())
+}
+
+/// The header in a version that has the point format and can count the points. One that is restored stays as it
+/// was, unless there are more points than it can count.
+fn with_version(
+    mut header: Vec<u8>,
+    found: &Found,
+    records: &Records,
+    points_max: u64,
+    notes: &mut Vec<String>,
+) -> Vec<u8> {
+    let is_many = points_max > u64::from(u32::MAX);
+    let needed = match records.point_format {
+        _ if is_many => 4,
+        _ if !found.differ => 0,
+        0..=1 => 0,
+        2..=3 => 2,
+        4..=5 => 3,
+        _ => 4,
+    };
+    let own = minor(&header);
+    let minor = if found.differ { found.minor.min(4) } else { own }.max(needed);
+    if minor > own {
+        notes.push(format!("written as LAS 1.{minor}, which its records need"));
+        let bytes = HEADER_BYTES[usize::from(minor)];
+        header.truncate(usize::from(HEADER_BYTES[usize::from(own)]));
+        header.resize(usize::from(bytes), 0);
+        header[25] = minor;
+        header[94..96].copy_from_slice(&bytes.to_le_bytes());
+    }
+    header
+}
+
+fn vlr(user: &str, record: u16, description: &str, data: Vec<u8>) -> Vlr {
+    let mut head = vec![0; VLR_HEAD_BYTES];
+    head[2..2 + user.len()].copy_from_slice(user.as_bytes());
+    head[18..20].copy_from_slice(&record.to_le_bytes());
+    // Fits: the callers' records are bounded to 16 bits of length.
+    head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
+    head[22..22 + description.len()].copy_from_slice(description.as_bytes());
+    Vlr { user: user.to_owned(), record, head, data }
+}
+
+fn laszip(path: &Path, records: &Records) -> Result<LazVlr, ScanError> {
+    let extra = records.record_bytes - format_bytes(records.point_format).unwrap_or(0);
+    LazVlrBuilder::default()
+        .with_point_format(records.point_format, extra as u16)
+        .map(|builder| builder.build())
+        .map_err(|e| ScanError::unsupported(path, format!("cannot be compressed: {e}")))
+}
+
+/// Puts the LASzip record where the source's was, or behind the other VLRs; takes that of the source out.
+fn place_laszip(
+    laszip: Option<&LazVlr>,
+    vlrs: &mut Vec<Vlr>,
+    path: &Path,
+) -> Result<(), ScanError> {
+    let is_laszip = |v: &Vlr| v.user == LazVlr::USER_ID && v.record == LazVlr::RECORD_ID;
+    let place = vlrs.iter().position(is_laszip);
+    vlrs.retain(|v| !is_laszip(v));
+    if let Some(laszip) = laszip {
+        let mut data = Vec::new();
+        laszip.write_to(&mut data).map_err(|e| ScanError::unsupported(path, e.to_string()))?;
+        let behind = vlrs.iter().position(Vlr::is_extended).unwrap_or(vlrs.len());
+        let record = vlr(LazVlr::USER_ID, LazVlr::RECORD_ID, LazVlr::DESCRIPTION, data);
+        vlrs.insert(place.unwrap_or(behind).min(behind), record);
+    }
+    Ok(())
+}
+
+/// The minor version of a header.
+pub fn minor(header: &[u8]) -> u8 {
+    header[25]
+}
+
+/// Whether a header tells counts in 64 bits and EVLRs.
+pub fn is_1_4(header: &[u8]) -> bool {
+    minor(header) >= 4 && header.len() >= usize::from(HEADER_BYTES_1_4)
+}

@@ -1,0 +1,173 @@
+//! Columns to point records: the way back of [`crate::las::points`]. What the record has a field for is put there,
+//! all else behind it, as extra bytes.
+
+use crate::las::points::{Field, Layout, Take};
+use crate::write::{Encode, Encoded};
+use esker_points::attribute::names;
+use esker_points::lattice::ORIGIN;
+use esker_points::{AttrType, Attribute, Batch, Schema};
+
+/// Records filled before the next column's turn: they stay in the first-level cache meanwhile.
+const BLOCK_POINTS: usize = 512;
+/// Degrees of a step of the scan angle of formats 6 to 10.
+const ANGLE_STEP: f64 = 0.006;
+
+/// How a value goes into a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Put {
+    /// As the reader takes it out.
+    Back(Take),
+    /// A colour of 8 bits into a field of 16: times 256, as the specification asks.
+    Widened,
+    /// Whole degrees into steps of 0.006 degrees, of points that have no other angle.
+    Degrees,
+}
+
+/// Where the values of a column go.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    column: usize,
+    bytes: usize,
+    offset: usize,
+    put: Put,
+}
+
+/// The records of a file.
+#[derive(Clone, Debug)]
+pub struct Records {
+    /// Point format, 0 to 10.
+    pub point_format: u8,
+    /// Bytes of a record.
+    pub record_bytes: usize,
+    places: Vec<Place>,
+}
+
+impl Records {
+    /// The records that a source had, where its attributes are exactly those of the outline.
+    pub fn of_source(point_format: u8, layout: &Layout, schema: &Schema) -> Option<Self> {
+        let own = &layout.schema.attributes;
+        if !own.iter().map(Attribute::key).eq(schema.attributes.iter().map(Attribute::key)) {
+            return None;
+        }
+        let places = layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
+        let places = places.collect();
+        Some(Self { point_format, record_bytes: layout.record_bytes, places })
+    }
+
+    /// Records of a point format for any attributes; and those that become extra bytes.
+    pub fn of_format(
+        point_format: u8,
+        base_bytes: usize,
+        schema: &Schema,
+    ) -> (Self, Vec<Attribute>) {
+        let base = Layout::new(point_format, base_bytes, Vec::new());
+        let mut records = Self { point_format, record_bytes: base_bytes, places: Vec::new() };
+        let mut extra = Vec::new();
+        for (column, attribute) in schema.attributes.iter().enumerate() {
+            let of = |name: &str, ty| base.schema.find_typed(name, ty).map(|i| base.fields[i]);
+            let name = attribute.name.as_str();
+            let colour = [names::RED, names::GREEN, names::BLUE].contains(&name);
+            let bytes = attribute.ty.size();
+            let place = |field: Field, put| Place { column, bytes, offset: field.offset, put };
+            let found = match attribute.ty {
+                AttrType::U8 if colour => of(name, AttrType::U16).map(|f| place(f, Put::Widened)),
+                AttrType::I8 if name == names::SCAN_ANGLE_RANK && point_format >= 6 => {
+                    of(names::SCAN_ANGLE, AttrType::I16).map(|f| place(f, Put::Degrees))
+                }
+                ty => of(name, ty).map(|field| back(column, &field)),
+            };
+            records.places.push(found.unwrap_or_else(|| {
+                extra.push(attribute.clone());
+                let offset = records.record_bytes;
+                records.record_bytes += bytes;
+                Place { column, bytes, offset, put: Put::Back(Take::Copy) }
+            }));
+        }
+        (records, extra)
+    }
+}
+
+fn back(column: usize, field: &Field) -> Place {
+    Place { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
+}
+
+impl Encode for Records {
+    fn encode(&self, batch: &Batch) -> Encoded {
+        let stride = self.record_bytes;
+        let mut out = Encoded { points: batch.len() as u64, ..Encoded::default() };
+        out.bytes = vec![0; batch.len() * stride];
+        let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+        let blocks = out.bytes.chunks_mut(BLOCK_POINTS * stride);
+        for (block, (records, positions)) in
+            blocks.zip(batch.positions.chunks(BLOCK_POINTS)).enumerate()
+        {
+            for (record, p) in records.chunks_exact_mut(stride).zip(positions) {
+                for axis in 0..3 {
+                    low[axis] = low[axis].min(p[axis]);
+                    high[axis] = high[axis].max(p[axis]);
+                    record[4 * axis..][..4].copy_from_slice(&raw(p[axis]).to_le_bytes());
+                }
+            }
+            let first = block * BLOCK_POINTS;
+            for place in &self.places {
+                let values = &batch.columns[place.column][first * place.bytes..];
+                place.scatter(&values[..positions.len() * place.bytes], records, stride);
+            }
+            for record in records.chunks_exact(stride) {
+                let number = record[14] & if self.point_format < 6 { 7 } else { 15 };
+                if let Some(n) = usize::from(number).checked_sub(1) {
+                    out.by_return[n] += 1;
+                }
+            }
+        }
+        out.bounds = (!batch.is_empty()).then_some([low, high]);
+        out
+    }
+}
+
+/// The raw coordinate of a lattice coordinate.
+pub fn raw(u: u32) -> i32 {
+    // The lattice is as wide as what a record holds.
+    (i64::from(u) - ORIGIN) as i32
+}
+
+impl Place {
+    /// Puts values into whole records whose bytes are zero where nothing was put yet.
+    fn scatter(self, values: &[u8], records: &mut [u8], stride: usize) {
+        let rows = records.chunks_exact_mut(stride).map(|r| &mut r[self.offset..]);
+        match (self.put, self.bytes) {
+            (Put::Back(Take::Copy), 1) => copy::<1>(rows, values),
+            (Put::Back(Take::Copy), 2) => copy::<2>(rows, values),
+            (Put::Back(Take::Copy), 4) => copy::<4>(rows, values),
+            (Put::Back(Take::Copy), _) => copy::<8>(rows, values),
+            (Put::Back(Take::LegacyReturns), _) => {
+                each(rows, values, |r, v| r[0] |= (v & 7) | (v >> 4 & 7) << 3);
+            }
+            (Put::Back(Take::LegacyFlags), _) => each(rows, values, |r, v| {
+                r[0] |= v & 0xc0;
+                r[1] |= v << 5;
+            }),
+            (Put::Back(Take::LegacyClass), _) => each(rows, values, |r, v| r[0] |= v & 0x1f),
+            (Put::Widened, _) => each(rows, values, |r, v| r[1] |= v),
+            (Put::Degrees, _) => each(rows, values, |r, v| {
+                if r[..2] == [0, 0] {
+                    let steps = (f64::from(v as i8) / ANGLE_STEP).round() as i16;
+                    r[..2].copy_from_slice(&steps.to_le_bytes());
+                }
+            }),
+        }
+    }
+}
+
+/// Zeros leave what another attribute has put: a file may have a colour of 8 and one of 16 bits.
+fn copy<'a, const N: usize>(rows: impl Iterator<Item = &'a mut [u8]>, values: &[u8]) {
+    for (row, value) in rows.zip(values.chunks_exact(N)) {
+        for (byte, v) in row[..N].iter_mut().zip(value) {
+            *byte |= v;
+        }
+    }
+}
+
+fn each<'a>(rows: impl Iterator<Item = &'a mut [u8]>, values: &[u8], put: impl Fn(&mut [u8], u8)) {
+    rows.zip(values).for_each(|(row, &value)| put(row, value));
+}

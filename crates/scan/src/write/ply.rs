@@ -1,0 +1,195 @@
+//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the usual order;
+//! comments of the first source's header. Coordinates are singles where all sources held singles, and then
+//! exactly theirs; else doubles.
+
+use super::coordinates::Coordinates;
+use super::partial::Partial;
+use super::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
+use crate::error::ScanError;
+use crate::text::naming::axis;
+use esker_points::attribute::names;
+use esker_points::lattice::GridKind;
+use esker_points::{AttrType, Attribute, Batch};
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Digits of the greatest count.
+const COUNT_DIGITS: usize = 20;
+/// Attributes that stand first, in this order; others follow by name.
+const FIRST: [&str; 8] = [
+    names::NX,
+    names::NY,
+    names::NZ,
+    names::RED,
+    names::GREEN,
+    names::BLUE,
+    "alpha",
+    names::INTENSITY,
+];
+
+/// Begins a file.
+///
+/// # Errors
+/// Where it cannot be written.
+pub fn create(
+    path: &Path,
+    outline: &Outline,
+    origins: &mut Origins<'_>,
+) -> Result<Export, ScanError> {
+    let mut comments = None;
+    let (mut is_single, mut is_ply) = (true, true);
+    for origin in origins {
+        let origin = origin?;
+        let text = origin.block("PLY header").map(String::from_utf8_lossy);
+        is_ply &= text.is_some();
+        is_single &= holds_singles(&origin, text.as_deref());
+        comments.get_or_insert_with(|| comments_of(&origin, text.as_deref()));
+    }
+    let coordinates = Coordinates::new(&outline.lattice, is_single);
+    let mut head = String::new();
+    let place = if coordinates.single { AttrType::F32 } else { AttrType::F64 };
+    for axis in ["x", "y", "z"] {
+        let _ = writeln!(head, "property {} {axis}", type_name(place));
+    }
+    let attributes = &outline.schema.attributes;
+    let mut columns: Vec<(usize, usize)> =
+        attributes.iter().enumerate().map(|(i, a)| (i, a.ty.size())).collect();
+    let rank = |&(i, _): &(usize, usize)| FIRST.iter().position(|n| *n == attributes[i].name);
+    columns.sort_by_key(|c| rank(c).unwrap_or(FIRST.len()));
+    for &(i, _) in &columns {
+        let name = property_name(&attributes[i], is_ply);
+        let _ = writeln!(head, "property {} {name}", type_name(attributes[i].ty));
+    }
+    head.push_str("end_header\n");
+    let mut file = Partial::create(path)?;
+    let comments = comments.unwrap_or_default();
+    let output = |count| header(&comments, count, &head);
+    file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
+    let stride = 3 * place.size() + columns.iter().map(|c| c.1).sum::<usize>();
+    let encode = Vertices { coordinates, columns, stride };
+    let output = PlyOutput { file, comments, head, count: 0 };
+    Ok(Export {
+        encode: Arc::new(encode),
+        output: Box::new(output),
+        format: "PLY 1.0, binary little-endian".into(),
+        notes: Vec::new(),
+    })
+}
+
+/// The header for a count, of one length whatever it is.
+fn header(comments: &str, count: u64, properties: &str) -> String {
+    let filling = COUNT_DIGITS - count.to_string().len();
+    let program = concat!("comment written by Esker ", env!("CARGO_PKG_VERSION"));
+    format!(
+        "ply\nformat binary_little_endian 1.0\n{comments}{program}{:filling$}\nelement vertex {count}\n{properties}",
+        ""
+    )
+}
+
+/// Whether a source held its coordinates as singles, and they were read as such.
+fn holds_singles(origin: &Origin, ply_header: Option<&str>) -> bool {
+    let is_single = |text: &str| {
+        let mut axes = 0;
+        for line in text.lines() {
+            let words: Vec<&str> = line.split_ascii_whitespace().collect();
+            if let ["property", ty, name] = words[..]
+                && axis(name).is_some()
+            {
+                if !matches!(ty, "float" | "float32") {
+                    return false;
+                }
+                axes += 1;
+            }
+        }
+        axes >= 3
+    };
+    origin.kind == GridKind::Float && ply_header.is_some_and(is_single)
+}
+
+/// Comments of a PLY source; for others their CRS as one.
+fn comments_of(origin: &Origin, ply_header: Option<&str>) -> String {
+    let mut out = String::new();
+    let own = ["comment written by Esker"];
+    let is_comment = |line: &&str| {
+        (line.starts_with("comment") || line.starts_with("obj_info"))
+            && !own.iter().any(|o| line.starts_with(o))
+    };
+    for line in ply_header.unwrap_or_default().lines().filter(is_comment) {
+        let _ = writeln!(out, "{}", line.trim_end());
+    }
+    if let (Some(crs), None) = (&origin.crs, ply_header) {
+        let text: Vec<&str> = crs.text.split_whitespace().collect();
+        let _ = writeln!(out, "comment crs {}", text.join(" "));
+    }
+    out
+}
+
+/// The name of a property. PLY's names have no blanks; those of PLY sources are as they were.
+fn property_name(attribute: &Attribute, is_ply: bool) -> String {
+    let blank = |c: char| c.is_whitespace() || c.is_control();
+    if is_ply { attribute.name.clone() } else { attribute.name.replace(blank, "_") }
+}
+
+fn type_name(ty: AttrType) -> &'static str {
+    match ty {
+        AttrType::U8 => "uchar",
+        AttrType::I8 => "char",
+        AttrType::U16 => "ushort",
+        AttrType::I16 => "short",
+        AttrType::U32 => "uint",
+        AttrType::I32 => "int",
+        // No words of 1994: as some programs write them.
+        AttrType::U64 => "uint64",
+        AttrType::I64 => "int64",
+        AttrType::F32 => "float",
+        AttrType::F64 => "double",
+    }
+}
+
+struct Vertices {
+    coordinates: Coordinates,
+    /// Index and bytes of each attribute, in the order of the properties.
+    columns: Vec<(usize, usize)>,
+    stride: usize,
+}
+
+impl Encode for Vertices {
+    fn encode(&self, batch: &Batch) -> Encoded {
+        let mut bytes = Vec::with_capacity(batch.len() * self.stride);
+        for (i, p) in batch.positions.iter().enumerate() {
+            for (axis, &u) in p.iter().enumerate() {
+                let value = self.coordinates.value(axis, u);
+                if self.coordinates.single {
+                    bytes.extend_from_slice(&(value as f32).to_le_bytes());
+                } else {
+                    bytes.extend_from_slice(&value.to_le_bytes());
+                }
+            }
+            for &(column, size) in &self.columns {
+                bytes.extend_from_slice(&batch.columns[column][i * size..][..size]);
+            }
+        }
+        Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }
+    }
+}
+
+struct PlyOutput {
+    file: Partial,
+    comments: String,
+    head: String,
+    count: u64,
+}
+
+impl Output for PlyOutput {
+    fn put(&mut self, points: Encoded) -> Result<(), ScanError> {
+        self.count += points.points;
+        self.file.write_all(&points.bytes).map_err(|e| self.file.error(e))
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64, ScanError> {
+        let head = header(&self.comments, self.count, &self.head);
+        self.file.finish(head.as_bytes())
+    }
+}

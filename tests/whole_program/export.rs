@@ -1,0 +1,373 @@
+//! What was built is exported again: the same multiset of points, and of LAS the same records to the bit, with
+//! header, VLRs and EVLRs as the source had them. What a filter wants is what a plain reading of the scan gives.
+
+use crate::folder::Folder;
+use crate::program::{Outcome, build, esker, sample, verify};
+use crate::trial;
+use libtest_mimic::Trial;
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::path::Path;
+
+pub fn trials(trials: &mut Vec<Trial>) {
+    trials.push(trial("export: the sample comes back in every format", sample_comes_back));
+    trials.push(trial("export: text and PLY come back as they were", small_files_come_back));
+    trials.push(trial("export: what is wanted is what a plain reading gives", filters));
+    trials.push(trial("export: nothing wanted is an error and leaves no file", nothing_wanted));
+    trials.push(trial("export: threads do not change a byte", threads));
+    trials.push(trial("export: reports its fields", reports));
+    trials.push(trial("export: of no points is a file of no points", no_points));
+}
+
+/// Exports `file` to `out`; what came of it.
+pub fn export(file: &Path, out: &Path, more: &[&str]) -> Outcome {
+    let words = [OsStr::new("export"), file.as_os_str(), OsStr::new("-o"), out.as_os_str()];
+    let rest = ["--json", "--progress", "none"].into_iter().chain(more.iter().copied());
+    esker(words.into_iter().chain(rest.map(OsStr::new)))
+}
+
+/// Holds that a built file gives its only scan back, in the scan's own format.
+pub fn gives_back(scan: &Path, file: &Path) {
+    let folder = Folder::new();
+    let head = head_of(scan);
+    let endings: &[&str] = match &head {
+        h if h.starts_with(b"LASF") => &["las", "laz"],
+        h if h.starts_with(b"ply") || h.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) => &["ply"],
+        _ => &["xyz", "csv"],
+    };
+    for ending in endings {
+        let out = folder.file(&format!("out.{ending}"));
+        let report = export(file, &out, &[]).json();
+        assert_eq!(
+            (&report["hash_equal"], &report["points_out"]),
+            (&true.into(), &report["points_in"])
+        );
+        assert_eq!(report["bytes_out"], std::fs::metadata(&out).unwrap().len());
+        verify(file, &[&out]).json();
+        if head.starts_with(b"LASF") {
+            let (source, back) = (las::File::read(scan), las::File::read(&out));
+            source.same_head(&back, scan);
+            if !source.is_compressed && !back.is_compressed {
+                assert!(source.sorted_records() == back.sorted_records(), "{}", scan.display());
+            }
+        }
+    }
+    assert_eq!(folder.names().len(), endings.len(), "nothing else is left");
+}
+
+fn head_of(path: &Path) -> Vec<u8> {
+    use std::io::Read;
+    let mut head = Vec::new();
+    std::fs::File::open(path).unwrap().take(8).read_to_end(&mut head).unwrap();
+    head
+}
+
+/// As much of LAS as is needed to compare two files, by the words of its specification.
+mod las {
+    use std::collections::BTreeMap;
+    use std::path::Path;
+
+    pub struct File {
+        bytes: Vec<u8>,
+        pub is_compressed: bool,
+    }
+
+    /// Head and data of a VLR or EVLR.
+    type Record = (Vec<u8>, Vec<u8>);
+
+    impl File {
+        pub fn read(path: &Path) -> Self {
+            let bytes = std::fs::read(path).unwrap();
+            let is_compressed = bytes[104] & 0xc0 != 0;
+            Self { bytes, is_compressed }
+        }
+
+        fn number(&self, at: usize, bytes: usize) -> usize {
+            self.bytes[at..at + bytes].iter().rev().fold(0, |n, &b| n << 8 | usize::from(b))
+        }
+
+        fn float(&self, at: usize) -> f64 {
+            f64::from_le_bytes(self.bytes[at..at + 8].try_into().unwrap())
+        }
+
+        fn is_1_4(&self) -> bool {
+            self.bytes[25] >= 4 && self.number(94, 2) >= 375
+        }
+
+        pub fn points(&self) -> usize {
+            match if self.is_1_4() { self.number(247, 8) } else { 0 } {
+                0 => self.number(107, 4),
+                n => n,
+            }
+        }
+
+        pub fn sorted_records(&self) -> Vec<&[u8]> {
+            let (start, stride) = (self.number(96, 4), self.number(105, 2));
+            let mut records: Vec<&[u8]> =
+                self.bytes[start..].chunks_exact(stride).take(self.points()).collect();
+            records.sort_unstable();
+            records
+        }
+
+        /// VLRs and EVLRs that still hold: not how points are compressed, nor indices into their order.
+        fn records(&self) -> [Vec<Record>; 2] {
+            let mut at = self.number(94, 2);
+            let mut walk = |number: usize, start: Option<usize>, head: usize, length: usize| {
+                at = start.unwrap_or(at);
+                let mut found = Vec::new();
+                for _ in 0..number {
+                    if at + head > self.bytes.len() {
+                        break;
+                    }
+                    let bytes = self.number(at + 20, length);
+                    let Some(data) = self.bytes[at + head..].get(..bytes) else { break };
+                    found.push((self.bytes[at..at + head].to_vec(), data.to_vec()));
+                    at += head + bytes;
+                }
+                let users = [&b"laszip encoded"[..], b"copc", b"LAStools"];
+                found.retain(|(h, _)| !users.iter().any(|u| h[2..].starts_with(u)));
+                // Waveform packets.
+                found.retain(|(h, _)| h[18..20] != [255, 255]);
+                found
+            };
+            let before = walk(self.number(100, 4), None, 54, 2);
+            let (start, number) =
+                if self.is_1_4() { (self.number(235, 8), self.number(243, 4)) } else { (0, 0) };
+            let behind = if number > 0 { walk(number, Some(start), 60, 8) } else { Vec::new() };
+            [before, behind]
+        }
+
+        /// Holds that another file has all of this one's head that does not follow from the order of points.
+        pub fn same_head(&self, other: &Self, shown: &Path) {
+            let shown = shown.display();
+            assert_eq!(self.number(94, 2), other.number(94, 2), "{shown}: bytes of the header");
+            assert_eq!(self.bytes[104] & 0x3f, other.bytes[104] & 0x3f, "{shown}: point format");
+            // Source id, global encoding, GUID, version, system, program, date; record; scale and offset; and what
+            // newer versions have behind the counts.
+            for range in [4..94, 105..107, 131..179, 375..self.number(94, 2).max(375)] {
+                assert_eq!(
+                    self.bytes[range.clone()],
+                    other.bytes[range.clone()],
+                    "{shown}: {range:?}"
+                );
+            }
+            assert_eq!(self.points(), other.points(), "{shown}");
+            let [a, b] = [self.records(), other.records()];
+            assert!(a == b, "{shown}: VLRs {:?}", [a, b].map(|r| r.map(|r| r.len())));
+            for axis in 0..3 {
+                let bound = |f: &Self, at: usize| f.float(at + 16 * axis);
+                if other.points() > 0 {
+                    assert!(bound(other, 187) <= bound(other, 179), "{shown}");
+                }
+            }
+        }
+
+        /// Points by number of return, and the bounds that the header tells.
+        pub fn hold_counts_and_bounds(&self) {
+            let records = self.sorted_records();
+            let mask = if self.bytes[104] & 0x3f < 6 { 7 } else { 15 };
+            let mut counts = BTreeMap::<u8, usize>::new();
+            let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+            for r in &records {
+                *counts.entry(r[14] & mask).or_default() += 1;
+                for axis in 0..3 {
+                    let raw = i32::from_le_bytes(r[4 * axis..][..4].try_into().unwrap());
+                    let world =
+                        f64::from(raw) * self.float(131 + 8 * axis) + self.float(155 + 8 * axis);
+                    bounds[0][axis] = bounds[0][axis].min(world);
+                    bounds[1][axis] = bounds[1][axis].max(world);
+                }
+            }
+            for n in 1..=5usize {
+                let told = match self.bytes[104] & 0x3f {
+                    0..6 => self.number(107 + 4 * n, 4),
+                    _ => self.number(247 + 8 * n, 8),
+                };
+                assert_eq!(told, counts.get(&(n as u8)).copied().unwrap_or(0));
+            }
+            for axis in 0..3 {
+                assert_eq!(self.float(187 + 16 * axis), bounds[0][axis]);
+                assert_eq!(self.float(179 + 16 * axis), bounds[1][axis]);
+            }
+        }
+    }
+}
+
+fn built_sample(folder: &Folder) -> std::path::PathBuf {
+    let out = folder.file("built.esker");
+    build(&[sample()], &out, &["--node-capacity", "8192"]);
+    out
+}
+
+fn sample_comes_back() {
+    let folder = Folder::new();
+    let built = built_sample(&folder);
+    gives_back(&sample(), &built);
+    // Through another format, the points are still the same.
+    let las = folder.file("out.las");
+    export(&built, &las, &[]).json();
+    las::File::read(&las).hold_counts_and_bounds();
+    let ply = folder.file("out.ply");
+    export(&built, &ply, &[]).json();
+    verify(&built, &[&ply]).json();
+    // And once more, from what came out.
+    let again = folder.file("again.esker");
+    let report = build(&[&las], &again, &["--node-capacity", "8192"]);
+    assert_eq!(report["multiset_hash"], verify::<&str>(&built, &[]).json()["multiset_hash"]);
+}
+
+fn small_files_come_back() {
+    let folder = Folder::new();
+    let built = folder.file("built.esker");
+    let ply = "ply\nformat ascii 1.0\ncomment a note\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float nx\n\
+        property float ny\nproperty float nz\nproperty double my value\nend_header\n\
+        0.1 -2.25 3 1 2 255 0 0.6 -0.8 nan\n1e-3 4 5 0 0 0 1 0 0 1e300\n0.1 -2.25 3 1 2 255 0 0.6 -0.8 -0.0\n";
+    let csv = "x,y,z,Echo Ratio,count\n1.25,-2,3.125,-0.5,70000\n-1e3,2,0.001,1e-7,-1\n";
+    for (name, text) in [
+        ("a.ply", ply),
+        ("a.csv", csv),
+        ("a.xyz", "1 2 3\n-4.5 5.25 6\n1 2 3\n"),
+        ("b.xyz", "0.000000000001 2 3 7\n0 0 0 8\n"),
+        ("c.xyz", "500000.125 6000000.5 30.25 12 34 56\n500001 6000001 31 1 2 3\n"),
+    ] {
+        let scan = folder.write(name, text);
+        build(&[&scan], &built, &[]);
+        gives_back(&scan, &built);
+        // And as LAS: coordinates are exact where its integers are the lattice's.
+        let las = folder.file("out.las");
+        let report = export(&built, &las, &[]).json();
+        assert_eq!(report["points_out"], report["points_in"]);
+        las::File::read(&las).hold_counts_and_bounds();
+    }
+    build(&[folder.write("a.ply", ply)], &built, &[]);
+    let out = folder.file("out.ply");
+    export(&built, &out, &[]).json();
+    let bytes = std::fs::read(&out).unwrap();
+    let head = String::from_utf8_lossy(&bytes);
+    assert!(head.contains("\ncomment a note\n") && head.contains("\nproperty double my value\n"));
+}
+
+/// The points of the sample as text, each line a point.
+fn lines_of(built: &Path, folder: &Folder, more: &[&str]) -> Vec<String> {
+    let out = folder.file("out.csv");
+    let report = export(built, &out, more).json();
+    let text = std::fs::read_to_string(&out).unwrap();
+    let mut lines: Vec<String> = text.lines().skip(1).map(str::to_owned).collect();
+    assert_eq!(report["points_out"], lines.len());
+    lines.sort();
+    lines
+}
+
+fn filters() {
+    let folder = Folder::new();
+    let built = built_sample(&folder);
+    let all = lines_of(&built, &folder, &[]);
+    let position = |line: &String| -> Vec<f64> {
+        line.split(',').take(3).map(|n| n.parse().unwrap()).collect()
+    };
+    // A box through the middle, its faces at coordinates that points have.
+    let some: Vec<Vec<f64>> = all.iter().step_by(all.len() / 9).map(position).collect();
+    let (a, b) = (&some[2], &some[6]);
+    let (lo, hi): (Vec<f64>, Vec<f64>) = (0..3).map(|i| (a[i].min(b[i]), a[i].max(b[i]))).unzip();
+    let inside = |p: &[f64], axes: usize| (0..axes).all(|i| lo[i] <= p[i] && p[i] <= hi[i]);
+    let wanted = |axes: usize| -> Vec<String> {
+        all.iter().filter(|l| inside(&position(l), axes)).cloned().collect()
+    };
+    let bounds = |n: usize| {
+        let list = |v: &[f64]| v[..n].iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        format!("{},{}", list(&lo), list(&hi))
+    };
+    let flat = wanted(2);
+    assert!(flat.len() > 100 && flat.len() < all.len() / 2, "{}", flat.len());
+    assert!(lines_of(&built, &folder, &["--box", &bounds(2)]) == flat);
+    assert!(lines_of(&built, &folder, &["--box", &bounds(3)]) == wanted(3));
+    // The same as a polygon.
+    let ring = format!("{0},{1} {2},{1} {2},{3} {0},{3}", lo[0], lo[1], hi[0], hi[1]);
+    assert!(lines_of(&built, &folder, &["--polygon", &ring]) == flat);
+    // A sample is of the points, even, and denser the less its spacing.
+    let coarse = lines_of(&built, &folder, &["--max-spacing", "60"]);
+    let fine = lines_of(&built, &folder, &["--max-spacing", "15"]);
+    assert!(coarse.len() > 100 && coarse.len() * 8 < fine.len(), "{} {}", coarse.len(), fine.len());
+    assert!(fine.len() * 4 < all.len() && fine.iter().all(|l| all.binary_search(l).is_ok()));
+    // What is not wanted is not read.
+    let out = folder.file("out.las");
+    let report = export(&built, &out, &["--box", &bounds(2)]).json();
+    let n = |name: &str| report[name].as_u64().unwrap();
+    assert!(n("nodes_read") < n("nodes") * 2 / 3, "{report}");
+    let sampled = export(&built, &out, &["--max-spacing", "60"]).json();
+    assert!(sampled["bytes_read"].as_u64().unwrap() < n("bytes_read") / 2, "{sampled} {report}");
+    // Classes, in a scan that has such.
+    let rows: String = (0..3000)
+        .map(|i| format!("{},{},{},{}\n", i % 83, i / 83, i % 7, [2, 6, 9][i / 1000]))
+        .collect();
+    let scan = folder.write("classes.csv", &("x,y,z,classification\n".to_owned() + &rows));
+    let classes = folder.file("classes.esker");
+    build(&[scan], &classes, &["--node-capacity", "64"]);
+    let buildings = lines_of(&classes, &folder, &["--classes", "building,40"]);
+    assert!(buildings.len() == 1000 && buildings.iter().all(|l| l.ends_with(",6")));
+    let report = export(&classes, &out, &["--classes", "6"]).json();
+    assert!(report["nodes_read"].as_u64() < report["nodes"].as_u64(), "{report}");
+}
+
+fn nothing_wanted() {
+    let folder = Folder::new();
+    let built = built_sample(&folder);
+    let out = folder.file("out.las");
+    for more in [["--box", "0,0,1,1"], ["--classes", "77"], ["--polygon", "0,0 1,0 0,1"]] {
+        let outcome = export(&built, &out, &more);
+        assert!(outcome.error().contains("is wanted; nothing was written"), "{}", outcome.stderr);
+        assert_eq!(folder.names(), ["built.esker"]);
+    }
+}
+
+fn threads() {
+    let folder = Folder::new();
+    let built = built_sample(&folder);
+    for ending in ["las", "laz", "ply", "csv"] {
+        let files = ["1", "3"].map(|n| {
+            let out = folder.file(&format!("out.{ending}"));
+            export(&built, &out, &["--threads", n]).json();
+            std::fs::read(&out).unwrap()
+        });
+        assert!(files[0] == files[1], "{ending}");
+    }
+}
+
+fn reports() {
+    let folder = Folder::new();
+    let built = built_sample(&folder);
+    let out = folder.file("out.laz");
+    let report = export(&built, &out, &[]).json();
+    for name in [
+        "points_in",
+        "points_out",
+        "nodes",
+        "nodes_read",
+        "bytes_read",
+        "bytes_out",
+        "seconds",
+        "points_per_second",
+    ] {
+        assert!(report[name].is_number(), "`{name}` is no number: {report}");
+    }
+    assert_eq!(report["format"], "LAZ 1.2, point format 2");
+    assert_eq!((&report["filtered"], &report["hash_equal"]), (&false.into(), &true.into()));
+    let part = export(&built, &out, &["--max-spacing", "30"]).json();
+    assert_eq!((&part["filtered"], &part["hash_equal"]), (&true.into(), &Value::Null));
+    let words = ["export", built.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    assert!(esker(words).worked().stdout.contains("proof: all points"));
+}
+
+fn no_points() {
+    let folder = Folder::new();
+    let scan = folder.write("none.csv", "x,y,z,intensity\n");
+    let built = folder.file("built.esker");
+    build(&[&scan], &built, &[]);
+    for ending in ["las", "laz", "ply", "csv"] {
+        let out = folder.file(&format!("out.{ending}"));
+        assert_eq!(export(&built, &out, &[]).json()["points_out"], 0);
+        let again = folder.file("again.esker");
+        assert_eq!(build(&[&out], &again, &[])["points_out"], 0, "{ending}");
+    }
+}
