@@ -21,7 +21,6 @@ pub mod onto;
 mod nearest;
 mod neighbours;
 pub mod normals;
-mod ntree;
 mod order;
 mod partition;
 mod rest;

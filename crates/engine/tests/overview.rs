@@ -16,7 +16,7 @@ mod poisson;
 use esker_engine::colour::colouring;
 use esker_engine::drawing::{draw_node, frame};
 use esker_engine::info;
-use esker_format::{EskerFile, PlaneKind};
+use esker_format::{Forest, PlaneKind};
 use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
 use esker_points::strata::{STRATA, stratum_len};
 use esker_points::task::Silent;
@@ -51,10 +51,10 @@ const ORDERS: u64 = 3;
 type Point = ([u32; 3], [u8; 3]);
 
 /// All points of a file, node after node; the first of them are the root's.
-fn points_of(file: &EskerFile) -> Vec<Point> {
+fn points_of(file: &Forest) -> Vec<Point> {
     let mut points = Vec::new();
     for node in 0..file.table().nodes.len() as u32 {
-        let positions = file.read_page(node).unwrap().points().unwrap().positions;
+        let positions = file.file_of(node).read_page(node).unwrap().points().unwrap().positions;
         let planes = file.read_planes(node, &[PlaneKind::Colour]).unwrap();
         let colours = planes.get(PlaneKind::Colour).unwrap().chunks_exact(4);
         points.extend(positions.into_iter().zip(colours.map(|c| [c[0], c[1], c[2]])));
@@ -63,7 +63,7 @@ fn points_of(file: &EskerFile) -> Vec<Point> {
 }
 
 /// Builds a file of one node that has these points.
-fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> EskerFile {
+fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> Forest {
     assert_eq!(lattice.shift, [0; 3], "raw coordinates are the lattice's");
     let raw = |p: [u32; 3]| p.map(|c| (i64::from(c) - (1 << 31)) as i32);
     let positions = points.iter().map(|(p, _)| raw(*p)).collect();
@@ -76,17 +76,17 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> E
     let out = folder.join(format!("{name}.esker"));
     let options = esker_build::Options { node_capacity: 1 << 17, ..Default::default() };
     esker_build::build_sources(vec![source.boxed()], &out, &options, &Silent).unwrap();
-    let file = EskerFile::open(&out).unwrap();
+    let file = Forest::open(&out).unwrap();
     assert_eq!(file.table().nodes.len(), 1);
     file
 }
 
 /// The picture of all points of a file.
-fn picture(file: &EskerFile, view: &View) -> Picture {
-    let colouring = colouring(file, None, info::bounds(file.metadata())).unwrap();
+fn picture(file: &Forest, view: &View) -> Picture {
+    let colouring = colouring(file, None, info::bounds(file)).unwrap();
     let kinds = [PlaneKind::Position, PlaneKind::Residual, PlaneKind::Colour];
     let options = Options { points_budget: u64::MAX, target_spacing_px: 0.0, ..Options::default() };
-    let lattice = &file.metadata().lattice;
+    let lattice = file.lattice();
     let drawn = select(file.table(), lattice, view, &options, &AllResident, None).drawn;
     let planes: Vec<_> = drawn.iter().map(|d| file.read_planes(d.node, &kinds).unwrap()).collect();
     let nodes = &file.table().nodes;
@@ -152,7 +152,7 @@ fn over(ours: f64, others: Vec<f64>) -> (f64, String) {
 
 /// A scan, built, with pictures of all of it.
 struct Scan {
-    file: EskerFile,
+    file: Forest,
     all: Vec<Point>,
     views: Vec<(View, Picture)>,
     folder: tempfile::TempDir,
@@ -164,16 +164,16 @@ impl Scan {
         let out = folder.path().join("scan.esker");
         let options = esker_build::Options { node_capacity: CAPACITY, ..Default::default() };
         esker_build::build(&[input.to_owned()], &out, &options, &Silent).unwrap();
-        let file = EskerFile::open(&out).unwrap();
+        let file = Forest::open(&out).unwrap();
         let all = points_of(&file);
-        let [low, high] = info::bounds(file.metadata()).map(DVec3::from_array);
+        let [low, high] = info::bounds(&file).map(DVec3::from_array);
         let view = |direction| View::fit(low, high, DVec3::from(direction), 1.0, SIDE, SIDE);
         let views = VIEWS.map(view).map(|view| (view, picture(&file, &view)));
         Self { file, all, views: views.into(), folder }
     }
 
     fn errors(&self, sample: &[Point], log2: u32) -> Errors {
-        let lattice = &self.file.metadata().lattice;
+        let lattice = self.file.lattice();
         let file = one_node(sample, lattice, self.folder.path(), "sample");
         let flip = self.views.iter().map(|(view, expected)| {
             let picture = picture(&file, view);
@@ -185,7 +185,7 @@ impl Scan {
 
     /// Holds that the root and two prefixes of it are no worse than Poisson-disk samples by these ratios.
     fn compare(&self, name: &str) {
-        let lattice = &self.file.metadata().lattice;
+        let lattice = self.file.lattice();
         let world = |p: &Point| lattice.world(p.0);
         let orders: Vec<Vec<Point>> = (1..=ORDERS)
             .map(|seed| {
