@@ -119,6 +119,11 @@ fn become_one_file(folder: &Path) {
     assert_eq!((&report["points_in"], &report["points_out"]), (&405_937.into(), &405_937.into()));
     assert_eq!(report["rounding_error_max"], 0.0);
     assert_eq!(verify(&out, &tiles).json()["points"], 405_937);
+    // Exported, they are one scan of the same points.
+    let merged = own.file("merged.laz");
+    export::export(&out, &merged, &[]).json();
+    let again = build(&[&merged], &own.file("again.esker"), &[]);
+    assert_eq!(again["multiset_hash"], report["multiset_hash"]);
     // In any order; but not with one missing, or one twice.
     tiles.rotate_left(2);
     verify(&out, &tiles).json();

@@ -3,16 +3,11 @@
 
 mod las;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use esker_points::{Batch, Lattice, Task};
+use esker_scan::write::{self, Outline, Target};
 use esker_scan::{OpenOptions, Source};
-use las::Writer;
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
-
-/// Bytes gathered before the file is written to.
-const WRITE_BYTES: usize = 1 << 20;
+use std::path::Path;
 
 /// Opens a generated scan.
 ///
@@ -42,33 +37,22 @@ pub fn generate(source: &dyn Source, task: &dyn Task) -> Result<u64> {
 /// # Errors
 /// Where the ending is neither, or the file cannot be written.
 pub fn write(source: &dyn Source, out: &Path, task: &dyn Task) -> Result<u64> {
-    let ending = out.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let is_compressed = match ending.to_ascii_lowercase().as_str() {
-        "laz" => true,
-        "las" => false,
+    let target = match Target::of(out) {
+        Ok(target @ (Target::Las | Target::Laz)) => target,
         _ => bail!("{}: name the file .laz or .las", out.display()),
     };
-    let partial = PathBuf::from(format!("{}.partial", out.display()));
-    let written = write_partial(source, &partial, is_compressed, task)
-        .and_then(|bytes| Ok(std::fs::rename(&partial, out).map(|()| bytes)?));
-    if written.is_err() {
-        // What is said is why it was not written; whether the rest goes changes nothing.
-        let _ = std::fs::remove_file(&partial);
-    }
-    written.with_context(|| format!("{}: cannot write it", out.display()))
-}
-
-fn write_partial(
-    source: &dyn Source,
-    partial: &Path,
-    is_compressed: bool,
-    task: &dyn Task,
-) -> Result<u64> {
-    let file = BufWriter::with_capacity(WRITE_BYTES, File::create(partial)?);
-    let mut writer = Writer::new(file, source.info(), is_compressed)?;
-    read(source, task, &mut |batch| writer.add(&batch))?;
-    writer.finish()?;
-    Ok(partial.metadata()?.len())
+    let info = source.info();
+    let outline = Outline {
+        lattice: Lattice::choose(std::slice::from_ref(&info.grid))?,
+        schema: info.schema.clone(),
+        points_max: info.points_hint,
+    };
+    let mut origins = std::iter::once(Ok(las::origin(info)));
+    let mut export = write::create(out, target, &outline, &mut origins)?;
+    read(source, task, &mut |batch| {
+        export.output.put(export.encode.encode(&batch)).map_err(Into::into)
+    })?;
+    Ok(export.output.finish()?)
 }
 
 /// Reads on the lattice of the scan's own grid, whose coordinates are its integers and 2^31.

@@ -23,6 +23,7 @@ pub struct Point {
 /// User, number and data of a VLR.
 pub type Record = (String, u16, Vec<u8>);
 
+#[derive(Debug)]
 pub struct File {
     pub variant: Variant,
     pub points: Vec<Point>,

@@ -8,15 +8,17 @@
 //! - Other sources get the least point format with a field for every attribute; of those that are no LAS 6 to 10,
 //!   version 1.4. What has no field becomes extra bytes; colours of 8 bits are widened.
 
+mod order;
 mod plan;
 mod records;
 
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
 use crate::write::partial::Partial;
-use crate::write::{Encoded, Export, Origins, Outline, Output};
+use crate::write::{Encode, Encoded, Export, Origins, Outline, Output};
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
+use order::Ordered;
 use plan::{Plan, is_1_4, minor};
 use records::raw;
 use std::io::{Seek, SeekFrom, Write};
@@ -75,7 +77,9 @@ pub fn create(
         by_return: [0; 15],
         bounds: None,
     };
-    Ok(Export { encode: Arc::new(records), output: Box::new(output), format, notes })
+    let encode: Arc<dyn Encode> =
+        if is_compressed { Arc::new(Ordered(records)) } else { Arc::new(records) };
+    Ok(Export { encode, output: Box::new(output), format, notes })
 }
 
 enum Points {

@@ -1,0 +1,170 @@
+//! A file's points are handed to the writer whole, or as the filter wants; whatever ends an export early leaves
+//! nothing behind.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+#![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
+
+mod cloud;
+mod given;
+
+use cloud::below;
+use esker_build::{BuildError, Options, build_sources, export};
+use esker_format::EskerFile;
+use esker_points::task::Silent;
+use esker_points::{AttrType, Filter, Task};
+use given::{Given, boxed, given, names_in};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Points of a hill, of two sources: one with classes and times, the other with neither.
+fn sources() -> Vec<Given> {
+    let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
+    let classed = given("a.las", [0.001; 3], (0..20_000).map(hill).collect())
+        .with("classification", AttrType::U8, |i| i % 5)
+        .with("gps_time", AttrType::F64, |i| (i as f64).to_bits());
+    let bare = given("b.las", [0.001; 3], (20_000..32_000).map(hill).collect());
+    vec![classed, bare.with("intensity", AttrType::U16, |i| i + 1)]
+}
+
+fn built(folder: &Path) -> EskerFile {
+    let out = folder.join("in.esker");
+    let options = Options { node_capacity: 256, ..Default::default() };
+    build_sources(boxed(&sources()), &out, &options, &Silent).unwrap();
+    EskerFile::open(&out).unwrap()
+}
+
+fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
+    let mut filter = Filter::default();
+    change(&mut filter);
+    filter
+}
+
+/// Lines of the export as text.
+fn lines(file: &EskerFile, folder: &Path, filter: &Filter) -> Vec<String> {
+    let out = folder.join("out.csv");
+    let report = export(file, &out, filter, &Silent).unwrap();
+    let text = std::fs::read_to_string(&out).unwrap();
+    let mut lines: Vec<_> = text.lines().skip(1).map(str::to_owned).collect();
+    assert_eq!(report.points_out, lines.len() as u64);
+    lines.sort();
+    lines
+}
+
+#[test]
+fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let report =
+        export(&file, &folder.path().join("out.las"), &Filter::default(), &Silent).unwrap();
+    assert_eq!((report.points_out, report.hash), (32_000, file.footer().hash));
+    assert_eq!(report.nodes_read, file.footer().nodes);
+    assert_eq!(report.format, "LAS 1.4, point format 6");
+    assert_eq!(
+        report.notes,
+        ["zero where a point's source had none: classification, gps_time, intensity"]
+    );
+    let all = lines(&file, folder.path(), &Filter::default());
+    // x, y, z, classification, gps_time, intensity.
+    assert_eq!(all.iter().filter(|l| l.ends_with(",0,0") || l.ends_with(",0")).count(), 20_000);
+}
+
+#[test]
+fn classes_are_only_of_points_that_have_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let ground = filter(|f| f.classes = Some("0".parse().unwrap()));
+    let lines = lines(&file, folder.path(), &ground);
+    // The bare points have zeros there, and no class.
+    assert_eq!(lines.len(), 4_000);
+}
+
+#[test]
+fn what_is_not_wanted_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.ply");
+    let corner = filter(|f| f.bounds = Some("0,0,5,5".parse().unwrap()));
+    let report = export(&file, &out, &corner, &Silent).unwrap();
+    // A hundredth of the area: its own nodes and those above them.
+    assert!(report.nodes_read * 5 < report.nodes, "{report:?}");
+    assert!(report.points_out > 200 && report.points_out < 500, "{report:?}");
+    let total: u64 = file.table().nodes.iter().map(|n| u64::from(n.page_bytes)).sum();
+    assert!(report.bytes_read * 4 < total, "{report:?}");
+    let none = filter(|f| f.classes = Some("99".parse().unwrap()));
+    let error = export(&file, &out, &none, &Silent).unwrap_err().to_string();
+    assert!(error.contains("none of its 32000 points is wanted"), "{error}");
+}
+
+#[test]
+fn a_spacing_gives_an_even_sample_that_grows_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.ply");
+    let at = |spacing: f64| {
+        let wanted = filter(|f| f.max_spacing = Some(spacing));
+        export(&file, &out, &wanted, &Silent).unwrap().points_out
+    };
+    // 50 by 50 units: half the spacing, four times the points.
+    let points = [4.0, 2.0, 1.0].map(at);
+    for pair in points.windows(2) {
+        let ratio = pair[1] as f64 / pair[0] as f64;
+        assert!((2.5..6.0).contains(&ratio), "{points:?}");
+    }
+    assert!((300..2_000).contains(&points[1]), "{points:?}");
+    assert_eq!(at(1e-6), 32_000);
+}
+
+/// Stops after so many questions whether to stop.
+struct Stops {
+    asked: AtomicU64,
+    after: u64,
+}
+
+impl Task for Stops {
+    fn is_cancelled(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.after
+    }
+}
+
+#[test]
+fn an_export_stops_wherever_it_is_asked_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    for ending in ["las", "laz", "ply", "xyz"] {
+        let out = folder.path().join(format!("out.{ending}"));
+        let run = |after| {
+            let task = Stops { asked: AtomicU64::new(0), after };
+            let result = export(&file, &out, &Filter::default(), &task);
+            (result, task.asked.into_inner())
+        };
+        let (result, questions) = run(u64::MAX);
+        result.unwrap();
+        std::fs::remove_file(&out).unwrap();
+        assert!(questions > 100, "{questions}");
+        for after in (0..6).map(|i| i * (questions - 1) / 5) {
+            let (result, _) = run(after);
+            assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
+            assert_eq!(names_in(folder.path()), ["in.esker"]);
+        }
+    }
+}
+
+#[test]
+fn damage_is_told_and_an_earlier_file_survives() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.las");
+    std::fs::write(&out, "mine").unwrap();
+    let node = file.table().nodes[file.table().nodes.len() / 2];
+    let mut bytes = std::fs::read(file.path()).unwrap();
+    bytes[node.page_offset as usize + node.page_bytes as usize / 2] ^= 1;
+    std::fs::write(file.path(), bytes).unwrap();
+    let error = export(&file, &out, &Filter::default(), &Silent).unwrap_err().to_string();
+    assert!(error.contains("in.esker") && error.contains("damaged"), "{error}");
+    assert_eq!(std::fs::read(&out).unwrap(), b"mine");
+    let nowhere = folder.path().join("nowhere/out.las");
+    let error = export(&file, &nowhere, &Filter::default(), &Silent).unwrap_err().to_string();
+    assert!(error.contains("cannot write"), "{error}");
+    let mut names = names_in(folder.path());
+    names.sort();
+    assert_eq!(names, ["in.esker", "out.las"]);
+}

@@ -1,0 +1,42 @@
+//! The order in which LAZ takes the points of a batch. It stores differences to the point before, so that
+//! neighbours in time, or where there is no time in space, take fewer bytes than the even samples in which
+//! nodes keep their points. The order of points means nothing in Esker, and nothing in LAS.
+
+use super::records::Records;
+use crate::write::{Encode, Encoded};
+use esker_points::attribute::names;
+use esker_points::morton::encode3;
+use esker_points::{AttrType, Batch};
+
+/// Records in an order that compresses well.
+pub struct Ordered(pub Records);
+
+impl Encode for Ordered {
+    fn encode(&self, batch: &Batch) -> Encoded {
+        let mut out = self.0.encode(batch);
+        let stride = self.0.record_bytes;
+        let mut bytes = Vec::with_capacity(out.bytes.len());
+        for i in order(batch) {
+            bytes.extend_from_slice(&out.bytes[i as usize * stride..][..stride]);
+        }
+        out.bytes = bytes;
+        out
+    }
+}
+
+/// Indices of the points by time, else along a Morton curve; equal ones as they stand.
+fn order(batch: &Batch) -> Vec<u32> {
+    let time = batch.schema.find_typed(names::GPS_TIME, AttrType::F64);
+    let times = time.map_or(&[][..], |a| &batch.columns[a]).chunks_exact(8);
+    let bits = times.map(|t| u64::from_le_bytes(t.try_into().unwrap_or([0; 8])));
+    // Numbers that order as the times do.
+    let mut keys: Vec<(u128, u32)> = bits
+        .zip(0..)
+        .map(|(bits, i)| (if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }.into(), i))
+        .collect();
+    if keys.iter().all(|(key, _)| *key == keys[0].0) {
+        keys = batch.positions.iter().zip(0..).map(|(&p, i)| (encode3(p), i)).collect();
+    }
+    keys.sort_unstable();
+    keys.into_iter().map(|(_, i)| i).collect()
+}
