@@ -8,6 +8,7 @@ use crate::memory::{self, Peak};
 use crate::onto::{Merged, Onto};
 use crate::row::RowLayout;
 use crate::scratch::Scratch;
+use crate::space::{Needs, free_bytes};
 use crate::tree::{Context, Subtree};
 use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
@@ -177,6 +178,7 @@ pub fn build_shared(
     let mut scratch = Scratch::new(&folder)?;
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     intake.lattice = options.onto.lattice;
+    Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max).check(&folder, out, free_bytes)?;
     let mut writer = FileWriter::create(out)?;
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;

@@ -29,6 +29,20 @@ pub enum BuildError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A disk has too little space for what is about to be done.
+    #[error("{}: {what} at least {} MiB, {} MiB are free: {remedy}", path.display(), needed_bytes.div_ceil(1 << 20), free_bytes >> 20)]
+    Space {
+        /// The folder.
+        path: PathBuf,
+        /// What needs it.
+        what: &'static str,
+        /// How much it needs at least.
+        needed_bytes: u64,
+        /// How much is free.
+        free_bytes: u64,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// The options contradict themselves or the inputs.
     #[error("{0}")]
     Options(String),

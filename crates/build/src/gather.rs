@@ -1,6 +1,6 @@
 //! Gathering: a node's own rows, wherever they lie in a chunk, as the columns of its page, and their hash.
 
-use crate::row::Rows;
+use crate::row::{Rows, position};
 use crate::tree::Context;
 use esker_format::PagePoints;
 use esker_points::MultisetHash;
@@ -27,21 +27,27 @@ impl Context {
             normals: Vec::new(),
             columns: ranges.iter().map(|r| Vec::with_capacity(own.len() * r.len())).collect(),
         };
-        for block in own.chunks(BLOCK_ROWS) {
-            for &i in block {
-                let row = rows.row(i);
+        let mut block = vec![0; BLOCK_ROWS * rows.stride];
+        for some in own.chunks(BLOCK_ROWS) {
+            let block = &mut block[..some.len() * rows.stride];
+            // Copied before anything is made of them: so many far reads are under way at once.
+            for (row, &i) in block.chunks_exact_mut(rows.stride).zip(some) {
+                row.copy_from_slice(rows.row(i));
+            }
+            let block = Rows { bytes: block, stride: rows.stride };
+            for row in block.bytes.chunks_exact(block.stride) {
                 self.rows.hash(row, &mut scratch, &mut hash);
-                points.positions.push(rows.position(i));
+                points.positions.push(position(row));
                 if self.rows.has_class() {
                     points.classes.push(self.rows.class(row));
                 }
             }
             for (range, column) in ranges.iter().zip(&mut points.columns) {
                 match range.len() {
-                    1 => take::<1>(rows, block, range.start, column),
-                    2 => take::<2>(rows, block, range.start, column),
-                    4 => take::<4>(rows, block, range.start, column),
-                    _ => take::<8>(rows, block, range.start, column),
+                    1 => take::<1>(&block, range.start, column),
+                    2 => take::<2>(&block, range.start, column),
+                    4 => take::<4>(&block, range.start, column),
+                    _ => take::<8>(&block, range.start, column),
                 }
             }
         }
@@ -49,11 +55,11 @@ impl Context {
     }
 }
 
-/// Appends the `N` bytes at `at` of these rows.
-fn take<const N: usize>(rows: &Rows<'_>, block: &[u32], at: usize, column: &mut Vec<u8>) {
+/// Appends the `N` bytes at `at` of each row; of [`BLOCK_ROWS`] at most.
+fn take<const N: usize>(rows: &Rows<'_>, at: usize, column: &mut Vec<u8>) {
     let mut values = [[0u8; N]; BLOCK_ROWS];
-    for (value, &i) in values.iter_mut().zip(block) {
-        value.copy_from_slice(&rows.row(i)[at..at + N]);
+    for (value, row) in values.iter_mut().zip(rows.bytes.chunks_exact(rows.stride)) {
+        value.copy_from_slice(&row[at..at + N]);
     }
-    column.extend_from_slice(values[..block.len()].as_flattened());
+    column.extend_from_slice(values[..rows.len()].as_flattened());
 }

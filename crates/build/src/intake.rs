@@ -10,7 +10,7 @@ use crate::scratch::Scratch;
 use esker_format::Ranges;
 use esker_points::lattice::GridKind;
 use esker_points::{
-    Batch, Cell, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
+    Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
 };
 use esker_scan::source::BATCH_POINTS;
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
@@ -142,7 +142,9 @@ pub fn open(
         task.check()?;
         Ok(esker_scan::open(path, &options, task)?)
     };
-    inputs.iter().map(open).collect()
+    // On all cores, since there may be thousands. Of several errors the first input's is told.
+    let opened: Vec<_> = inputs.par_iter().map(open).collect();
+    opened.into_iter().collect()
 }
 
 impl Plan {
@@ -235,6 +237,16 @@ impl Intake {
     /// Points that the headers claim.
     pub fn points_hint(&self) -> u64 {
         self.sources.iter().fold(0, |n, s| n.saturating_add(s.info().points_hint))
+    }
+
+    /// Points that the headers claim, where the inputs are long enough for a bit each.
+    pub fn points_likely(&self) -> u64 {
+        let likely = |s: &dyn Source| match s.info().bytes {
+            // Made from nothing: generated.
+            0 => s.info().points_hint,
+            bytes => s.info().points_hint.min(bytes.saturating_mul(8)),
+        };
+        self.sources.iter().fold(0, |n, s| n.saturating_add(likely(s.as_ref())))
     }
 
     /// Decodes everything into a partition that keeps `buffer_bytes_max` in memory.
@@ -339,8 +351,7 @@ impl Intake {
         Ok(Ok(Taken { partition, reports, hash, ranges }))
     }
 
-    /// The size of the partition's cells: some levels below the cell that holds all bounds, the more the
-    /// more points there are.
+    /// The size of the partition's cells: by the bounds, and the smaller the more points there are.
     fn partition_log2(&self, plan: &Plan) -> u8 {
         let (mut min, mut max) = ([u32::MAX; 3], [0u32; 3]);
         for bounds in self.grids.iter().filter_map(|g| g.bounds) {
@@ -354,10 +365,13 @@ impl Intake {
         if (0..3).any(|i| min[i] > max[i]) {
             (min, max) = ([0; 3], [u32::MAX; 3]);
         }
-        // Scans are surfaces: a level has four times the cells. Of volumes there are more, and they coarsen.
         let buckets = (self.points_hint() / BUCKET_ROWS).clamp(64, BUCKETS_MAX as u64);
-        let levels = buckets.ilog2().div_ceil(2) as u8;
-        Cell::enclosing(min, max).log2.saturating_sub(levels)
+        // Scans are surfaces: their cells are counted on the box's largest side. Of volumes there are more,
+        // and they coarsen.
+        let mut edges = [0, 1, 2].map(|i| u64::from(max[i] - min[i]));
+        edges.sort_unstable();
+        let cells = |log2: u8| ((edges[2] >> log2) + 1).saturating_mul((edges[1] >> log2) + 1);
+        (0..32).rev().find(|&log2| cells(log2) >= buckets).unwrap_or(0)
     }
 
     /// Compares what the colours were taken for with what they are. Where the sources of a class agree,

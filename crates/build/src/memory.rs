@@ -17,9 +17,35 @@ pub struct Usage {
 #[cfg(target_os = "linux")]
 fn granted_bytes() -> Option<u64> {
     let total = kib_field(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
-    let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
-    let group = group.and_then(|g| g.trim().parse::<u64>().ok()).unwrap_or(u64::MAX);
-    Some(total.min(group))
+    let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let limit = |path: &std::path::PathBuf| {
+        // "max", where there is none.
+        std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok()
+    };
+    let limits = limit_files(&groups);
+    Some(limits.iter().filter_map(limit).fold(total, u64::min))
+}
+
+/// The files that may hold a limit of the control groups that `/proc/self/cgroup` names: the group's own and
+/// those above it, of version 2 (`0::/path`) and version 1 (`4:memory:/path`). In a container the path may
+/// be the host's and lead nowhere; the root that is seen is its own group then.
+#[cfg(target_os = "linux")]
+fn limit_files(groups: &str) -> Vec<std::path::PathBuf> {
+    let mut files = Vec::new();
+    for line in groups.lines() {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (parts.next(), parts.next()) else { continue };
+        let (root, name) = if controllers.is_empty() {
+            ("/sys/fs/cgroup", "memory.max")
+        } else if controllers.split(',').any(|c| c == "memory") {
+            ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+        } else {
+            continue;
+        };
+        let above = std::path::Path::new(path.trim_start_matches('/')).ancestors();
+        files.extend(above.map(|group| std::path::Path::new(root).join(group).join(name)));
+    }
+    files
 }
 
 /// Memory in use; zeros where the system does not tell.
@@ -68,6 +94,31 @@ impl Peak {
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
+
+    #[test]
+    fn limits_are_looked_for_in_groups_of_both_versions_and_above_them() {
+        let files = |groups| {
+            let text = |p: &std::path::PathBuf| p.display().to_string();
+            limit_files(groups).iter().map(text).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            files("0::/user.slice/a\n"),
+            [
+                "/sys/fs/cgroup/user.slice/a/memory.max",
+                "/sys/fs/cgroup/user.slice/memory.max",
+                "/sys/fs/cgroup/memory.max"
+            ]
+        );
+        assert_eq!(
+            files("8:pids:/\n4:cpu,memory:/box\n0::/\n"),
+            [
+                "/sys/fs/cgroup/memory/box/memory.limit_in_bytes",
+                "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+                "/sys/fs/cgroup/memory.max"
+            ]
+        );
+        assert!(files("").is_empty() && files("nonsense\n").is_empty());
+    }
 
     #[test]
     fn anonymous_memory_is_counted() {

@@ -57,11 +57,6 @@ impl Scratch {
         })
     }
 
-    /// Where it lies.
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Appends bytes.
     ///
     /// # Errors

@@ -74,6 +74,7 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "peak_anon_bytes": report.peak_anon_bytes,
         "peak_rss_bytes": report.peak_rss_bytes,
         "scratch_bytes": report.scratch_bytes,
+        "scratch_bytes_peak": report.scratch_bytes_peak,
         "bytes_out": report.bytes_out,
         "nodes": report.nodes,
         "depth": report.depth,

@@ -88,41 +88,38 @@ impl Points {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
         let mut ready = Vec::new();
-        let mut group = Group::default();
-        while reader.point < end {
+        let (mut group, mut next) = (Group::default(), Group::default());
+        while reader.point < end || !group.pieces.is_empty() {
             task.check()?;
-            match self.large_chunk(&reader) {
-                Some((compression, chunk)) => {
+            if group.pieces.is_empty() {
+                if let Some((compression, chunk)) = self.large_chunk(&reader) {
                     std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
                     let chunk_end = end.min(reader.point + u64::from(chunk.points));
-                    let next = reader.at + u64::from(chunk.bytes);
+                    let behind = reader.at + u64::from(chunk.bytes);
                     self.check_large(&mut reader, compression, chunk)?;
                     self.stream(&mut reader, compression, None, chunk_end, task, convert, sink)?;
-                    (reader.at, reader.chunk) = (next, reader.chunk + 1);
+                    (reader.at, reader.chunk) = (behind, reader.chunk + 1);
+                    continue;
                 }
-                None => {
-                    self.fill(&mut group, &mut reader, end)?;
-                    ready = self.decode_while_sinking(&group, ready, convert, sink)?;
-                }
+                self.fill(&mut group, &mut reader, end)?;
             }
+            // A group is decoded on the pool while the sink takes, on this thread, what came before, and
+            // the next one is read.
+            let mut decoded = Ok(Vec::new());
+            let (sunk, filled) = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| decoded = self.decode(&group, convert));
+                let sunk = std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink);
+                next.pieces.clear();
+                let is_more = reader.point < end && self.large_chunk(&reader).is_none();
+                let filled = if is_more { self.fill(&mut next, &mut reader, end) } else { Ok(()) };
+                (sunk, filled)
+            });
+            sunk?;
+            ready = decoded?;
+            filled?;
+            std::mem::swap(&mut group, &mut next);
         }
         ready.into_iter().try_for_each(sink)
-    }
-
-    /// Decodes a group on the pool while the sink takes, on this thread, what came before.
-    fn decode_while_sinking<T: Send>(
-        &self,
-        group: &Group,
-        ready: Vec<T>,
-        convert: &Convert<'_, T>,
-        sink: &mut dyn FnMut(T) -> Result<(), ScanError>,
-    ) -> Result<Vec<T>, ScanError> {
-        let mut decoded = Ok(Vec::new());
-        let sunk = rayon::in_place_scope(|scope| {
-            scope.spawn(|_| decoded = self.decode(group, convert));
-            ready.into_iter().try_for_each(sink)
-        });
-        sunk.and(decoded)
     }
 
     fn decode<T: Send>(

@@ -1,0 +1,101 @@
+//! Space on disks: estimated before work starts, and refused early where it cannot suffice. What cannot be
+//! known counts for nothing, so that no build is refused that could have worked.
+
+use crate::error::BuildError;
+use crate::intake::{Intake, Plan};
+use esker_points::quant::HOT_POSITION_BYTES;
+use std::path::Path;
+
+/// What a build needs at least, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs {
+    /// Scratch files: all rows, where memory does not hold them.
+    pub scratch_bytes: u64,
+    /// The file: hot positions, what it has of every point whatever the rest is compressed to.
+    pub file_bytes: u64,
+}
+
+impl Needs {
+    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory.
+    pub fn of(intake: &Intake, plan: &Plan, buffer_bytes_max: u64) -> Self {
+        let points = intake.points_likely();
+        let rows_bytes = points.saturating_mul(plan.row_bytes() as u64);
+        Self {
+            scratch_bytes: if rows_bytes > buffer_bytes_max { rows_bytes } else { 0 },
+            file_bytes: points.saturating_mul(HOT_POSITION_BYTES as u64),
+        }
+    }
+
+    /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it does.
+    /// On one disk too neither is added to the other: scratch is given back while the file grows.
+    ///
+    /// # Errors
+    /// [`BuildError::Space`] where one is more than there is.
+    pub fn check(
+        self,
+        scratch: &Path,
+        out: &Path,
+        free_bytes: impl Fn(&Path) -> Option<u64>,
+    ) -> Result<(), BuildError> {
+        let folder = match out.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let of_scratch =
+            ("scratch files need", "name another folder with --scratch, or give more --memory");
+        let of_file = ("the file needs", "choose another folder for it");
+        for (path, needed_bytes, (what, remedy)) in
+            [(scratch, self.scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]
+        {
+            if let Some(free_bytes) = free_bytes(path).filter(|&free| needed_bytes > free) {
+                let path = path.to_owned();
+                return Err(BuildError::Space { path, what, needed_bytes, free_bytes, remedy });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The bytes that are free for this user where a folder lies.
+#[cfg(unix)]
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    // File systems of the kernel's own have no blocks at all.
+    let of = rustix::fs::statvfs(folder).ok().filter(|of| of.f_blocks > 0)?;
+    Some(of.f_bavail.saturating_mul(of.f_frsize))
+}
+
+/// Not told by this system.
+#[cfg(not(unix))]
+pub fn free_bytes(_folder: &Path) -> Option<u64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_little_space_is_refused_with_what_is_needed_and_what_is_free() {
+        let needs = Needs { scratch_bytes: 3 << 30, file_bytes: 1 << 30 };
+        let free = |scratch: u64, out: u64| {
+            let free = move |p: &Path| Some(if p.ends_with("scratch") { scratch } else { out });
+            needs
+                .check("/scratch".as_ref(), "/out/a.esker".as_ref(), free)
+                .map_err(|e| e.to_string())
+        };
+        assert_eq!(free(3 << 30, 1 << 30), Ok(()));
+        let text = free((3 << 30) - 1, 9 << 30).unwrap_err();
+        assert!(text.starts_with("/scratch: scratch files need at least 3072 MiB"), "{text}");
+        assert!(text.contains("3071 MiB are free") && text.contains("--scratch"), "{text}");
+        let text = free(9 << 30, 1 << 20).unwrap_err();
+        assert!(text.starts_with("/out: the file needs at least 1024 MiB, 1 MiB are"), "{text}");
+        needs.check("/scratch".as_ref(), "a.esker".as_ref(), |_| None).unwrap();
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn free_space_is_told_of_folders_that_exist() {
+        assert!(free_bytes(&std::env::temp_dir()).is_some_and(|b| b > 0));
+        assert_eq!(free_bytes("/nowhere/at/all".as_ref()), None);
+    }
+}
