@@ -196,8 +196,13 @@ fn what_las_has_no_field_for_becomes_extra_bytes() {
     let origin = Origin { kind: GridKind::Float, crs: None, verbatim: Vec::new() };
     for ending in ["las", "laz"] {
         let out = folder.path().join(format!("out.{ending}"));
-        let notes =
-            write(&out, Lattice::default(), std::slice::from_ref(&origin), &[batch.clone()], 2);
+        let notes = write(
+            &out,
+            Lattice::default(),
+            std::slice::from_ref(&origin),
+            std::slice::from_ref(&batch),
+            2,
+        );
         assert_eq!(notes, ["as extra bytes: nx, ny, nz, own"]);
         let source = open(&out);
         let (_, back) = read(source.as_ref());
