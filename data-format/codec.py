@@ -17,7 +17,9 @@ def runs(encoding, stored, value_bytes, points):
     for byte, length in enumerate(lengths):
         run = stored[at : at + length]
         at += length
-        if length != points:
+        if length > points:
+            raise ValueError("a run is longer than its values")
+        if length < points:
             run = (lz4_block if encoding == 2 else zstd_frame)(run, points)
         values[byte::value_bytes] = run
     return bytes(values)

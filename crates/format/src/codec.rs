@@ -5,6 +5,7 @@
 
 use crate::directory::u32_at;
 use crate::error::Fault;
+use std::cmp::Ordering;
 
 /// Level of zstd: 9 takes six times as long for 1 % less.
 const ZSTD_LEVEL: i32 = 3;
@@ -195,20 +196,29 @@ fn decode_runs(
     for byte in 0..value_bytes {
         let (packed, behind) = rest.split_at_checked(u32_at(lengths, 4 * byte) as usize)?;
         rest = behind;
-        if packed.len() == points {
-            run.copy_from_slice(packed);
-        } else {
-            let length = match encoding {
-                Encoding::Zstd => zstd::bulk::decompress_to_buffer(packed, &mut run).ok()?,
-                _ => lz4_flex::block::decompress_into(packed, &mut run).ok()?,
-            };
-            (length == points).then_some(())?;
-        }
+        let length = match packed.len().cmp(&points) {
+            Ordering::Less => unpack(encoding, packed, &mut run)?,
+            Ordering::Equal => {
+                run.copy_from_slice(packed);
+                points
+            }
+            Ordering::Greater => return None,
+        };
+        (length == points).then_some(())?;
         for (value, &b) in values.chunks_exact_mut(value_bytes).zip(&run) {
             value[byte] = b;
         }
     }
     rest.is_empty().then_some(values)
+}
+
+/// Decompresses one block or frame; the bytes that it holds.
+fn unpack(encoding: Encoding, packed: &[u8], run: &mut [u8]) -> Option<usize> {
+    if encoding == Encoding::Lz4 {
+        return lz4_flex::block::decompress_into(packed, run).ok();
+    }
+    let frame = zstd::zstd_safe::find_frame_compressed_size(packed).ok()?;
+    (frame == packed.len()).then(|| zstd::bulk::decompress_to_buffer(packed, run).ok())?
 }
 
 #[cfg(test)]
@@ -259,6 +269,8 @@ mod tests {
             stored[..4].copy_from_slice(&length.to_le_bytes());
             decode(encoding, &stored, 1, 100).unwrap_err();
             decode(encoding, &stored, 1, bomb.len() + 1).unwrap_err();
+            // A run is no longer than its values.
+            decode(encoding, &stored, 1, stored.len() - 5).unwrap_err();
             assert_eq!(decode(encoding, &stored, 1, bomb.len()).unwrap(), bomb);
         }
     }

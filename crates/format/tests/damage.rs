@@ -22,6 +22,14 @@ fn small_file() -> Vec<u8> {
     bytes
 }
 
+fn sample(name: &str) -> Vec<u8> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data-format/samples");
+    let mut bytes = Vec::new();
+    let mut file = std::fs::File::open(format!("{folder}/{name}.esker")).unwrap();
+    std::io::Read::read_to_end(&mut file, &mut bytes).unwrap();
+    bytes
+}
+
 fn check(bytes: Vec<u8>) -> Result<VerifyReport, FormatError> {
     let file = EskerFile::from_source(Path::new("a.esker"), Box::new(bytes))?;
     verify(&file, &Silent)
@@ -195,11 +203,15 @@ proptest! {
 
     #[test]
     fn random_pages_never_panic(
+        which in 0usize..3,
         node in any::<prop::sample::Index>(),
         edits in prop::collection::vec((0usize..2, any::<prop::sample::Index>(), any::<u8>()), 1..8),
     ) {
-        thread_local! { static GOOD: Vec<u8> = small_file(); }
-        let mut bytes = GOOD.with(Clone::clone);
+        // The samples have planes of every encoding.
+        thread_local! {
+            static GOOD: [Vec<u8>; 3] = [small_file(), sample("all-kinds"), sample("small")];
+        }
+        let mut bytes = GOOD.with(|good| good[which].clone());
         let file = EskerFile::from_source(Path::new("a.esker"), Box::new(bytes.clone())).unwrap();
         let node = node.get(&file.table().nodes);
         let start = node.page_offset as usize;
