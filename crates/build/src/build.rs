@@ -2,7 +2,7 @@
 
 use crate::crs::one_system;
 use crate::error::BuildError;
-use crate::intake::{Intake, Plan, Taken, open};
+use crate::intake::{Intake, Plan, Taken, open_with};
 use crate::levels::{Raiser, Store, assemble};
 use crate::memory::{self, Peak};
 use crate::onto::{Merged, Onto};
@@ -14,7 +14,7 @@ use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
-use esker_scan::Source;
+use esker_scan::{OpenOptions, Source};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -139,7 +139,12 @@ pub fn build(
             "{same}: is input and output at once; choose another output"
         )));
     }
-    build_sources(open(inputs, options.colour_depth, task)?, out, options, task)
+    // Decoding and the rows of what is decoded are all there is in memory while inputs are read.
+    let said = OpenOptions {
+        colour_depth: options.colour_depth,
+        chunk_bytes_max: Some(options.memory_bytes / 4),
+    };
+    build_sources(open_with(inputs, &said, task)?, out, options, task)
 }
 
 /// As [`build`], from opened inputs.

@@ -137,10 +137,21 @@ pub fn open(
     colour_depth: Option<ColourDepth>,
     task: &dyn Task,
 ) -> Result<Vec<Box<dyn Source>>, BuildError> {
-    let options = OpenOptions { colour_depth };
+    open_with(inputs, &OpenOptions { colour_depth, ..OpenOptions::default() }, task)
+}
+
+/// As [`open`], with all that may be said.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(
+    inputs: &[PathBuf],
+    options: &OpenOptions,
+    task: &dyn Task,
+) -> Result<Vec<Box<dyn Source>>, BuildError> {
     let open = |path: &PathBuf| {
         task.check()?;
-        Ok(esker_scan::open(path, &options, task)?)
+        Ok(esker_scan::open(path, options, task)?)
     };
     // On all cores, since there may be thousands. Of several errors the first input's is told.
     let opened: Vec<_> = inputs.par_iter().map(open).collect();

@@ -31,6 +31,9 @@ pub type Open =
 pub struct OpenOptions {
     /// Overrides what was detected of 16-bit colour fields.
     pub colour_depth: Option<ColourDepth>,
+    /// Memory that a compressed chunk may take, in bytes, where its decoder needs all of it at once; what a format
+    /// allows where not said.
+    pub chunk_bytes_max: Option<u64>,
 }
 
 /// What is known of an input before its points are decoded.

@@ -305,7 +305,8 @@ fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
         let source = open(&disk).unwrap();
         assert_eq!(source.info().colour_depth, Some(depth));
         assert_eq!(read(source.as_ref()).unwrap().1.colour_max, value);
-        let options = OpenOptions { colour_depth: Some(ColourDepth::Eight) };
+        let options =
+            OpenOptions { colour_depth: Some(ColourDepth::Eight), ..OpenOptions::default() };
         let overridden = esker_scan::open(disk.path(), &options, &Silent).unwrap();
         assert_eq!(overridden.info().colour_depth, Some(ColourDepth::Eight));
     }
@@ -377,6 +378,27 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
         let source = open(&disk).unwrap();
         assert_eq!((source.info().points_hint, source.info().notes.len()), (0, 0));
         assert_eq!(read(source.as_ref()).unwrap().1.points, 0);
+    }
+}
+
+#[test]
+fn a_chunk_larger_than_memory_is_refused_with_what_to_do() {
+    // Layered chunks are decoded whole. Larger than what is decoded side by side.
+    let variant = Variant { format: 6, minor: 4, extra: 200 };
+    let points: Vec<_> = (0..160_000u64)
+        .map(|i| {
+            let random = |j: u64| (i * 100 + j).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+            let extra = (0..200).map(|j| random(j / 8 * 8) as u8).collect();
+            Point { position: [0, 1, 2].map(|a| random(a) as i32), fields: [0; 60], extra }
+        })
+        .collect();
+    let disk = on_disk(&file_of(variant, points).laz(200_000));
+    let options = |bytes| OpenOptions { chunk_bytes_max: Some(bytes), ..OpenOptions::default() };
+    let open = |bytes| esker_scan::open(disk.path(), &options(bytes), &Silent).unwrap();
+    assert_eq!(read(open(64 << 20).as_ref()).unwrap().1.points, 160_000);
+    let error = read(open(1 << 20).as_ref()).unwrap_err().to_string();
+    for word in ["too large", "1048576 are read at most", "--memory", "50000 points"] {
+        assert!(error.contains(word), "{error}");
     }
 }
 

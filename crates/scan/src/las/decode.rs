@@ -25,8 +25,6 @@ const GROUP_BYTES: usize = 16 << 20;
 const GROUP_PIECES: usize = 512;
 /// A chunk of more raw bytes than this is decoded in passing, on one core.
 const CHUNK_BYTES_MAX: usize = 2 * GROUP_BYTES;
-/// Compressed bytes of a layered chunk at most: its decoder needs all of them at once.
-const LAYERED_BYTES_MAX: u64 = 256 << 20;
 const READ_BYTES: usize = 256 << 10;
 
 /// Where the points of a file are, and how they are stored.
@@ -42,6 +40,8 @@ pub struct Points {
     pub record_bytes: usize,
     /// How they are compressed, if they are.
     pub compression: Option<Compression>,
+    /// Compressed bytes at most of a chunk that is decoded in passing and whose decoder needs all of them at once.
+    pub chunk_bytes_max: u64,
 }
 
 /// Makes something of whole records; called on any thread.
@@ -228,10 +228,10 @@ impl Points {
         chunk: Chunk,
     ) -> Result<(), ScanError> {
         let Some(layers) = compression.layers else { return Ok(()) };
-        if u64::from(chunk.bytes) > LAYERED_BYTES_MAX {
+        if u64::from(chunk.bytes) > self.chunk_bytes_max {
             let what = format!(
-                "its chunks are too large ({} compressed bytes; {LAYERED_BYTES_MAX} are read at most): compress it anew with chunks of 50000 points",
-                chunk.bytes
+                "its chunks are too large ({} compressed bytes; {} are read at most): give more --memory, or compress it anew with chunks of 50000 points",
+                chunk.bytes, self.chunk_bytes_max
             );
             return Err(ScanError::unsupported(&self.path, what));
         }

@@ -34,6 +34,8 @@ const HEAD_BYTES: u64 = 512;
 /// Extra bytes of a record at most: each may become an attribute of its own, and LASzip's models of
 /// each take up to 12 KiB a thread. Real files have a few dozen.
 pub(crate) const EXTRA_BYTES_MAX: usize = 1024;
+/// Compressed bytes of a layered chunk at most: its decoder needs all of them at once.
+const CHUNK_BYTES_MAX: u64 = 256 << 20;
 /// First points whose colours tell whether 16-bit fields hold 8-bit values.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 
@@ -53,7 +55,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let mut header = Header::parse(&head, bytes, path)?;
     let mut notes = Vec::new();
     let records = Records::read(&mut file, &header, bytes, path, &mut notes)?;
-    let points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes)?;
+    let mut points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes)?;
+    points.chunk_bytes_max = options.chunk_bytes_max.unwrap_or(u64::MAX).min(CHUNK_BYTES_MAX);
     let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
     if extra > EXTRA_BYTES_MAX {
         let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
@@ -126,6 +129,7 @@ fn points_of(
         count: header.points,
         record_bytes: header.record_bytes,
         compression,
+        chunk_bytes_max: CHUNK_BYTES_MAX,
     })
 }
 
