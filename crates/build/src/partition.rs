@@ -20,9 +20,11 @@ pub const BUCKETS_MAX: usize = 1 << 14;
 pub struct Block {
     log2: u8,
     rows: Vec<u8>,
-    /// The corners of the cells, and the rows of each.
-    parts: Vec<([u32; 3], Range<u32>)>,
+    parts: Vec<Part>,
 }
+
+/// The corner of a cell, and its rows in a block.
+type Part = ([u32; 3], Range<u32>);
 
 impl Block {
     /// Sorts rows into cells of `2^log2` steps: `positions` is what stands in the rows that `fill` hands
@@ -60,11 +62,8 @@ impl Block {
 }
 
 /// Which cell each position lies in, numbered as they come, and the cells with the count of their positions.
-fn parts_of(
-    log2: u8,
-    positions: impl Iterator<Item = [u32; 3]>,
-) -> (Vec<u32>, Vec<([u32; 3], Range<u32>)>) {
-    let mut parts: Vec<([u32; 3], Range<u32>)> = Vec::new();
+fn parts_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<Part>) {
+    let mut parts: Vec<Part> = Vec::new();
     let mut by_corner = Cells::default();
     let mut part_of = Vec::with_capacity(positions.size_hint().0);
     let mut last: Option<(Cell, u32)> = None;

@@ -31,7 +31,7 @@ pub struct Scratch {
     file: BufWriter<File>,
     folder: PathBuf,
     /// Length of the file.
-    bytes: u64,
+    file_bytes: u64,
     /// Bytes ever written.
     written_bytes: u64,
     /// Bytes not yet released.
@@ -50,7 +50,7 @@ impl Scratch {
         Ok(Self {
             file: BufWriter::with_capacity(WRITE_BYTES, file),
             folder: folder.to_owned(),
-            bytes: 0,
+            file_bytes: 0,
             written_bytes: 0,
             held_bytes: 0,
             held_bytes_peak: 0,
@@ -65,8 +65,8 @@ impl Scratch {
         self.file
             .write_all(bytes)
             .map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))?;
-        let extent = Extent { offset: self.bytes, bytes: bytes.len() as u64 };
-        self.bytes += extent.bytes;
+        let extent = Extent { offset: self.file_bytes, bytes: bytes.len() as u64 };
+        self.file_bytes += extent.bytes;
         self.written_bytes += extent.bytes;
         self.held_bytes += extent.bytes;
         self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
@@ -88,7 +88,7 @@ impl Scratch {
     /// # Errors
     /// Where the system refuses.
     pub fn clear(&mut self) -> Result<(), BuildError> {
-        (self.bytes, self.held_bytes) = (0, 0);
+        (self.file_bytes, self.held_bytes) = (0, 0);
         self.file
             .flush()
             .and_then(|()| self.file.get_ref().set_len(0))
