@@ -7,7 +7,7 @@ use std::ops::Range;
 /// Points of a block.
 const LANES: usize = 4;
 /// The edge of the cells by which neighbours are found is at least so many radii, and less than twice as many.
-const EDGE_RADII: f64 = 1.0;
+const EDGE_RADII: f64 = 1.5;
 
 /// Four points in a cache line, over which the innermost loop of a build runs.
 #[repr(C, align(64))]
@@ -104,9 +104,21 @@ impl Rest {
     pub fn tell(&mut self, p: [i32; 3], reach: i32) {
         let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
         let high = p.map(|c| c.saturating_add(reach) >> self.log2);
+        let reach2 = reach as f32 * reach as f32;
+        // Square of the distance to a cell along an axis.
+        let gap2 = |axis: usize, cell: i32| {
+            let within = i64::from(p[axis]) - (i64::from(cell) << self.log2);
+            let beyond = within.wrapping_neg().max(within - (1 << self.log2)).max(0) as f32;
+            beyond * beyond
+        };
         for z in low[2]..=high[2] {
+            let gap2_z = gap2(2, z);
             for y in low[1]..=high[1] {
+                let gap2_yz = gap2_z + gap2(1, y);
                 for x in low[0]..=high[0] {
+                    if gap2_yz + gap2(0, x) > reach2 {
+                        continue;
+                    }
                     if let Some(run) = self.cells.find([x, y, z]) {
                         self.blocks[run].iter_mut().for_each(|block| block.tell(p));
                     }

@@ -17,7 +17,7 @@ const DUE_SHARE: f32 = 0.65;
 
 /// While the radius is large, a part of the points is enough to thin among: the first in each octree cell whose
 /// edge is at most this share of the radius, and those that a cell below has picked by then.
-const PART_EDGE: f64 = 0.125;
+const PART_EDGE: f64 = 0.25;
 
 /// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
 const GOLDEN: usize = 0x9e37_79b9;
