@@ -2,186 +2,268 @@
 //! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
 //! neighbours; distances are in space.
 
-use std::ops::Range;
+use wide::{f32x4, i32x4};
 
 /// Points of a block.
 const LANES: usize = 4;
 /// The edge of the cells by which neighbours are found is at least so many radii, and less than twice as many.
-const EDGE_RADII: f64 = 1.5;
-
-/// Four points in a cache line, over which the innermost loop of a build runs.
-#[repr(C, align(64))]
-#[derive(Clone, Copy)]
-struct Block {
-    q: [[i32; LANES]; 3],
-    nearest2: [f32; LANES],
-}
-
-/// No points: what is at distance 0 is never picked.
-const EMPTY: Block = Block { q: [[0; LANES]; 3], nearest2: [0.0; LANES] };
-
-impl Block {
-    /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
-    /// millionth.
-    #[inline]
-    fn tell(&mut self, p: [i32; 3]) {
-        for lane in 0..LANES {
-            let d = |axis: usize| self.q[axis][lane].wrapping_sub(p[axis]) as f32;
-            let (x, y, z) = (d(0), d(1), d(2));
-            let d2 = x * x + y * y + z * z;
-            let nearest2 = self.nearest2[lane];
-            self.nearest2[lane] = if d2 < nearest2 { d2 } else { nearest2 };
-        }
-    }
-}
-
-/// Points in blocks, and where those of each cell stand.
-#[derive(Default)]
-pub struct Rest {
-    blocks: Vec<Block>,
-    /// Which candidate each is.
-    pub candidate: Vec<u32>,
-    cells: Cells,
-    /// Log2 of the edge of the cells.
-    log2: u32,
-}
+const EDGE_RADII: f64 = 1.4;
+/// Instead of a candidate, where a block has room left.
+pub const NONE: u32 = u32::MAX;
+/// A tile and those around it.
+const AROUND: usize = 27;
 
 /// Log2 of the edge of the cells, in steps, by which neighbours within a radius are found.
 pub fn cell_log2(radius: f64) -> u32 {
-    ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
+    // A step more, by which a reach is rounded up.
+    (((radius + 1.0) * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
+}
+
+/// Points in blocks of four, each of one cell, over which the innermost loop of a build runs. A block's room that is
+/// left is at distance 0, which is never picked.
+#[derive(Default)]
+pub struct Rest {
+    /// Coordinates, axis by axis.
+    q: Vec<[i32x4; 3]>,
+    /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
+    /// else any that is not.
+    nearest2: Vec<f32x4>,
+    /// Which candidate each is; [`NONE`] where there is none.
+    candidate: Vec<u32>,
+    /// The tile of each block.
+    tile_of: Vec<u32>,
+    cells: Cells,
+    /// Log2 of the edge of the cells.
+    log2: u32,
 }
 
 impl Rest {
     /// Takes other points: candidates in order, with the squares of their distances to the nearest picked one.
     pub fn refill(&mut self, q: &[[i32; 3]], points: impl Iterator<Item = (u32, f32)>, log2: u32) {
         self.log2 = log2;
-        self.candidate.clear();
-        self.blocks.clear();
+        self.clear();
+        let (mut last, mut tile, mut lane) = (None, 0, 0);
         for (candidate, nearest2) in points {
-            let lane = self.candidate.len() % LANES;
-            if lane == 0 {
-                self.blocks.push(EMPTY);
+            let p = q[candidate as usize];
+            let corner = p.map(|c| c >> log2);
+            let is_new = last != Some(corner);
+            if is_new {
+                tile = self.cells.open(corner, self.q.len());
+                last = Some(corner);
             }
-            if let Some(block) = self.blocks.last_mut() {
-                let p = q[candidate as usize];
-                (0..3).for_each(|axis| block.q[axis][lane] = p[axis]);
-                block.nearest2[lane] = nearest2;
+            if is_new || lane == LANES {
+                lane = 0;
+                self.q.push([i32x4::default(); 3]);
+                self.nearest2.push(f32x4::default());
+                self.candidate.extend([NONE; LANES]);
+                self.tile_of.push(tile);
             }
-            self.candidate.push(candidate);
+            let block = self.q.len() - 1;
+            (0..3).for_each(|axis| self.q[block][axis].as_mut_array()[lane] = p[axis]);
+            self.nearest2[block].as_mut_array()[lane] = nearest2;
+            self.candidate[block * LANES + lane] = candidate;
+            lane += 1;
         }
-        self.cells.fill(self.candidate.iter().map(|&c| q[c as usize].map(|c| c >> log2)));
+        self.cells.close(self.q.len());
     }
 
-    /// Number of points.
+    fn clear(&mut self) {
+        self.q.clear();
+        self.nearest2.clear();
+        self.candidate.clear();
+        self.tile_of.clear();
+        self.cells.clear();
+    }
+
+    /// Number of places: points, and room that is left.
     pub fn len(&self) -> usize {
         self.candidate.len()
     }
 
-    /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
-    /// else any that is not.
-    #[inline]
-    pub fn nearest2(&self, i: usize) -> f32 {
-        self.blocks[i / LANES].nearest2[i % LANES]
+    /// The candidate at a place; [`NONE`] where there is none.
+    pub fn candidate(&self, i: usize) -> u32 {
+        self.candidate[i]
     }
 
-    /// The first point from `i` on which is so far from picked ones.
+    /// The points and the squares of their distances to the nearest picked one.
+    pub fn points(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
+        let nearest2 = self.nearest2.iter().flat_map(|block| block.to_array());
+        self.candidate.iter().copied().zip(nearest2).filter(|p| p.0 != NONE)
+    }
+
+    /// See [`Rest::nearest2`].
+    #[inline]
+    pub fn nearest2(&self, i: usize) -> f32 {
+        self.nearest2[i / LANES].as_array()[i % LANES]
+    }
+
+    /// The first place from `i` on which is so far, more than not at all, from picked points.
     #[inline]
     pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
-        let (mut block, mut lane) = (i / LANES, i % LANES);
-        while let Some(b) = self.blocks.get(block) {
-            for l in lane..LANES {
-                if b.nearest2[l] >= least2 {
-                    return Some(block * LANES + l);
-                }
+        let least2 = f32x4::from(least2);
+        let mut far = !0 << (i % LANES);
+        for (block, nearest2) in self.nearest2.iter().enumerate().skip(i / LANES) {
+            far &= nearest2.simd_ge(least2).to_bitmask();
+            if far != 0 {
+                return Some(block * LANES + far.trailing_zeros() as usize);
             }
-            (block, lane) = (block + 1, 0);
+            far = !0;
         }
         None
     }
 
-    /// Tells all points within a radius, itself among them, that one is picked.
+    /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline]
+    pub fn tell_around(&mut self, i: usize, reach: i32) {
+        let block = i / LANES;
+        let p = self.q[block].each_ref().map(|axis| axis.as_array()[i % LANES]);
+        self.tell_in(p, reach, self.cells.near[self.tile_of[block] as usize]);
+    }
+
+    /// The same for a position that has no place.
     pub fn tell(&mut self, p: [i32; 3], reach: i32) {
+        match self.cells.find(p.map(|c| c >> self.log2 >> TILE_LOG2)) {
+            NONE => {
+                let near = self.cells.find_near(p.map(|c| c >> self.log2 >> TILE_LOG2));
+                self.tell_in(p, reach, near);
+            }
+            tile => self.tell_in(p, reach, self.cells.near[tile as usize]),
+        }
+    }
+
+    /// `near` are the tiles around the position's own.
+    #[inline]
+    fn tell_in(&mut self, p: [i32; 3], reach: i32, near: [u32; AROUND]) {
         let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
         let high = p.map(|c| c.saturating_add(reach) >> self.log2);
-        let reach2 = reach as f32 * reach as f32;
-        // Square of the distance to a cell along an axis.
-        let gap2 = |axis: usize, cell: i32| {
-            let within = i64::from(p[axis]) - (i64::from(cell) << self.log2);
-            let beyond = within.wrapping_neg().max(within - (1 << self.log2)).max(0) as f32;
-            beyond * beyond
-        };
+        let own = p.map(|c| (c >> self.log2 >> TILE_LOG2) - 1);
+        let p = p.map(i32x4::from);
         for z in low[2]..=high[2] {
-            let gap2_z = gap2(2, z);
             for y in low[1]..=high[1] {
-                let gap2_yz = gap2_z + gap2(1, y);
                 for x in low[0]..=high[0] {
-                    if gap2_yz + gap2(0, x) > reach2 {
+                    let tile = [x, y, z].map(|c| c >> TILE_LOG2);
+                    let [i, j, k] = [0, 1, 2].map(|axis| (tile[axis] - own[axis]) as usize);
+                    let tile = near[(k * 3 + j) * 3 + i];
+                    if tile == NONE {
                         continue;
                     }
-                    if let Some(run) = self.cells.find([x, y, z]) {
-                        self.blocks[run].iter_mut().for_each(|block| block.tell(p));
+                    let cell = self.cells.tiles[tile as usize][within([x, y, z])];
+                    if cell != NONE {
+                        self.tell_cell(cell, p);
                     }
                 }
             }
         }
     }
+
+    /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
+    /// millionth.
+    #[inline]
+    fn tell_cell(&mut self, cell: u32, p: [i32x4; 3]) {
+        let run = self.cells.run(cell);
+        for (q, nearest2) in self.q[run.clone()].iter().zip(&mut self.nearest2[run]) {
+            let d = |axis: usize| (q[axis] - p[axis]).round_float();
+            let (x, y, z) = (d(0), d(1), d(2));
+            *nearest2 = nearest2.fast_min(x * x + y * y + z * z);
+        }
+    }
 }
 
-/// Which blocks hold the points of each cell: a table with open addressing.
+/// Cells along an edge of a tile, as log2.
+const TILE_LOG2: u32 = 2;
+/// Cells of a tile.
+const TILE: usize = 1 << (3 * TILE_LOG2);
+
+/// The place of a cell in its tile.
+#[inline]
+fn within(cell: [i32; 3]) -> usize {
+    let [x, y, z] = cell.map(|c| c as usize & ((1 << TILE_LOG2) - 1));
+    (z << TILE_LOG2 | y) << TILE_LOG2 | x
+}
+
+/// The cells that have points, along the curve, by tiles of them, which a table with open addressing finds.
 #[derive(Default)]
 struct Cells {
-    slots: Vec<Slot>,
+    /// The first block of each cell's points, and of the next cell's.
+    first: Vec<u32>,
+    /// Cells by their place in a tile; [`NONE`] where there is none.
+    tiles: Vec<[u32; TILE]>,
+    corners: Vec<[i32; 3]>,
+    /// The tiles around each, itself among them; [`NONE`] where there is none.
+    near: Vec<[u32; AROUND]>,
+    /// Tiles by their corners; [`NONE`] where there is none.
+    slots: Vec<u32>,
     shift: u32,
-    runs: Vec<Slot>,
 }
-
-/// A cell's key, and its blocks; the end is 0 where there is none.
-type Slot = (u64, u32, u32);
 
 impl Cells {
-    /// From the cell of each point; equal ones stand together.
-    fn fill(&mut self, cells: impl Iterator<Item = [i32; 3]>) {
-        self.runs.clear();
-        let mut last = None;
-        for (i, cell) in cells.enumerate() {
-            let block = (i / LANES) as u32;
-            match self.runs.last_mut() {
-                Some(run) if last == Some(cell) => run.2 = block + 1,
-                _ => self.runs.push((key(cell), block, block + 1)),
-            }
-            last = Some(cell);
+    fn clear(&mut self) {
+        self.first.clear();
+        self.tiles.clear();
+        self.corners.clear();
+        self.near.clear();
+    }
+
+    /// The next cell along the curve, whose points begin at a block; the tile that it lies in.
+    fn open(&mut self, cell: [i32; 3], block: usize) -> u32 {
+        let corner = cell.map(|c| c >> TILE_LOG2);
+        if self.corners.last() != Some(&corner) {
+            self.corners.push(corner);
+            self.tiles.push([NONE; TILE]);
         }
-        let size = (self.runs.len() * 2).next_power_of_two().max(2);
+        if let Some(tile) = self.tiles.last_mut() {
+            tile[within(cell)] = self.first.len() as u32;
+        }
+        self.first.push(block as u32);
+        self.tiles.len() as u32 - 1
+    }
+
+    /// Makes the table; the last cell ends before a block.
+    fn close(&mut self, block: usize) {
+        self.first.push(block as u32);
+        let size = (self.corners.len() * 2).next_power_of_two().max(2);
         self.shift = 64 - size.ilog2();
         self.slots.clear();
-        self.slots.resize(size, (0, 0, 0));
-        for &run in &self.runs {
-            let mut at = (run.0 >> self.shift) as usize;
-            while self.slots[at].2 > 0 {
+        self.slots.resize(size, NONE);
+        for (tile, &corner) in (0..).zip(&self.corners) {
+            let mut at = (hash(corner) >> self.shift) as usize;
+            while self.slots[at] != NONE {
                 at = (at + 1) & (size - 1);
             }
-            self.slots[at] = run;
+            self.slots[at] = tile;
+        }
+        self.near = self.corners.iter().map(|&corner| self.find_near(corner)).collect();
+    }
+
+    /// The blocks of a cell.
+    #[inline]
+    fn run(&self, cell: u32) -> std::ops::Range<usize> {
+        self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize
+    }
+
+    /// The tile at a place; [`NONE`] where there is none.
+    fn find(&self, corner: [i32; 3]) -> u32 {
+        let mut at = (hash(corner) >> self.shift) as usize;
+        loop {
+            let tile = self.slots[at];
+            if tile == NONE || self.corners[tile as usize] == corner {
+                return tile;
+            }
+            at = (at + 1) & (self.slots.len() - 1);
         }
     }
 
-    #[inline]
-    fn find(&self, cell: [i32; 3]) -> Option<Range<usize>> {
-        let key = key(cell);
-        let mut at = (key >> self.shift) as usize;
-        loop {
-            match self.slots[at] {
-                (_, _, 0) => return None,
-                (k, first, end) if k == key => return Some(first as usize..end as usize),
-                _ => at = (at + 1) & (self.slots.len() - 1),
-            }
-        }
+    /// The tiles around a place.
+    fn find_near(&self, corner: [i32; 3]) -> [u32; AROUND] {
+        std::array::from_fn(|at| {
+            let step = [at % 3, at / 3 % 3, at / 9];
+            self.find([0, 1, 2].map(|axis| corner[axis].wrapping_add(step[axis] as i32 - 1)))
+        })
     }
 }
 
-/// A number for a cell. Should two cells ever share one, points of one of them are told less than they could be.
-fn key(cell: [i32; 3]) -> u64 {
+fn hash(corner: [i32; 3]) -> u64 {
     const ODD: [u64; 3] = [0x9e37_79b9_7f4a_7c15, 0xd1b5_4a32_d192_ed03, 0x8cb9_2ba7_2f3d_8dd7];
-    let part = |axis: usize| (cell[axis] as u64).wrapping_mul(ODD[axis]);
+    let part = |axis: usize| (corner[axis] as u64).wrapping_mul(ODD[axis]);
     part(0).wrapping_add(part(1)).wrapping_add(part(2))
 }

@@ -113,7 +113,7 @@ impl<'a> Thinning<'a> {
 
     /// Square of the greatest distance to a picked point among those left.
     fn farthest2(&self) -> f32 {
-        (0..self.rest.len()).map(|i| self.rest.nearest2(i)).fold(0.0, f32::max)
+        self.rest.points().map(|p| p.1).fold(0.0, f32::max)
     }
 
     /// Chooses cells, and the points to look at, for the next turns.
@@ -122,8 +122,7 @@ impl<'a> Thinning<'a> {
         let (log2, q) = (cell_log2(radius), &self.candidates.q);
         if self.is_complete() {
             let old = std::mem::take(&mut self.rest);
-            let left = (0..old.len()).map(|i| (old.candidate[i], old.nearest2(i)));
-            self.rest.refill(q, left.filter(|p| p.1 > 0.0), log2);
+            self.rest.refill(q, old.points().filter(|p| p.1 > 0.0), log2);
         } else {
             self.part_log2 = self.part_log2(radius);
             let until = turn_at(radius * self.candidates.step / 2.0);
@@ -158,7 +157,7 @@ impl<'a> Thinning<'a> {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
             let mut from = 0;
             while let Some(i) = self.rest.next_from(from, due2) {
-                if self.placed[self.rest.candidate[i] as usize] <= self.turn {
+                if self.placed[self.rest.candidate(i) as usize] <= self.turn {
                     self.take(i, reach);
                 }
                 from = i + 1;
@@ -184,10 +183,10 @@ impl<'a> Thinning<'a> {
     }
 
     fn take(&mut self, i: usize, reach: i32) {
-        let candidate = self.rest.candidate[i];
+        let candidate = self.rest.candidate(i);
         self.turns[candidate as usize] = self.turn;
         self.picked.push(candidate);
-        self.rest.tell(self.candidates.q[candidate as usize], reach);
+        self.rest.tell_around(i, reach);
     }
 
     /// What is left coincides with what is picked: it comes last.
