@@ -16,6 +16,7 @@ mod devices;
 mod draw;
 mod export;
 mod folder;
+mod forest;
 mod hostile;
 mod interrupt;
 mod las;
@@ -50,6 +51,7 @@ fn main() {
     python::trials(&mut trials);
     export::trials(&mut trials);
     stream::trials(&mut trials);
+    forest::trials(&mut trials);
     draw::trials(&mut trials);
     libtest_mimic::run(&arguments, trials).exit();
 }

@@ -2,7 +2,7 @@
 //! of the contour's plane; so a node hides something only where it is flat, where its points are enough
 //! to fill all parts that have any, and, of those parts, only those whose neighbours have some too.
 
-use crate::select::Drawn;
+use crate::selection::Drawn;
 use esker_points::Node;
 
 /// Least share of the occupied parts' area that the points cover, at one squared spacing each, of a node

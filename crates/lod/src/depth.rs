@@ -14,7 +14,7 @@ use crate::oriented_box::OrientedBox;
 use crate::prefix::spacing;
 use crate::project::{Polygon, Projection};
 use crate::raster::Rows;
-use crate::select::Drawn;
+use crate::selection::Drawn;
 use crate::view::View;
 use esker_points::{Lattice, NodeTable};
 use glam::{DVec2, DVec3};

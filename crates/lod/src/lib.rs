@@ -16,6 +16,7 @@ pub mod project;
 pub mod raster;
 pub mod residual;
 pub mod select;
+pub mod selection;
 pub mod view;
 
 pub use depth::SoftwareDepth;
@@ -26,5 +27,6 @@ pub use octree::CompactOctree;
 pub use oriented_box::OrientedBox;
 pub use project::{Projection, Silhouette};
 pub use residual::needs_residual;
-pub use select::{AllResident, Counters, Drawn, Missing, Options, Residency, Selection, select};
+pub use select::{AllResident, Options, Residency, select};
+pub use selection::{Counters, Drawn, Missing, Selection};
 pub use view::View;

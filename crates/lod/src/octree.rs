@@ -2,7 +2,7 @@
 //! for each covered pixel, how densely the place of a point is drawn, and sizes the point's splat by
 //! that (kanzok2015, section 3.2; DESIGN, section 8).
 
-use crate::select::Drawn;
+use crate::selection::Drawn;
 use esker_points::{Cell, Node, NodeTable};
 use std::collections::HashMap;
 

@@ -51,7 +51,7 @@ impl Looking {
     /// At what was opened, from where the arguments say.
     pub fn new(opened: Opened, args: &Args, shown: &ShownBy, is_coarser_moving: bool) -> Self {
         let file = &opened.file;
-        let bounds = info::bounds(&file);
+        let bounds = info::bounds(file);
         let view = args.camera.view(bounds, args.size);
         let [low, high] = bounds.map(DVec3::from_array);
         let target = match (args.camera.eye, args.camera.target) {
