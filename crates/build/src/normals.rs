@@ -7,8 +7,8 @@ use crate::neighbours::{Ask, Neighbours, sorted_codes};
 use esker_points::{morton, quant};
 
 /// Neighbours that a plane is laid through; where these lie along a line, two and four times as many.
-const NEIGHBOURS: usize = 12;
-const NEIGHBOURS_MAX: usize = 48;
+const NEIGHBOURS: usize = 16;
+const NEIGHBOURS_MAX: usize = 64;
 /// Second variance over the greatest below which neighbours lie along a line, as those of one scan line do.
 const LINE: f64 = 0.01;
 /// The reach in typical spacings: enough for the scan lines of a far wall, little enough for chunks' halos.
