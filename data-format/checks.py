@@ -95,7 +95,7 @@ def check_points(esker, index, planes, p, classes, values, require):
             absent = ~np.array(having)[classes]
             raw = np.ascontiguousarray(column[absent]).view(np.uint8)
             require(not raw.any(), "a value that the point does not have is not zero")
-    if esker.normals:
+    if esker.meta["normals"] == "source":
         code = octahedral([values[a] for a in esker.normals])
         stored = planes[5, None].copy().view("<i2")
         require((stored == code).all(), "normal plane: not that of nx, ny, nz")

@@ -177,9 +177,9 @@ class Esker:
         planes = [(POSITION, None, True, 8)]
         planes += [(COLOUR, None, True, 4)] if any(self.colours) else []
         planes += [(INTENSITY, None, True, 2)] if self.intensity is not None else []
-        estimated = self.meta["normals"] == "estimated"
-        origin = "source" if self.normals else "estimated" if estimated else "none"
-        require(self.meta["normals"] == origin, "the origin of normals does not suit the attributes")
+        origin = self.meta["normals"]
+        known = origin in ("none", "estimated", "oriented") or origin == "source" and self.normals
+        require(known, "the origin of normals does not suit the attributes")
         planes += [(NORMAL, None, True, 4)] if origin != "none" else []
         planes += [(RESIDUAL, None, True, 0)]
         planes += [(CLASS, None, False, 2)] if len(self.classes) > 1 else []

@@ -66,8 +66,12 @@ pub fn against_sources(
     for (i, source) in intake.sources.iter().enumerate() {
         let placement = plan.lattice.placement(&source.info().grid);
         let mut sink = |batch: Batch| -> Result<(), ScanError> {
-            let points =
-                Incoming { batch: &batch, class: plan.class_of[i], to_file: plan.to_file(i) };
+            let points = Incoming {
+                batch: &batch,
+                class: plan.class_of[i],
+                to_file: plan.to_file(i),
+                towards: &[],
+            };
             hash += rows.for_each_rows(&points, &mut |_| ());
             task.advance(batch.len() as u64);
             Ok(task.check()?)

@@ -1,17 +1,19 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
+use crate::borders::Borders;
 use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken, open_with};
 use crate::levels::{Raiser, Store, assemble};
 use crate::memory::{self, Peak};
+use crate::normals::{Bounds, NormalsMode};
 use crate::onto::{Merged, Onto};
-use crate::row::RowLayout;
 use crate::scratch::Scratch;
 use crate::space::{Needs, free_bytes};
 use crate::tree::{Context, Subtree};
 use esker_format::{
-    Codec, CrsRecord, FileWriter, Histograms, Metadata, PageLayout, SourceRecord, Statistics,
+    Codec, CrsRecord, FileWriter, Histograms, Metadata, Normals, PageLayout, SourceRecord,
+    Statistics,
 };
 use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
 use esker_scan::{OpenOptions, Source};
@@ -27,6 +29,8 @@ pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
 /// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
 const CHUNK_NODES: u64 = 24;
 const CHUNK_ROWS: u64 = 1 << 20;
+/// Bytes a point of a chunk while normals are estimated, its halo's share among them.
+const NORMALS_BYTES: f64 = 80.0;
 
 /// What the user chose.
 #[derive(Clone, Debug)]
@@ -45,6 +49,8 @@ pub struct Options {
     pub ignore_crs: bool,
     /// What is taken from files that are there already: see [`crate::append()`] and [`crate::merge()`].
     pub onto: Onto,
+    /// Where the normals that are drawn come from.
+    pub normals: NormalsMode,
 }
 
 impl Default for Options {
@@ -57,6 +63,7 @@ impl Default for Options {
             compress: Codec::default(),
             ignore_crs: false,
             onto: Onto::default(),
+            normals: NormalsMode::default(),
         }
     }
 }
@@ -83,7 +90,8 @@ impl Shares {
     /// about the rows' size, and the samples must fit. Where memory is ample, small chunks still overlap
     /// better and use the same memory again.
     fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
-        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0;
+        let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
+        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0 + estimating;
         let rows = (self.chunk_bytes_max as f64 / each) as u64;
         let nodes = |n| u64::from(options.node_capacity) * n;
         let rows = rows.clamp(nodes(4), (1 << 32) - 1);
@@ -182,17 +190,25 @@ pub fn build_shared(
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let mut scratch = Scratch::new(&folder)?;
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
+    intake.estimates_normals = options.normals == NormalsMode::Estimate;
     intake.lattice = options.onto.lattice;
     Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max).check(&folder, out, free_bytes)?;
     let mut writer = FileWriter::create(out)?;
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
-    let Taken { partition, reports, hash, ranges } = taken;
+    let Taken { partition, reports, hash, ranges, knows_scanners } = taken;
     let points: u64 = reports.iter().map(|r| r.points).sum();
 
+    let pages = PageLayout::new(&plan.schema, &plan.classes);
+    let normals = match options.normals {
+        NormalsMode::Keep => pages.normals(),
+        NormalsMode::Estimate if knows_scanners => Normals::Oriented,
+        NormalsMode::Estimate => Normals::Estimated,
+        NormalsMode::None => Normals::None,
+    };
     let context = Context {
-        rows: RowLayout::new(&plan.schema, &plan.classes),
-        pages: PageLayout::new(&plan.schema, &plan.classes).with_codec(options.compress),
+        rows: plan.rows(),
+        pages: pages.with_codec(options.compress).with_normals(normals),
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
         histograms: (0..rayon::current_num_threads().max(1))
@@ -201,10 +217,15 @@ pub fn build_shared(
     };
     task.phase("building", Some(points), "points");
     let buckets = partition.finish(&mut scratch)?;
+    let borders = (normals.is_estimated() && !buckets.is_empty()).then(|| {
+        let counts = buckets.iter().map(|b| b.rows);
+        let bounds = Bounds::of_cells(plan.lattice.scale, buckets[0].cell.log2, counts);
+        Borders::new(bounds, context.rows.clone())
+    });
     let root = Raiser {
         chunk_rows_max: shares.chunk_rows_max(options, context.rows.bytes()),
         context: &context,
-        store: Store { writer: &mut writer, scratch: &mut scratch },
+        store: Store { writer: &mut writer, scratch: &mut scratch, borders },
         buffer_bytes_max,
         task,
         peak: &peak,
@@ -225,6 +246,7 @@ pub fn build_shared(
     let statistics = Statistics::assemble(&table, &plan.schema, own, histograms);
     let depth = table.depths().into_iter().max().unwrap_or(0);
     let mut metadata = metadata(&intake, &plan, &reports, options);
+    metadata.normals = normals;
     metadata.bounds = bounds;
     peak.sample();
     task.check()?;
@@ -369,7 +391,7 @@ fn metadata(
         schema: plan.schema.clone(),
         classes: plan.classes.clone(),
         node_capacity: options.node_capacity,
-        estimated_normals: false,
+        normals: Normals::None,
         codec: options.compress,
         sources: match &options.onto.merged {
             None => reports.iter().enumerate().map(record).collect(),

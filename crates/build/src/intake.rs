@@ -8,12 +8,13 @@ use crate::partition::{BUCKETS_MAX, Block, Partition};
 use crate::row::{Incoming, RowLayout};
 use crate::scratch::Scratch;
 use esker_format::Ranges;
+use esker_points::attribute::names;
 use esker_points::lattice::GridKind;
 use esker_points::{
-    Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
+    AttrType, Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task, quant,
 };
 use esker_scan::source::BATCH_POINTS;
-use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use esker_scan::{OpenOptions, ReadReport, ScanError, Source, SourceInfo};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -37,6 +38,8 @@ pub struct Intake {
     forced_depth: bool,
     /// The lattice, where it is given.
     pub lattice: Option<Lattice>,
+    /// Whether rows have room for normals.
+    pub estimates_normals: bool,
 }
 
 /// What was chosen for all inputs.
@@ -49,6 +52,7 @@ pub struct Plan {
     pub classes: Vec<PointClass>,
     /// The class of each source.
     pub class_of: Vec<u16>,
+    estimates_normals: bool,
     /// For each source, the file's attribute for each of its own.
     to_file: Vec<Vec<usize>>,
 }
@@ -63,6 +67,8 @@ pub struct Taken {
     pub hash: MultisetHash,
     /// Range of each attribute.
     pub ranges: Ranges,
+    /// Whether it is known of all points where they were scanned from.
+    pub knows_scanners: bool,
 }
 
 /// Points on their way into a partition.
@@ -73,6 +79,8 @@ struct Taking<'a> {
     scratch: &'a mut Scratch,
     hash: MultisetHash,
     ranges: Ranges,
+    sources: &'a [Box<dyn Source>],
+    knows_scanners: bool,
     /// Batches by source, to be sorted into cells together: one a core.
     waiting: Vec<(usize, Batch)>,
     waiting_points: usize,
@@ -90,9 +98,18 @@ impl Taking<'_> {
     /// Makes rows of the waiting batches and sorts them into cells, on all cores.
     fn part_waiting(&mut self) -> Result<(), BuildError> {
         let (plan, layout, log2) = (self.plan, &self.rows, self.partition.log2());
+        let sources = self.sources;
         let part = |(source, batch): (usize, Batch)| {
             let to_file = &plan.to_file[source];
-            let points = Incoming { batch: &batch, class: plan.class_of[source], to_file };
+            let towards = if plan.estimates_normals {
+                towards_scanner(&batch, sources[source].info(), &plan.lattice)
+            } else {
+                None
+            };
+            let knows = towards.is_some();
+            let towards = &towards.unwrap_or_default();
+            let class = plan.class_of[source];
+            let points = Incoming { batch: &batch, class, to_file, towards };
             let mut hash = MultisetHash::default();
             let positions = batch.positions.iter().copied();
             let block = Block::new(layout.bytes(), log2, positions, |take| {
@@ -102,18 +119,33 @@ impl Taking<'_> {
             for (column, &attribute) in batch.columns.iter().zip(to_file) {
                 ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
             }
-            (block, hash, ranges)
+            (block, hash, ranges, knows)
         };
         self.waiting_points = 0;
         let waiting = std::mem::take(&mut self.waiting);
         let parted: Vec<_> = waiting.into_par_iter().map(part).collect();
-        for (block, hash, ranges) in parted {
+        for (block, hash, ranges, knows) in parted {
+            self.knows_scanners &= knows;
             self.hash += hash;
             self.ranges.merge(&ranges);
             self.partition.add(block, self.scratch)?;
         }
         Ok(())
     }
+}
+
+/// Octahedral codes of the directions from points to where they were scanned from, if that is known of all.
+fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Option<Vec<[i16; 2]>> {
+    let scanner = info.scanner.as_ref()?;
+    let ids = batch.schema.find_typed(names::POINT_SOURCE_ID, AttrType::U16);
+    let ids = ids.map(|column| batch.columns[column].as_chunks::<2>().0);
+    let towards = |(i, &p): (usize, &[u32; 3])| {
+        let from = scanner.of(ids.map(|ids| u16::from_le_bytes(ids[i])))?;
+        let at = lattice.world(p);
+        let direction = [0, 1, 2].map(|axis| (from[axis] - at[axis]) as f32);
+        Some(quant::oct_encode(direction))
+    };
+    batch.positions.iter().enumerate().map(towards).collect()
 }
 
 /// Why a reading is void.
@@ -159,9 +191,15 @@ pub fn open_with(
 }
 
 impl Plan {
+    /// The layout of rows.
+    pub fn rows(&self) -> RowLayout {
+        let rows = RowLayout::new(&self.schema, &self.classes);
+        if self.estimates_normals { rows.with_normals() } else { rows }
+    }
+
     /// Bytes of a row.
     pub fn row_bytes(&self) -> usize {
-        RowLayout::new(&self.schema, &self.classes).bytes()
+        self.rows().bytes()
     }
 
     /// For each attribute of a source, the file's.
@@ -177,7 +215,7 @@ impl Intake {
         let grids = sources.iter().map(|s| s.info().grid.clone()).collect();
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         let depths = sources.iter().map(|s| depth(s.as_ref())).collect();
-        Self { sources, grids, depths, forced_depth, lattice: None }
+        Self { sources, grids, depths, forced_depth, lattice: None, estimates_normals: false }
     }
 
     /// Chooses lattice, where none is given, schema and classes.
@@ -219,7 +257,8 @@ impl Intake {
         if classes.is_empty() {
             classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
         }
-        Ok(Plan { lattice, schema, classes, class_of, to_file })
+        let estimates_normals = self.estimates_normals;
+        Ok(Plan { lattice, schema, classes, class_of, estimates_normals, to_file })
     }
 
     fn check_scale(&self, lattice: &Lattice) -> Result<(), BuildError> {
@@ -328,7 +367,9 @@ impl Intake {
         peak: &Peak,
     ) -> Result<Result<Taken, Void>, BuildError> {
         let mut taking = Taking {
-            rows: RowLayout::new(&plan.schema, &plan.classes),
+            rows: plan.rows(),
+            sources: &self.sources,
+            knows_scanners: true,
             partition: Partition::new(
                 plan.row_bytes(),
                 self.partition_log2(plan),
@@ -358,8 +399,8 @@ impl Intake {
             }
         }
         taking.part_waiting()?;
-        let Taking { partition, hash, ranges, .. } = taking;
-        Ok(Ok(Taken { partition, reports, hash, ranges }))
+        let Taking { partition, hash, ranges, knows_scanners, .. } = taking;
+        Ok(Ok(Taken { partition, reports, hash, ranges, knows_scanners }))
     }
 
     /// The size of the partition's cells: by the bounds, and the smaller the more points there are.

@@ -2,9 +2,11 @@
 //! that does not depend on time. While a chunk is built, and what its root and others offer is chosen from
 //! for the cells above, the pages of the one before are written and the one behind is loaded and sorted.
 
+use crate::borders::{Borders, cell_of};
 use crate::coincident::Coincident;
 use crate::error::BuildError;
 use crate::memory::Peak;
+use crate::normals::UNKNOWN;
 use crate::partition::{Bucket, Partition, block_of_rows};
 use crate::row::{Rows, position};
 use crate::scratch::Scratch;
@@ -42,6 +44,8 @@ pub struct Store<'a> {
     pub writer: &'a mut FileWriter,
     /// Where rows lie that do not fit memory.
     pub scratch: &'a mut Scratch,
+    /// What chunks know of each other, where normals are estimated.
+    pub borders: Option<Borders>,
 }
 
 /// What is done next. Each leaves one cell behind that is built but for its root.
@@ -133,6 +137,9 @@ impl Store<'_> {
         sort(&runs, stride, &mut rows);
         drop(runs);
         drop(map);
+        if let Some(borders) = &self.borders {
+            borders.estimate(&cell_of(&buckets), &mut rows, self.scratch)?;
+        }
         self.scratch.release(buckets.into_iter().flat_map(|b| b.extents).collect());
         Ok(rows)
     }
@@ -149,6 +156,7 @@ impl Raiser<'_> {
         let mut steps = Vec::new();
         if !buckets.is_empty() {
             self.plan(buckets, &mut steps);
+            self.put_aside(&steps)?;
         }
         while let Some(step) = steps.pop() {
             self.task.check()?;
@@ -156,7 +164,9 @@ impl Raiser<'_> {
                 Step::Chunk(buckets) => self.chunks(buckets, &mut steps, &mut built)?,
                 Step::Part(bucket) => {
                     let parts = self.part(bucket)?;
+                    let before = steps.len();
                     self.plan(parts, &mut steps);
+                    self.put_aside(&steps[before..])?;
                 }
                 Step::Coincident(bucket) => self.coincident(bucket, &mut built)?,
                 Step::Combine(cell, children) => built.combine(self.context, cell, children),
@@ -201,6 +211,24 @@ impl Raiser<'_> {
         }
         steps.push(Step::Combine(cell, parts.len()));
         parts.into_iter().for_each(|part| self.plan(part, steps));
+    }
+
+    /// Puts aside what the chunks of these steps need of each other.
+    fn put_aside(&mut self, steps: &[Step]) -> Result<(), BuildError> {
+        let Some(borders) = self.store.borders.as_mut().filter(|_| steps.len() > 1) else {
+            return Ok(());
+        };
+        for step in steps {
+            self.task.check()?;
+            match step {
+                Step::Chunk(buckets) => borders.add(buckets, self.store.scratch)?,
+                Step::Part(bucket) | Step::Coincident(bucket) => {
+                    borders.add(std::slice::from_ref(bucket), self.store.scratch)?;
+                }
+                Step::Combine(..) => {}
+            }
+        }
+        Ok(())
     }
 
     /// Builds chunks, and the cells above that wait for them, until another step is on top.
@@ -291,6 +319,11 @@ impl Raiser<'_> {
     fn coincident(&mut self, bucket: Bucket, built: &mut Built) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
         let scratch = &mut *self.store.scratch;
+        let borders = self.store.borders.take();
+        let normal = match &borders {
+            Some(borders) => borders.estimate_one(&bucket.cell, scratch)?,
+            None => UNKNOWN,
+        };
         let map = if bucket.extents.is_empty() { None } else { Some(scratch.map()?) };
         let rows = Coincident {
             runs: bucket.runs(map.as_ref(), stride),
@@ -300,7 +333,11 @@ impl Raiser<'_> {
         };
         let (mut head, mut chain, mut carry) = (None, Vec::new(), Vec::new());
         rows.in_order(&mut |row| {
+            let start = carry.len();
             carry.extend_from_slice(row);
+            if let Some(borders) = &borders {
+                borders.set(&mut carry[start..], normal);
+            }
             if carry.len() == self.context.capacity * stride {
                 let rows = Rows { bytes: &carry, stride };
                 self.link(&rows, bucket.cell, built, &mut head, &mut chain)?;
@@ -314,6 +351,7 @@ impl Raiser<'_> {
         }
         drop(rows);
         drop(map);
+        self.store.borders = borders;
         self.store.scratch.release(bucket.extents);
         let mut head = head.ok_or_else(|| BuildError::Proof("a bucket lost its rows".into()))?;
         for (moments, mut node) in chain.into_iter().rev() {

@@ -3,6 +3,7 @@
 
 pub mod against;
 pub mod append;
+mod borders;
 pub mod build;
 mod candidates;
 mod chunk;
@@ -42,4 +43,5 @@ pub use build::{Options, Report, Shares, build, build_shared, build_sources};
 pub use error::BuildError;
 pub use export::{Exported, export};
 pub use merge::merge;
+pub use normals::NormalsMode;
 pub use onto::Onto;

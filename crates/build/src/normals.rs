@@ -17,6 +17,18 @@ const REACH_SPACINGS: f64 = 64.0;
 /// The code of a point whose neighbours tell no direction; drawn facing the eye.
 pub const UNKNOWN: [i16; 2] = [i16::MIN; 2];
 
+/// Where the normals that are drawn come from. Attributes stay exact, whatever is chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NormalsMode {
+    /// From the sources, where they bring any.
+    #[default]
+    Keep,
+    /// Estimated for all points.
+    Estimate,
+    /// None are drawn.
+    None,
+}
+
 /// How the neighbourhood of a point is bounded.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {

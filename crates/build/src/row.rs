@@ -1,6 +1,6 @@
 //! Rows: the builder's own record of a point while it is moved about. x, y, z on the lattice, the values
 //! of all attributes of the file's schema in canonical order (absent ones zero), and the point's class
-//! where there are several. Comparing rows bytewise after the coordinates breaks ties.
+//! where there are several; where normals are estimated, room for one. Comparing rows bytewise after the coordinates breaks ties.
 
 use esker_points::{Batch, MultisetHash, PointClass, Schema};
 use std::ops::Range;
@@ -14,6 +14,7 @@ pub struct RowLayout {
     /// Bytes of each attribute of the file's schema, within a row.
     attributes: Vec<Range<usize>>,
     class_at: Option<usize>,
+    normal_at: Option<usize>,
     bytes: usize,
     classes: Vec<ClassLayout>,
 }
@@ -27,6 +28,8 @@ pub struct Incoming<'a> {
     pub class: u16,
     /// For each attribute of the batch, the file's.
     pub to_file: &'a [usize],
+    /// Octahedral codes of where each was scanned from; none where that is not known.
+    pub towards: &'a [[i16; 2]],
 }
 
 #[derive(Clone, Debug)]
@@ -61,7 +64,29 @@ impl RowLayout {
             ClassLayout { seed: class.seed(schema), hashed }
         };
         let bytes = at + if class_at.is_some() { 2 } else { 0 };
-        Self { classes: classes.iter().map(class_layout).collect(), attributes, class_at, bytes }
+        let classes = classes.iter().map(class_layout).collect();
+        Self { classes, attributes, class_at, normal_at: None, bytes }
+    }
+
+    /// The same with room for an estimated normal; until it is, for the direction to the scanner, or up.
+    pub fn with_normals(mut self) -> Self {
+        self.normal_at = Some(self.bytes);
+        self.bytes += 4;
+        self
+    }
+
+    /// The octahedral code in a row's room for a normal.
+    pub fn normal(&self, row: &[u8]) -> Option<[i16; 2]> {
+        let at = self.normal_at?;
+        Some([at, at + 2].map(|at| i16::from_le_bytes([row[at], row[at + 1]])))
+    }
+
+    /// Puts a code there.
+    pub fn set_normal(&self, row: &mut [u8], [x, y]: [i16; 2]) {
+        if let Some(at) = self.normal_at {
+            row[at..at + 2].copy_from_slice(&x.to_le_bytes());
+            row[at + 2..at + 4].copy_from_slice(&y.to_le_bytes());
+        }
     }
 
     /// Bytes of a row.
@@ -120,7 +145,7 @@ impl RowLayout {
 
     /// The rows of a batch from point `first` on.
     fn fill(&self, points: &Incoming<'_>, first: usize, rows: &mut [u8]) {
-        let Incoming { batch, class, to_file } = points;
+        let Incoming { batch, class, to_file, towards } = points;
         for (row, [x, y, z]) in rows.chunks_exact_mut(self.bytes).zip(&batch.positions[first..]) {
             row[..4].copy_from_slice(&x.to_le_bytes());
             row[4..8].copy_from_slice(&y.to_le_bytes());
@@ -128,6 +153,10 @@ impl RowLayout {
             if let Some(at) = self.class_at {
                 row[at..at + 2].copy_from_slice(&class.to_le_bytes());
             }
+        }
+        if !towards.is_empty() {
+            let rows = rows.chunks_exact_mut(self.bytes);
+            rows.zip(&towards[first..]).for_each(|(row, &code)| self.set_normal(row, code));
         }
         for (column, &attribute) in batch.columns.iter().zip(*to_file) {
             let Range { start, end } = self.attributes[attribute];
@@ -197,7 +226,7 @@ mod tests {
         batch.positions.push([1, 2, 3]);
         batch.columns = vec![7.5f64.to_le_bytes().to_vec(), vec![9]];
 
-        let one = Incoming { batch: &batch, class: 0, to_file: &[0, 1] };
+        let one = Incoming { batch: &batch, class: 0, to_file: &[0, 1], towards: &[] };
         let hash_alone = RowLayout::new(&a, &alone).for_each_rows(&one, &mut |_| ());
 
         let union = a.union(&Schema::new(vec![Attribute::new("intensity", AttrType::U16)]));
@@ -206,7 +235,7 @@ mod tests {
             PointClass { present: vec![0, 2], colour_depth: ColourDepth::Sixteen },
         ];
         let layout = RowLayout::new(&union, &classes);
-        let other = Incoming { batch: &batch, class: 1, to_file: &[0, 2] };
+        let other = Incoming { batch: &batch, class: 1, to_file: &[0, 2], towards: &[] };
         let mut rows = Vec::new();
         let hash_union = layout.for_each_rows(&other, &mut |some| rows.extend_from_slice(some));
         assert_eq!(hash_alone, hash_union);

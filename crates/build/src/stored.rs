@@ -58,6 +58,7 @@ impl Stored {
             bytes: file.footer().file_bytes,
             colour_depth: Some(of.colour_depth),
             crs: None,
+            scanner: None,
             verbatim: Vec::new(),
             notes: Vec::new(),
         };

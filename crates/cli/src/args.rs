@@ -7,7 +7,7 @@ use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
 use esker_engine::camera::Camera;
 use esker_engine::progress::Style;
-use esker_engine::{Codec, ColourDepth, Method, quantity};
+use esker_engine::{Codec, ColourDepth, Method, NormalsMode, quantity};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -365,6 +365,9 @@ pub struct BuildHow {
     /// Take coordinates as they are where inputs name different coordinate reference systems.
     #[arg(long)]
     pub ignore_crs: bool,
+    /// Where the normals that are drawn come from.
+    #[arg(long, value_enum, default_value_t)]
+    pub normals: NormalsArg,
     /// Threads; one a core where not said.
     #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
     pub threads: usize,
@@ -477,6 +480,27 @@ pub enum ColourBits {
     /// The full 16 bits, or 8 bits in the upper byte.
     #[value(name = "16")]
     Sixteen,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum NormalsArg {
+    /// From the scans, where they bring any.
+    #[default]
+    Keep,
+    /// Estimated for all points, from their neighbours.
+    Estimate,
+    /// None.
+    None,
+}
+
+impl From<NormalsArg> for NormalsMode {
+    fn from(arg: NormalsArg) -> Self {
+        match arg {
+            NormalsArg::Keep => Self::Keep,
+            NormalsArg::Estimate => Self::Estimate,
+            NormalsArg::None => Self::None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]

@@ -184,6 +184,7 @@ fn options(how: &BuildHow) -> BuildOptions {
         node_capacity: how.node_capacity,
         colour_depth: how.colour_bits.map(Into::into),
         compress: how.compress.into(),
+        normals: how.normals.into(),
         ignore_crs: how.ignore_crs,
         ..default
     }

@@ -32,7 +32,7 @@ pub fn draw_node<'a, P: Default>(
 }
 
 /// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
-/// dropped from surfaces of clouds with normals.
+/// dropped from surfaces of clouds whose normals tell front from back.
 pub fn frame<'a, P>(
     file: &'a Forest,
     view: &'a View,
@@ -41,7 +41,6 @@ pub fn frame<'a, P>(
     colouring: &Colouring,
     method: Method,
 ) -> Frame<'a, P> {
-    let has_normals = file.has(PlaneKind::Normal);
     Frame {
         view,
         lattice: file.lattice(),
@@ -49,7 +48,7 @@ pub fn frame<'a, P>(
         octree: Some(octree),
         method,
         colour: colouring.by,
-        cull_back_faces: has_normals && method == Method::PullPush,
+        cull_back_faces: file.has_oriented_normals() && method == Method::PullPush,
         background: Background::default(),
     }
 }

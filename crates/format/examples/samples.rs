@@ -9,7 +9,7 @@ mod describe;
 mod tree;
 
 use describe::{describe, folder};
-use esker_format::{Codec, EskerFile, Metadata, PageLayout, PagePoints, TreeRef};
+use esker_format::{Codec, EskerFile, Metadata, Normals, PageLayout, PagePoints, TreeRef};
 use esker_points::{AttrType, Attribute, ColourDepth, PointClass, Schema};
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ fn points_of(metadata: &Metadata, count: usize, coincident: usize) -> PagePoints
         if classes > 1 {
             points.classes.push(class as u16);
         }
-        if metadata.estimated_normals {
+        if metadata.normals.is_estimated() {
             points.normals.push([(noise % 2000) as i16 - 1000, (x / 100) as i16]);
         }
         for (a, attribute) in schema.attributes.iter().enumerate() {
@@ -98,7 +98,7 @@ fn main() {
         ("green", U16),
         ("blue", U16),
     ];
-    let small = Metadata { estimated_normals: true, ..plain(&las, Codec::Small) };
+    let small = Metadata { normals: Normals::Estimated, ..plain(&las, Codec::Small) };
     let first = plain(&las[..3], Codec::None);
     let second = plain(&las[..5], Codec::Fast);
     let folder = folder();

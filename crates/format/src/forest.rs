@@ -8,6 +8,7 @@
 use crate::error::FormatError;
 use crate::layout::PlaneKind;
 use crate::metadata::TreeRef;
+use crate::normals::Normals;
 use crate::reader::{EskerFile, Planes};
 use esker_points::{Lattice, Node, NodeName, NodeTable, Schema};
 use std::ops::Range;
@@ -174,6 +175,12 @@ impl Forest {
     /// Whether any tree has such planes.
     pub fn has(&self, kind: PlaneKind) -> bool {
         self.trees.iter().any(|tree| tree.has(kind))
+    }
+
+    /// Whether a point whose normal looks away shows its back, in every tree that has normals.
+    pub fn has_oriented_normals(&self) -> bool {
+        let mut origins = self.files().map(|f| f.layout().normals());
+        self.has(PlaneKind::Normal) && origins.all(|n| n == Normals::None || n.is_oriented())
     }
 
     /// Whether a node has such a plane.

@@ -5,6 +5,7 @@ use crate::codec::Codec;
 use crate::error::Fault;
 use crate::layout::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
+use crate::normals::Normals;
 use esker_points::lattice::GridKind;
 use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
@@ -122,7 +123,7 @@ impl MetadataJson {
             node_capacity: metadata.node_capacity,
             attributes: metadata.schema.attributes.iter().map(attribute_json).collect(),
             classes: metadata.classes.clone(),
-            normals: metadata.normals_name().into(),
+            normals: metadata.normals.name().into(),
             compress: metadata.codec.name().into(),
             planes: metadata.layout().planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
@@ -138,24 +139,21 @@ impl MetadataJson {
             hot: p.hot,
             value_bytes: p.value_bytes,
         });
+        let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
+        let normals = Normals::from_name(&self.normals)
+            .ok_or_else(|| Fault::new("metadata", "the origin of normals is none that is known"))?;
         let metadata = Metadata {
             lattice: self.lattice,
             bounds: self.bounds,
-            schema: Schema { attributes: self.attributes.into_iter().map(attribute).collect() },
+            schema,
             classes: self.classes,
             node_capacity: self.node_capacity,
-            estimated_normals: self.normals == "estimated",
+            normals,
             codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
             generator: self.generator,
         };
-        if self.normals != metadata.normals_name() {
-            return Err(Fault::new(
-                "metadata",
-                "the origin of normals does not suit the attributes",
-            ));
-        }
         Ok((metadata, planes.collect(), blocks))
     }
 }

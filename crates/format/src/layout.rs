@@ -5,6 +5,7 @@
 use crate::codec::Codec;
 use crate::error::Fault;
 pub use crate::kinds::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
+use crate::normals::Normals;
 use esker_points::attribute::names;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
@@ -55,7 +56,7 @@ pub struct PageLayout {
     present: Vec<bool>,
     colours: Vec<Option<ColourSource>>,
     homes: Vec<Home>,
-    estimated_normals: bool,
+    normals: Normals,
     codec: Codec,
 }
 
@@ -89,17 +90,16 @@ impl PageLayout {
             present,
             colours,
             homes,
-            estimated_normals: false,
+            normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
             codec: Codec::default(),
         };
         layout.set_planes(layout.derive_planes());
         layout
     }
 
-    /// The same with a hot normal plane that the builder estimates; where the points have exact normals,
-    /// nothing changes.
-    pub fn with_estimated_normals(mut self) -> Self {
-        self.estimated_normals = self.schema.normals().is_none();
+    /// The same with a normal plane of this origin, or none; exact normals stay, as attributes.
+    pub fn with_normals(mut self, normals: Normals) -> Self {
+        self.normals = normals;
         self.set_planes(self.derive_planes());
         self
     }
@@ -126,7 +126,7 @@ impl PageLayout {
         if self.homes.contains(&Home::Intensity) {
             planes.push(hot(PlaneKind::Intensity, 2));
         }
-        if self.schema.normals().is_some() || self.estimated_normals {
+        if self.normals != Normals::None {
             planes.push(hot(PlaneKind::Normal, 4));
         }
         planes.push(hot(PlaneKind::Residual, 0));
@@ -169,9 +169,9 @@ impl PageLayout {
         self.codec
     }
 
-    /// Whether the normal plane holds estimates: then [`crate::PagePoints`] have a column of them.
-    pub fn has_estimated_normals(&self) -> bool {
-        self.estimated_normals
+    /// Where the normal plane comes from. Of estimates [`crate::PagePoints`] have a column.
+    pub fn normals(&self) -> Normals {
+        self.normals
     }
 
     /// The attributes of the file.

@@ -6,6 +6,7 @@ use crate::error::Fault;
 use crate::forest::TREES_MAX;
 use crate::json::{BlockPlace, MetadataJson};
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
+use crate::normals::Normals;
 use esker_points::{ColourDepth, InputGrid, Lattice, PointClass, Schema};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};
@@ -30,9 +31,8 @@ pub struct Metadata {
     pub bounds: Option<[[u32; 3]; 2]>,
     /// Points that a node is meant to hold at most.
     pub node_capacity: u32,
-    /// Whether the normal plane was estimated by the builder; where the points have exact normals, it is
-    /// made from those, and this is false.
-    pub estimated_normals: bool,
+    /// Where the normal plane comes from.
+    pub normals: Normals,
     /// How cold planes were compressed.
     pub codec: Codec,
     /// Where the points come from, in the order given.
@@ -102,17 +102,8 @@ pub(crate) struct Decoded {
 impl Metadata {
     /// The layout of the pages that such a file has.
     pub fn layout(&self) -> PageLayout {
-        let layout = PageLayout::new(&self.schema, &self.classes).with_codec(self.codec);
-        if self.estimated_normals { layout.with_estimated_normals() } else { layout }
-    }
-
-    /// Where the normal plane comes from: `none` where there is none, `source`, `estimated`.
-    pub fn normals_name(&self) -> &'static str {
-        match self.schema.normals() {
-            Some(_) => "source",
-            None if self.estimated_normals => "estimated",
-            None => "none",
-        }
+        let layout = PageLayout::new(&self.schema, &self.classes);
+        layout.with_codec(self.codec).with_normals(self.normals)
     }
 
     /// The greatest of the sources' rounding errors.
@@ -178,8 +169,8 @@ impl Metadata {
                 return fault("a class names attributes that do not exist, or twice");
             }
         }
-        if self.estimated_normals && self.schema.normals().is_some() {
-            return fault("normals are exact and estimated at once");
+        if self.normals == Normals::Source && self.schema.normals().is_none() {
+            return fault("normals are said to be the source's, which has none");
         }
         let classes_max = self.classes.len().max(1);
         if self.sources.iter().any(|s| usize::from(s.class) >= classes_max) {

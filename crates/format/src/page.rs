@@ -117,7 +117,7 @@ impl Page<'_> {
         if points.classes.iter().any(|&c| usize::from(c) >= count) {
             return Err(Fault::new("class plane", "a point's class does not exist"));
         }
-        if self.layout.has_estimated_normals() {
+        if self.layout.normals().is_estimated() {
             let normals = plane(PlaneKind::Normal)?;
             let codes = normals.as_chunks::<4>().0.iter();
             points.normals = codes.map(|c| [0, 2].map(|at| u16_at(c, at) as i16)).collect();

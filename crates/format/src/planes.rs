@@ -65,10 +65,11 @@ impl Values<'_> {
 
     fn push_normals(&self, out: &mut Vec<u8>) {
         let points = self.points;
-        let Some(xyz) = self.layout.schema().normals() else {
+        if self.layout.normals().is_estimated() {
             out.extend(points.normals.iter().flatten().flat_map(|c| c.to_le_bytes()));
             return;
-        };
+        }
+        let Some(xyz) = self.layout.schema().normals() else { return };
         let columns = xyz.map(|a| points.columns[a].as_chunks::<4>().0);
         for i in 0..points.len() {
             let code = oct_encode(columns.map(|c| f32::from_le_bytes(c[i])));

@@ -45,7 +45,7 @@ impl PagePoints {
         let n = self.len();
         let classes_max = layout.classes().len().max(1);
         self.radius_codes.len() == n
-            && self.normals.len() == if layout.has_estimated_normals() { n } else { 0 }
+            && self.normals.len() == if layout.normals().is_estimated() { n } else { 0 }
             && self.classes.len() == if layout.classes().len() > 1 { n } else { 0 }
             && self.classes.iter().all(|&c| usize::from(c) < classes_max)
             && self.columns.len() == attributes.len()

@@ -15,16 +15,14 @@ proptest! {
     #[test]
     fn points_come_back_to_the_bit(
         (schema, classes) in tree::schemas(), count in 0usize..300, spread in 0u32..=32,
-        seed: u64, capacity in 20usize..100, codec in tree::codecs(), estimated: bool,
+        seed: u64, capacity in 20usize..100, codec in tree::codecs(), normals in tree::normals(),
     ) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.esker");
         let mut points = tree::points_of(&schema, &classes, count, spread, seed);
         let metadata = tree::metadata(schema, classes);
-        let metadata = Metadata {
-            codec, estimated_normals: estimated && metadata.schema.normals().is_none(), ..metadata
-        };
-        if metadata.estimated_normals {
+        let metadata = Metadata { codec, normals: normals.unwrap_or(metadata.normals), ..metadata };
+        if metadata.normals.is_estimated() {
             points.normals = (0..count).map(|i| [i as i16, seed as i16]).collect();
         }
         let table = tree::write(&path, &metadata, &points, capacity);

@@ -20,4 +20,4 @@ pub mod write;
 
 pub use error::ScanError;
 pub use registry::open;
-pub use source::{Crs, Format, OpenOptions, ReadReport, Source, SourceInfo};
+pub use source::{Crs, Format, OpenOptions, ReadReport, Scanner, Source, SourceInfo};

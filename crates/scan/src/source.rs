@@ -56,6 +56,8 @@ pub struct SourceInfo {
     pub colour_depth: Option<ColourDepth>,
     /// The coordinate reference system, where the input tells it.
     pub crs: Option<Crs>,
+    /// Where its points were scanned from, where that is known.
+    pub scanner: Option<Scanner>,
     /// Blocks of the source kept verbatim: header, VLRs, EVLRs (name and bytes).
     pub verbatim: Vec<(String, Vec<u8>)>,
     /// What is left out and why, one line each (faces ignored, waveform packets not kept ...).
@@ -69,6 +71,25 @@ pub struct Crs {
     pub text: String,
     /// Unit of length where the CRS tells it: `metre`, `US survey foot`, `foot`, `degree`.
     pub unit: Option<String>,
+}
+
+/// Where points were scanned from, in the file's coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Scanner {
+    /// All from one place.
+    At([f64; 3]),
+    /// By the point's `point_source_id`.
+    BySource(BTreeMap<u16, [f64; 3]>),
+}
+
+impl Scanner {
+    /// The place that points of this `point_source_id` were scanned from.
+    pub fn of(&self, point_source_id: Option<u16>) -> Option<[f64; 3]> {
+        match self {
+            Self::At(place) => Some(*place),
+            Self::BySource(places) => places.get(&point_source_id?).copied(),
+        }
+    }
 }
 
 /// What became of the points of an input.

@@ -55,6 +55,7 @@ pub fn cloud<F: Fn(u64) -> [i32; 3] + Send + Sync + 'static>(
             bytes: 0,
             colour_depth: None,
             crs: None,
+            scanner: None,
             verbatim: Vec::new(),
             notes: Vec::new(),
         },

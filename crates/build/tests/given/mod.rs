@@ -41,6 +41,7 @@ pub fn given(name: &str, scale: [f64; 3], positions: Vec<[i32; 3]>) -> Given {
             bytes: 0,
             colour_depth: None,
             crs: None,
+            scanner: None,
             verbatim: Vec::new(),
             notes: Vec::new(),
         },

@@ -36,7 +36,7 @@ pub fn describe(file: &EskerFile) -> Value {
         "multiset_hash": footer.hash.to_string(),
         "footer_hash": format!("{:032x}", footer.name_hash()),
         "compress": metadata.codec.name(),
-        "normals": metadata.normals_name(),
+        "normals": metadata.normals.name(),
         "normals_crc": crc32fast::hash(&normals),
         "attributes": attributes.map(|a| format!("{}:{}", a.name, a.ty.name())).collect::<Vec<_>>(),
         "classes": layout.classes().len(),

@@ -5,8 +5,8 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use esker_format::{
-    Codec, CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, PageLayout, PagePoints,
-    Ranges, SourceRecord, Statistics, encode_page,
+    Codec, CrsRecord, FileWriter, Histograms, Metadata, NodeStatistics, Normals, PageLayout,
+    PagePoints, Ranges, SourceRecord, Statistics, encode_page,
 };
 use esker_points::lattice::GridKind;
 use esker_points::node::{NONE, Node, SHAPE_CONTINUATION};
@@ -41,11 +41,11 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
     };
     Metadata {
         lattice: Lattice { scale: grid.scale, offset: grid.offset, shift: [0, -5, 1 << 40] },
+        normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
         schema,
         classes,
         bounds: None,
         node_capacity: 64,
-        estimated_normals: false,
         codec: Codec::Fast,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],
@@ -276,6 +276,12 @@ pub fn schemas() -> impl Strategy<Value = (Schema, Vec<PointClass>)> {
             .collect();
         (schema, classes)
     })
+}
+
+/// An origin of normals that suits any schema; none for what the schema suggests.
+pub fn normals() -> impl Strategy<Value = Option<Normals>> {
+    let any = [Normals::None, Normals::Estimated, Normals::Oriented];
+    prop::option::of(prop::sample::select(any.to_vec()))
 }
 
 pub fn codecs() -> impl Strategy<Value = Codec> {

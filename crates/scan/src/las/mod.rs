@@ -90,6 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         bytes,
         colour_depth,
         crs: crs::of(&records, &mut notes),
+        scanner: None,
         verbatim: records.verbatim,
         notes,
     };

@@ -90,6 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         bytes,
         colour_depth,
         crs: None,
+        scanner: None,
         verbatim: vec![("PLY header".into(), header.text.clone())],
         notes: notes(&header, &plan),
     };

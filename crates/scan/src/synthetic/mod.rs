@@ -26,7 +26,7 @@ mod valley;
 mod viaduct;
 
 use crate::error::ScanError;
-use crate::source::{Crs, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::source::{Crs, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::{ColourDepth, Grid, InputGrid, Task};
 use point::{Point, Run};
@@ -60,6 +60,10 @@ pub static SCENES: &[SceneKind] = &[
 trait Scene: Send + Sync {
     /// The grid of its coordinates.
     fn grid(&self) -> Grid;
+    /// Where its points are scanned from, where they stand still for it.
+    fn scanner(&self) -> Option<Scanner> {
+        None
+    }
     /// Corners of a box that no point is outside of, without the grid's offset.
     fn bounds(&self) -> [[f64; 3]; 2];
     /// Appends these points; the range begins at a multiple of [`BLOCK_POINTS`] and is not longer.
@@ -98,6 +102,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, ScanE
         bytes: 0,
         colour_depth: Some(options.colour_depth.unwrap_or(ColourDepth::Sixteen)),
         crs: Some(Crs { text: CRS.to_owned(), unit: Some("metre".to_owned()) }),
+        scanner: scene.scanner(),
         verbatim: Vec::new(),
         notes: Vec::new(),
     };

@@ -7,6 +7,7 @@ use super::draw::{Draw, cos_sin};
 use super::point::Point;
 use super::ray::{Hit, Ray, Vec3};
 use super::{BLOCK_POINTS, Scene};
+use crate::source::Scanner;
 use esker_points::Grid;
 use std::ops::Range;
 
@@ -119,6 +120,12 @@ impl<W: World> Terrestrial<W> {
 impl<W: World> Scene for Terrestrial<W> {
     fn grid(&self) -> Grid {
         Grid { scale: [SCALE; 3], offset: self.offset }
+    }
+
+    fn scanner(&self) -> Option<Scanner> {
+        let world = |place: &Vec3| [0, 1, 2].map(|i| place[i] + self.offset[i]);
+        let places = self.stations.iter().enumerate();
+        Some(Scanner::BySource(places.map(|(i, p)| (i as u16 + 1, world(p))).collect()))
     }
 
     fn bounds(&self) -> [Vec3; 2] {

@@ -65,6 +65,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         bytes,
         colour_depth: None,
         crs: None,
+        scanner: None,
         verbatim: Vec::new(),
         notes,
     };

@@ -41,7 +41,7 @@ fn metadata(schema: Schema) -> Metadata {
         bounds: None,
         node_capacity: 1000,
         sources: vec![],
-        estimated_normals: false,
+        normals: esker_format::Normals::None,
         codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),

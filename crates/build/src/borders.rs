@@ -1,0 +1,134 @@
+//! What chunks need of each other to estimate normals: the positions near the faces of each chunk's cell, put
+//! aside in scratch before the first chunk is built, since rows are given back chunk by chunk. A chunk's halo
+//! is what others have put aside within the reach of its cell.
+
+use crate::error::BuildError;
+use crate::normals::{Bounds, estimate, turned_to};
+use crate::partition::Bucket;
+use crate::row::{RowLayout, position};
+use crate::scratch::{Extent, Scratch};
+use esker_points::{Cell, quant};
+use rayon::prelude::*;
+
+/// Rows that are looked at by one task, and tasks whose positions are put aside together.
+const TASK_ROWS: usize = 1 << 14;
+const GROUP_TASKS: usize = 64;
+/// Bytes of a position.
+const POSITION_BYTES: usize = 12;
+
+/// The borders of all chunks.
+pub struct Borders {
+    bounds: Bounds,
+    rows: RowLayout,
+    /// Cells, and the positions near their faces.
+    cells: Vec<(Cell, Vec<Extent>)>,
+}
+
+/// The cell of buckets along the Morton curve, at least one; it holds no points of others.
+pub fn cell_of(buckets: &[Bucket]) -> Cell {
+    let last = &buckets[buckets.len() - 1];
+    Cell::enclosing(buckets[0].cell.corner, last.cell.last())
+}
+
+impl Borders {
+    /// Of rows that have room for normals.
+    pub fn new(bounds: Bounds, rows: RowLayout) -> Self {
+        Self { bounds, rows, cells: Vec::new() }
+    }
+
+    /// Puts aside what others may need of the buckets of a chunk.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn add(&mut self, buckets: &[Bucket], scratch: &mut Scratch) -> Result<(), BuildError> {
+        let stride = self.rows.bytes();
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(scratch.map()?) } else { None };
+        let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
+        let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
+        let cell = cell_of(buckets);
+        let steps = self.bounds.steps();
+        let near_a_face = |p: &[u32; 3]| {
+            let last = cell.last();
+            (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
+        };
+        let mut extents = Vec::new();
+        for group in tasks.chunks(GROUP_TASKS) {
+            let near = |rows: &&[u8]| {
+                let mut near: Vec<[u32; 3]> =
+                    rows.chunks_exact(stride).map(position).filter(near_a_face).collect();
+                near.dedup();
+                near
+            };
+            let near: Vec<Vec<[u32; 3]>> = group.par_iter().map(near).collect();
+            let near = near.concat();
+            if !near.is_empty() {
+                let bytes: Vec<u8> = near.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+                extents.push(scratch.append(&bytes)?);
+            }
+        }
+        self.cells.push((cell, extents));
+        Ok(())
+    }
+
+    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn estimate(
+        &self,
+        cell: &Cell,
+        rows: &mut [u8],
+        scratch: &mut Scratch,
+    ) -> Result<(), BuildError> {
+        let stride = self.rows.bytes();
+        let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
+        let codes = estimate(&own, &self.halo(cell, scratch)?, &self.bounds);
+        rows.par_chunks_exact_mut(stride)
+            .zip(codes)
+            .with_min_len(TASK_ROWS)
+            .for_each(|(row, code)| self.set(row, code));
+        Ok(())
+    }
+
+    /// The code of the normal of a point that is alone in its cell.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn estimate_one(&self, cell: &Cell, scratch: &mut Scratch) -> Result<[i16; 2], BuildError> {
+        Ok(estimate(&[cell.corner], &self.halo(cell, scratch)?, &self.bounds)[0])
+    }
+
+    /// Sets the normal of a row, turned to where the row says that it was scanned from.
+    pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
+        let towards = self.rows.normal(row).unwrap_or_default();
+        self.rows.set_normal(row, turned_to(code, quant::oct_decode(towards)));
+    }
+
+    /// The positions within the reach of a cell that others have put aside; some more than once.
+    fn halo(&self, cell: &Cell, scratch: &mut Scratch) -> Result<Vec<[u32; 3]>, BuildError> {
+        let steps = self.bounds.steps();
+        let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
+        let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));
+        let meets =
+            |other: &Cell| (0..3).all(|i| other.corner[i] <= high[i] && low[i] <= other.last()[i]);
+        let is_other = |other: &Cell| !other.contains(cell.corner) && meets(other);
+        let extents: Vec<Extent> = self
+            .cells
+            .iter()
+            .filter(|(other, _)| is_other(other))
+            .flat_map(|(_, extents)| extents.iter().copied())
+            .collect();
+        if extents.is_empty() {
+            return Ok(Vec::new());
+        }
+        let map = scratch.map()?;
+        let within = |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
+        let parts: Vec<Vec<[u32; 3]>> = extents
+            .par_iter()
+            .filter_map(|e| e.of(&map))
+            .map(|bytes| bytes.chunks_exact(POSITION_BYTES).map(position).filter(within).collect())
+            .collect();
+        Ok(parts.concat())
+    }
+}
