@@ -1,12 +1,12 @@
 //! Estimates the normals of a scan and prints CPU time a point and, where the scan brings normals, the angles
 //! between both: `normals FILE [threads] [points]`.
 
+use esker_build::density::Density;
 use esker_build::normals::{Bounds, UNKNOWN, estimate};
 use esker_points::lattice::Lattice;
 use esker_points::morton;
 use esker_points::quant::oct_decode;
 use esker_points::task::Silent;
-use std::collections::HashMap;
 use std::path::Path;
 
 /// CPU time of the process so far, in user space; hundredths of seconds (Linux).
@@ -24,24 +24,6 @@ fn main() -> Outcome {
     let points_max = args.next().map_or(Ok(usize::MAX), |t| t.parse())?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     pool.install(|| run(Path::new(&path), points_max))
-}
-
-/// From the finest cells of which there are at most 2^14.
-fn bounds(scale: [f64; 3], points: &[[u32; 3]]) -> Bounds {
-    let mut log2 = 0;
-    loop {
-        let mut cells: HashMap<[u32; 3], u64> = HashMap::new();
-        for p in points {
-            *cells.entry(p.map(|c| c >> log2)).or_default() += 1;
-            if cells.len() > 1 << 14 {
-                break;
-            }
-        }
-        if cells.len() <= 1 << 14 {
-            return Bounds::of_cells(scale, log2, cells.into_values());
-        }
-        log2 += 1;
-    }
 }
 
 fn run(path: &Path, points_max: usize) -> Outcome {
@@ -72,7 +54,8 @@ fn run(path: &Path, points_max: usize) -> Outcome {
     if !given.is_empty() {
         given = order.iter().map(|&i| given[i]).collect();
     }
-    let bounds = bounds(lattice.scale, &points);
+    let spacing = Density::of(points.iter().copied()).spacing();
+    let bounds = Bounds::new(lattice.scale, spacing);
     let start = cpu_seconds();
     let codes = estimate(&points, &[], &bounds);
     let us = (cpu_seconds() - start) * 1e6 / points.len() as f64;

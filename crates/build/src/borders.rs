@@ -2,6 +2,7 @@
 //! aside in scratch before the first chunk is built, since rows are given back chunk by chunk. A chunk's halo
 //! is what others have put aside within the reach of its cell.
 
+use crate::density::Density;
 use crate::error::BuildError;
 use crate::normals::{Bounds, estimate, turned_to};
 use crate::partition::Bucket;
@@ -28,6 +29,25 @@ pub struct Borders {
 pub fn cell_of(buckets: &[Bucket]) -> Cell {
     let last = &buckets[buckets.len() - 1];
     Cell::enclosing(buckets[0].cell.corner, last.cell.last())
+}
+
+/// The typical distance of points in steps.
+///
+/// # Errors
+/// Where scratch space fails.
+pub fn spacing(
+    buckets: &[Bucket],
+    stride: usize,
+    scratch: &mut Scratch,
+) -> Result<f64, BuildError> {
+    let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+    let map = if is_stored { Some(scratch.map()?) } else { None };
+    let of_bucket = |b: &Bucket| {
+        let runs = b.runs(map.as_ref(), stride);
+        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position))
+    };
+    let density = buckets.par_iter().map(of_bucket).reduce(Density::default, Density::merged);
+    Ok(density.spacing())
 }
 
 impl Borders {

@@ -1,6 +1,6 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
-use crate::borders::Borders;
+use crate::borders::{self, Borders};
 use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken, open_with};
@@ -218,10 +218,11 @@ pub fn build_shared(
     task.phase("building", Some(points), "points");
     let buckets = partition.finish(&mut scratch)?;
     let borders = (normals.is_estimated() && !buckets.is_empty()).then(|| {
-        let counts = buckets.iter().map(|b| b.rows);
-        let bounds = Bounds::of_cells(plan.lattice.scale, buckets[0].cell.log2, counts);
-        Borders::new(bounds, context.rows.clone())
+        let spacing = borders::spacing(&buckets, context.rows.bytes(), &mut scratch)?;
+        let bounds = Bounds::new(plan.lattice.scale, spacing);
+        Ok::<_, BuildError>(Borders::new(bounds, context.rows.clone()))
     });
+    let borders = borders.transpose()?;
     let root = Raiser {
         chunk_rows_max: shares.chunk_rows_max(options, context.rows.bytes()),
         context: &context,

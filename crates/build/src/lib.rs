@@ -10,6 +10,7 @@ mod chunk;
 mod coincident;
 mod contour;
 pub mod crs;
+pub mod density;
 mod eigen;
 pub mod error;
 pub mod export;

@@ -65,7 +65,7 @@ impl<'a> Search<'a> {
         }
         (self.farthest, self.last) = (0.0, None);
         self.radius = self.guess(&own, self.index.run(run).len(), count).min(self.reach);
-        let by = self.index.aspect.map(|a| (self.radius / a).ceil().min(4e9) as u32);
+        let by = self.index.aspect.map(|a| (self.radius / a).ceil() as u32);
         let wide = Box3 {
             low: [0, 1, 2].map(|i| own.low[i].saturating_sub_unsigned(by[i])),
             high: [0, 1, 2].map(|i| own.high[i].saturating_add_unsigned(by[i])),
@@ -297,5 +297,12 @@ mod tests {
         agree(&[], [1.0; 3], 12, 1e10);
         agree(&[[5, 6, 7]], [1.0; 3], 12, 1e10);
         agree(&[[0; 3], [u32::MAX; 3]], [1.0; 3], 12, 1e10);
+    }
+
+    #[test]
+    fn neighbours_at_the_other_end_of_the_lattice_are_found() {
+        let near = (0..8).map(|i| [0, 5, i]);
+        let points: Vec<_> = near.chain([[u32::MAX, 5, 9], [u32::MAX - 90, 7, 7]]).collect();
+        (1..10).for_each(|count| agree(&points, [0.5; 3], count, 1e10));
     }
 }

@@ -136,7 +136,7 @@ impl Neighbours {
 fn cut(points: &[[u32; 3]], before: u32) -> Vec<Range<u32>> {
     let n = points.len();
     if n <= RUN_POINTS {
-        return Vec::from([before..before + n as u32]);
+        return std::iter::once(before..before + n as u32).collect();
     }
     // The first and the last differ most: their highest differing bit is that of the children's octants.
     let (first, last) = (points[0], points[n - 1]);

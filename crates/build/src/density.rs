@@ -1,0 +1,126 @@
+//! How densely points lie: points counted by cell, in the finest cells of which there are not too many. What
+//! comes out follows from the points alone, however they are cut and whatever their headers claim.
+
+use std::collections::HashMap;
+
+/// Cells at most; beyond, they double.
+const CELLS_MAX: usize = 1 << 14;
+
+/// Points of a cell that tell a density.
+const TELLING_POINTS: u64 = 8;
+
+/// Points by cell.
+#[derive(Default)]
+pub struct Density {
+    /// Log2 of the cells' edge.
+    log2: u8,
+    cells: HashMap<[u32; 3], u64>,
+}
+
+impl Density {
+    /// Of these points.
+    pub fn of(points: impl Iterator<Item = [u32; 3]>) -> Self {
+        let mut density = Self::default();
+        let (mut last, mut count) = ([0; 3], 0);
+        for p in points {
+            // Neighbours in a file mostly share a cell. Cells double only when one is added.
+            if density.cell_of(p) != last {
+                density.add(last, count);
+                (last, count) = (density.cell_of(p), 0);
+            }
+            count += 1;
+        }
+        density.add(last, count);
+        density
+    }
+
+    /// Of both.
+    pub fn merged(mut self, mut other: Self) -> Self {
+        while self.log2 < other.log2 {
+            self.coarsen();
+        }
+        while other.log2 < self.log2 {
+            other.coarsen();
+        }
+        other.cells.into_iter().for_each(|(cell, count)| self.add_cell(cell, count));
+        while self.cells.len() > CELLS_MAX {
+            self.coarsen();
+        }
+        self
+    }
+
+    /// The distance of points in steps in half of the cells or more, as if each held a square of a surface. The
+    /// cells double until half of them have points enough to tell; stacks and strays don't weigh.
+    pub fn spacing(mut self) -> f64 {
+        loop {
+            let mut counts: Vec<u64> = self.cells.values().copied().collect();
+            counts.sort_unstable();
+            let middle = counts.get(counts.len() / 2).copied().unwrap_or(1);
+            if middle >= TELLING_POINTS || self.log2 == 32 {
+                return (1u64 << self.log2) as f64 / (middle as f64).sqrt();
+            }
+            self.coarsen();
+        }
+    }
+
+    fn cell_of(&self, p: [u32; 3]) -> [u32; 3] {
+        p.map(|c| (u64::from(c) >> self.log2) as u32)
+    }
+
+    fn add(&mut self, cell: [u32; 3], count: u64) {
+        self.add_cell(cell, count);
+        while self.cells.len() > CELLS_MAX {
+            self.coarsen();
+        }
+    }
+
+    fn add_cell(&mut self, cell: [u32; 3], count: u64) {
+        if count > 0 {
+            *self.cells.entry(cell).or_default() += count;
+        }
+    }
+
+    fn coarsen(&mut self) {
+        self.log2 += 1;
+        for (cell, count) in std::mem::take(&mut self.cells) {
+            self.add_cell(cell.map(|c| c >> 1), count);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn it_does_not_depend_on_how_points_are_cut(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
+            let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
+            let whole = Density::of(points.iter().copied());
+            let (a, b) = points.split_at(cut.min(points.len()));
+            let parts = Density::of(b.iter().rev().copied()).merged(Density::of(a.iter().copied()));
+            prop_assert_eq!(whole.spacing(), parts.spacing());
+        }
+    }
+
+    #[test]
+    fn a_square_grid_has_its_spacing_wherever_it_lies() {
+        for corner in [0, (1 << 31) - 1000, u32::MAX - 6000] {
+            let points =
+                (0..90_000).map(|i| [corner + i % 300 * 20, corner + i / 300 * 20, 1 << 31]);
+            let spacing = Density::of(points).spacing();
+            assert!((14.0..=28.0).contains(&spacing), "{spacing}");
+        }
+    }
+
+    #[test]
+    fn stacks_and_strays_and_few_points_do_not_matter() {
+        let grid = (0..900u32).map(|i| [i % 30 * 20, i / 30 * 20, 0]);
+        let all = grid.chain(vec![[40, 40, 0]; 5000]).chain((1..40).map(|i| [i << 24, 0, 0]));
+        let spacing = Density::of(all).spacing();
+        assert!((14.0..=28.0).contains(&spacing), "{spacing}");
+        assert_eq!(Density::of(std::iter::once([7; 3])).spacing(), 2f64.powi(32));
+        assert!(Density::default().spacing() > 0.0);
+    }
+}
