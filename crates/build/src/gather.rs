@@ -41,6 +41,7 @@ impl Context {
                 if self.rows.has_class() {
                     points.classes.push(self.rows.class(row));
                 }
+                points.normals.extend(self.rows.normal(row));
             }
             for (range, column) in ranges.iter().zip(&mut points.columns) {
                 match range.len() {
