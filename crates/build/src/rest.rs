@@ -170,7 +170,7 @@ impl Rest {
 }
 
 /// Cells along an edge of a tile, as log2.
-const TILE_LOG2: u32 = 2;
+const TILE_LOG2: u32 = 3;
 /// Cells of a tile.
 const TILE: usize = 1 << (3 * TILE_LOG2);
 
