@@ -152,7 +152,7 @@ fn depths(table: &NodeTable) -> Vec<Value> {
 
 /// What the trees of a forest say, each answer once.
 fn each_once(forest: &Forest, of: impl Fn(&esker_format::EskerFile) -> &'static str) -> String {
-    let mut said: Vec<_> = forest.files().map(|file| of(file)).collect();
+    let mut said: Vec<_> = forest.files().map(of).collect();
     said.sort_unstable();
     said.dedup();
     said.join(", ")

@@ -137,12 +137,15 @@ impl Session {
     fn wait_for_roots(&mut self) -> Result<()> {
         let start = Instant::now();
         let roots = self.file.table().roots().count();
-        while roots > 0 {
+        if roots == 0 {
+            return Ok(());
+        }
+        loop {
             self.exchange(None)?;
             self.running()?.painter.flush()?;
             let status = self.status();
             if status.nodes_resident >= roots {
-                break;
+                return Ok(());
             }
             let path = self.file.path().display();
             if status.nodes_failed > 0 {
@@ -155,7 +158,6 @@ impl Session {
             );
             std::thread::sleep(NAP);
         }
-        Ok(())
     }
 
     /// The file that is looked at, with those that it names.
