@@ -29,8 +29,8 @@ impl Split {
         match self {
             Self::Space => Some(usize::from(share[0] > 0.5)),
             Self::Shuffled => Some((dice % 2) as usize),
-            Self::Thinned => Some(usize::from(dice % 50 > 0)),
-            Self::Patch if dice % 30 == 0 => Some(0),
+            Self::Thinned => Some(usize::from(!dice.is_multiple_of(50))),
+            Self::Patch if dice.is_multiple_of(30) => Some(0),
             Self::Patch => share.iter().all(|s| (0.33..0.67).contains(s)).then_some(1),
         }
     }
