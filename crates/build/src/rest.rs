@@ -10,8 +10,6 @@ const LANES: usize = 4;
 const EDGE_RADII: f64 = 1.4;
 /// Instead of a candidate, where a block has room left.
 pub const NONE: u32 = u32::MAX;
-/// A tile and those around it.
-const AROUND: usize = 27;
 
 /// Log2 of the edge of the cells, in steps, by which neighbours within a radius are found.
 pub fn cell_log2(radius: f64) -> u32 {
@@ -117,39 +115,49 @@ impl Rest {
     pub fn tell_around(&mut self, i: usize, reach: i32) {
         let block = i / LANES;
         let p = self.q[block].each_ref().map(|axis| axis.as_array()[i % LANES]);
-        self.tell_in(p, reach, self.cells.near[self.tile_of[block] as usize]);
+        self.tell_from(self.tile_of[block], p, reach);
     }
 
     /// The same for a position that has no place.
     pub fn tell(&mut self, p: [i32; 3], reach: i32) {
-        match self.cells.find(p.map(|c| c >> self.log2 >> TILE_LOG2)) {
-            NONE => {
-                let near = self.cells.find_near(p.map(|c| c >> self.log2 >> TILE_LOG2));
-                self.tell_in(p, reach, near);
+        self.tell_from(self.cells.find(p.map(|c| c >> self.log2 >> TILE_LOG2)), p, reach);
+    }
+
+    /// `own` is the tile of the position.
+    #[inline]
+    fn tell_from(&mut self, own: u32, p: [i32; 3], reach: i32) {
+        let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
+        let high = p.map(|c| c.saturating_add(reach) >> self.log2);
+        let home = p.map(|c| c >> self.log2 >> TILE_LOG2);
+        let p = p.map(i32x4::from);
+        let tiles = |axis: usize| low[axis] >> TILE_LOG2..=high[axis] >> TILE_LOG2;
+        for z in tiles(2) {
+            for y in tiles(1) {
+                for x in tiles(0) {
+                    let tile = [x, y, z];
+                    let index = if tile == home { own } else { self.cells.find(tile) };
+                    if index != NONE {
+                        self.tell_tile(index, tile, [low, high], p);
+                    }
+                }
             }
-            tile => self.tell_in(p, reach, self.cells.near[tile as usize]),
         }
     }
 
-    /// `near` are the tiles around the position's own.
+    /// Tells the points in those of a tile's cells that lie between two.
     #[inline]
-    fn tell_in(&mut self, p: [i32; 3], reach: i32, near: [u32; AROUND]) {
-        let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
-        let high = p.map(|c| c.saturating_add(reach) >> self.log2);
-        let own = p.map(|c| (c >> self.log2 >> TILE_LOG2) - 1);
-        let p = p.map(i32x4::from);
-        for z in low[2]..=high[2] {
-            for y in low[1]..=high[1] {
-                for x in low[0]..=high[0] {
-                    let tile = [x, y, z].map(|c| c >> TILE_LOG2);
-                    let [i, j, k] = [0, 1, 2].map(|axis| (tile[axis] - own[axis]) as usize);
-                    let tile = near[(k * 3 + j) * 3 + i];
-                    if tile == NONE {
-                        continue;
-                    }
-                    let cell = self.cells.tiles[tile as usize][within([x, y, z])];
-                    if cell != NONE {
-                        self.tell_cell(cell, p);
+    fn tell_tile(&mut self, index: u32, tile: [i32; 3], [low, high]: [[i32; 3]; 2], p: [i32x4; 3]) {
+        let Tile { occupied, first } = self.cells.tiles[index as usize];
+        let cells = |axis: usize| {
+            let start = tile[axis] << TILE_LOG2;
+            low[axis].max(start)..=high[axis].min(start + TILE_EDGE - 1)
+        };
+        for z in cells(2) {
+            for y in cells(1) {
+                for x in cells(0) {
+                    let bit = 1u64 << within([x, y, z]);
+                    if occupied & bit != 0 {
+                        self.tell_cell(first + (occupied & (bit - 1)).count_ones(), p);
                     }
                 }
             }
@@ -169,16 +177,25 @@ impl Rest {
     }
 }
 
-/// Cells along an edge of a tile, as log2.
-const TILE_LOG2: u32 = 3;
-/// Cells of a tile.
-const TILE: usize = 1 << (3 * TILE_LOG2);
+/// Cells along an edge of a tile, as log2: a tile has as many as a word has bits.
+const TILE_LOG2: u32 = 2;
+const TILE_EDGE: i32 = 1 << TILE_LOG2;
 
-/// The place of a cell in its tile.
+/// The place of a cell in its tile, along the Morton curve.
 #[inline]
 fn within(cell: [i32; 3]) -> usize {
-    let [x, y, z] = cell.map(|c| c as usize & ((1 << TILE_LOG2) - 1));
-    (z << TILE_LOG2 | y) << TILE_LOG2 | x
+    const SPREAD: [usize; TILE_EDGE as usize] = [0, 1, 8, 9];
+    let [x, y, z] = cell.map(|c| SPREAD[(c & (TILE_EDGE - 1)) as usize]);
+    x | y << 1 | z << 2
+}
+
+/// Cells that are neighbours.
+#[derive(Clone, Copy)]
+struct Tile {
+    /// A bit for each cell that has points.
+    occupied: u64,
+    /// The first of these; the others follow.
+    first: u32,
 }
 
 /// The cells that have points, along the curve, by tiles of them, which a table with open addressing finds.
@@ -186,11 +203,8 @@ fn within(cell: [i32; 3]) -> usize {
 struct Cells {
     /// The first block of each cell's points, and of the next cell's.
     first: Vec<u32>,
-    /// Cells by their place in a tile; [`NONE`] where there is none.
-    tiles: Vec<[u32; TILE]>,
+    tiles: Vec<Tile>,
     corners: Vec<[i32; 3]>,
-    /// The tiles around each, itself among them; [`NONE`] where there is none.
-    near: Vec<[u32; AROUND]>,
     /// Tiles by their corners; [`NONE`] where there is none.
     slots: Vec<u32>,
     shift: u32,
@@ -201,7 +215,6 @@ impl Cells {
         self.first.clear();
         self.tiles.clear();
         self.corners.clear();
-        self.near.clear();
     }
 
     /// The next cell along the curve, whose points begin at a block; the tile that it lies in.
@@ -209,10 +222,10 @@ impl Cells {
         let corner = cell.map(|c| c >> TILE_LOG2);
         if self.corners.last() != Some(&corner) {
             self.corners.push(corner);
-            self.tiles.push([NONE; TILE]);
+            self.tiles.push(Tile { occupied: 0, first: self.first.len() as u32 });
         }
         if let Some(tile) = self.tiles.last_mut() {
-            tile[within(cell)] = self.first.len() as u32;
+            tile.occupied |= 1 << within(cell);
         }
         self.first.push(block as u32);
         self.tiles.len() as u32 - 1
@@ -232,7 +245,6 @@ impl Cells {
             }
             self.slots[at] = tile;
         }
-        self.near = self.corners.iter().map(|&corner| self.find_near(corner)).collect();
     }
 
     /// The blocks of a cell.
@@ -242,6 +254,7 @@ impl Cells {
     }
 
     /// The tile at a place; [`NONE`] where there is none.
+    #[inline]
     fn find(&self, corner: [i32; 3]) -> u32 {
         let mut at = (hash(corner) >> self.shift) as usize;
         loop {
@@ -251,14 +264,6 @@ impl Cells {
             }
             at = (at + 1) & (self.slots.len() - 1);
         }
-    }
-
-    /// The tiles around a place.
-    fn find_near(&self, corner: [i32; 3]) -> [u32; AROUND] {
-        std::array::from_fn(|at| {
-            let step = [at % 3, at / 3 % 3, at / 9];
-            self.find([0, 1, 2].map(|axis| corner[axis].wrapping_add(step[axis] as i32 - 1)))
-        })
     }
 }
 
