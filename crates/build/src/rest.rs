@@ -7,14 +7,13 @@ use wide::{f32x4, i32x4};
 /// Points of a block.
 const LANES: usize = 4;
 /// The edge of the cells by which neighbours are found is at least so many radii, and less than twice as many.
-const EDGE_RADII: f64 = 1.4;
+const EDGE_RADII: f64 = 1.5;
 /// Instead of a candidate, where a block has room left.
 pub const NONE: u32 = u32::MAX;
 
 /// Log2 of the edge of the cells, in steps, by which neighbours within a radius are found.
 pub fn cell_log2(radius: f64) -> u32 {
-    // A step more, by which a reach is rounded up.
-    (((radius + 1.0) * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
+    ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
 }
 
 /// Points in blocks of four, each of one cell, over which the innermost loop of a build runs. A block's room that is
