@@ -156,10 +156,13 @@ mod unix {
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
             let outcome = esker_under(&limit, words(std::slice::from_ref(&scan), &out, &scratch));
             outcome.error();
-            assert_eq!(folder.names(), ["scan", "scratch"], "after {kib} KiB");
+            assert!(!out.exists(), "after {kib} KiB");
+            outcome
+        };
+        let is_clean = |names: &[&str], kib| {
+            assert_eq!(folder.names(), names, "after {kib} KiB");
             let left = std::fs::read_dir(&scratch).unwrap().count();
             assert_eq!(left, 0, "scratch is left after {kib} KiB");
-            outcome
         };
         // In memory but for the file itself, from its first page to its footer. What is printed goes to files too.
         las::write(&scan, "", false, 100_000, scattered);
@@ -168,11 +171,14 @@ mod unix {
         for kib in [16, bytes >> 12, bytes >> 11, (bytes >> 10) - 1] {
             let outcome = fails(kib);
             assert!(outcome.error().contains("out.esker"), "{}", outcome.stderr);
+            is_clean(&["scan", "scratch"], kib);
         }
-        // Scratch is what passes the limit first.
+        // Scratch is what passes the limit first; what is kept of it is gone with the next build.
         las::write(&scan, "", false, POINTS, scattered);
         let outcome = fails(10 << 10);
         let error = outcome.error();
         assert!(error.contains("scratch") && error.contains("free space"), "{error}");
+        esker(words(&[scan], &out, &scratch)).json();
+        is_clean(&["out.esker", "scan", "scratch"], 0);
     }
 }

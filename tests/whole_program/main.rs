@@ -24,6 +24,7 @@ mod pictures;
 mod program;
 mod proof;
 mod python;
+mod resume;
 mod stream;
 mod synthetic;
 
@@ -39,6 +40,7 @@ fn main() {
     // The longest first.
     data::trials(&mut trials);
     hostile::trials(&mut trials);
+    resume::trials(&mut trials);
     synthetic::trials(&mut trials);
     bad::trials(&mut trials);
     bench_build::trials(&mut trials);

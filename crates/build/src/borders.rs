@@ -56,6 +56,16 @@ impl Borders {
         Self { bounds, rows, cells: Vec::new() }
     }
 
+    /// What was put aside, a chunk's cell each.
+    pub fn cells(&self) -> &[(Cell, Vec<Extent>)] {
+        &self.cells
+    }
+
+    /// Adds what an earlier build has put aside.
+    pub fn restore(&mut self, cells: Vec<(Cell, Vec<Extent>)>) {
+        self.cells.extend(cells);
+    }
+
     /// Puts aside what others may need of the buckets of a chunk.
     ///
     /// # Errors

@@ -1,21 +1,25 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
-use crate::borders::{self, Borders};
+use crate::borders::Borders;
 use crate::crs::one_system;
 use crate::error::BuildError;
+use crate::identity::Identity;
 use crate::intake::{Intake, Plan, Taken, open_with};
-use crate::levels::{Raiser, Store, assemble};
+use crate::journal::{Journal, Resume};
+use crate::levels::Raiser;
 use crate::memory::{self, Peak};
 use crate::normals::{Bounds, NormalsMode};
-use crate::onto::{Merged, Onto};
+use crate::onto::Onto;
+use crate::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::scratch::Scratch;
 use crate::space::{Needs, free_bytes};
-use crate::tree::{Context, Subtree};
+use crate::store::Store;
+use crate::tree::{Context, assemble};
 use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, Normals, PageLayout, SourceRecord,
     Statistics,
 };
-use esker_points::{ColourDepth, MultisetHash, NodeTable, Task};
+use esker_points::{ColourDepth, MultisetHash, Task};
 use esker_scan::{OpenOptions, Source};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -32,6 +36,9 @@ const CHUNK_ROWS: u64 = 1 << 20;
 /// Bytes a point of a chunk while normals are estimated, its halo's share among them.
 const NORMALS_BYTES: f64 = 80.0;
 
+/// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
+const UNKEPT_CHUNKS: u64 = 16;
+
 /// What the user chose.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -47,6 +54,8 @@ pub struct Options {
     pub compress: Codec,
     /// Whether inputs of different coordinate reference systems are taken as they are.
     pub ignore_crs: bool,
+    /// What becomes of a build that is cut short.
+    pub resume: Resume,
     /// What is taken from files that are there already: see [`crate::append()`] and [`crate::merge()`].
     pub onto: Onto,
     /// Where the normals that are drawn come from.
@@ -62,6 +71,7 @@ impl Default for Options {
             colour_depth: None,
             compress: Codec::default(),
             ignore_crs: false,
+            resume: Resume::default(),
             onto: Onto::default(),
             normals: NormalsMode::default(),
         }
@@ -185,19 +195,61 @@ pub fn build_shared(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     check(&sources, options)?;
+    let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
+    let scratch = Scratch::new(&folder)?;
+    let goes_on = options.resume == Resume::Now;
+    let mut writer = if goes_on { FileWriter::resume(out)? } else { FileWriter::create(out)? };
+    writer.keep(goes_on);
+    let identity = Identity::of(&sources, options, &shares);
+    let journal = Journal::open(out, options.resume, identity)?;
+    let mut store = Store { writer, scratch, journal, borders: None };
+    if goes_on && !store.journal.is_resumed() {
+        task.note("there is nothing to resume; starting afresh");
+    }
+    let built = build_into(&mut store, sources, (out, &folder), options, shares, task);
+    let is_passing = built.as_ref().is_err_and(BuildError::is_passing);
+    let is_kept = is_passing && store.journal.is_begun();
+    store.keep(is_kept);
+    match built {
+        // Proven before, so what the earlier build has left is not what it was.
+        Err(BuildError::Proof(_)) if store.journal.is_resumed() => {
+            Err(store.journal.damaged("what it has left"))
+        }
+        Err(error) if is_kept && !matches!(error, BuildError::Resume { .. }) => {
+            Err(BuildError::Kept(Box::new(error)))
+        }
+        built => built,
+    }
+}
+
+fn build_into(
+    store: &mut Store,
+    sources: Vec<Box<dyn Source>>,
+    (out, folder): (&Path, &Path),
+    options: &Options,
+    mut shares: Shares,
+    task: &dyn Task,
+) -> Result<Report, BuildError> {
     let start = memory::usage().anon_bytes;
     let peak = Peak::default();
-    let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
-    let mut scratch = Scratch::new(&folder)?;
+    shares.chunk_bytes_max = store.journal.chunk_bytes_max();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     intake.estimates_normals = options.normals == NormalsMode::Estimate;
     intake.lattice = options.onto.lattice;
-    Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max).check(&folder, out, free_bytes)?;
-    let mut writer = FileWriter::create(out)?;
+    if !store.journal.is_resumed() {
+        let needs = Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max);
+        needs.check(folder, out, free_bytes)?;
+    }
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
-    let (plan, taken) = intake.take(&mut scratch, buffer_bytes_max, task, &peak)?;
+    let (plan, taken) =
+        intake.take((&mut store.scratch, &mut store.journal), buffer_bytes_max, task, &peak)?;
     let Taken { partition, reports, hash, ranges, knows_scanners } = taken;
     let points: u64 = reports.iter().map(|r| r.points).sum();
+    let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes());
+    if points / chunk_rows_max.0 >= UNKEPT_CHUNKS && store.journal.may_begin() {
+        store.journal.begin(None)?;
+        store.journal.tell(intake.known())?;
+    }
 
     let pages = PageLayout::new(&plan.schema, &plan.classes);
     let normals = match options.normals {
@@ -216,17 +268,16 @@ pub fn build_shared(
             .collect(),
     };
     task.phase("building", Some(points), "points");
-    let buckets = partition.finish(&mut scratch)?;
-    let borders = (normals.is_estimated() && !buckets.is_empty()).then(|| {
-        let spacing = borders::spacing(&buckets, context.rows.bytes(), &mut scratch)?;
+    let buckets = partition.finish(&mut store.scratch)?;
+    if normals.is_estimated() && !buckets.is_empty() {
+        let spacing = store.spacing(&buckets, context.rows.bytes())?;
         let bounds = Bounds::new(plan.lattice.scale, spacing);
-        Ok::<_, BuildError>(Borders::new(bounds, context.rows.clone()))
-    });
-    let borders = borders.transpose()?;
+        store.borders = Some(Borders::new(bounds, context.rows.clone()));
+    }
     let root = Raiser {
-        chunk_rows_max: shares.chunk_rows_max(options, context.rows.bytes()),
+        chunk_rows_max,
         context: &context,
-        store: Store { writer: &mut writer, scratch: &mut scratch, borders },
+        store: &mut *store,
         buffer_bytes_max,
         task,
         peak: &peak,
@@ -251,7 +302,7 @@ pub fn build_shared(
     metadata.bounds = bounds;
     peak.sample();
     task.check()?;
-    let bytes_out = writer.finish(&table, &statistics, &metadata, points, hash)?;
+    let bytes_out = store.writer.finish(&table, &statistics, &metadata, points, hash)?;
 
     let mut points_refused = BTreeMap::new();
     for (reason, n) in reports.iter().flat_map(|r| &r.refused) {
@@ -264,8 +315,8 @@ pub fn build_shared(
         hash,
         peak_anon_bytes: peak.bytes().saturating_sub(start),
         peak_rss_bytes: memory::usage().rss_peak_bytes,
-        scratch_bytes: scratch.bytes(),
-        scratch_bytes_peak: scratch.bytes_peak(),
+        scratch_bytes: store.scratch.bytes(),
+        scratch_bytes_peak: store.scratch.bytes_peak(),
         bytes_out,
         nodes: table.nodes.len() as u64,
         depth,
@@ -304,60 +355,6 @@ fn same_file(a: &Path, b: &Path) -> bool {
         (Ok(a), Ok(b)) => a == b,
         _ => a == b,
     }
-}
-
-fn hash_of(root: &Subtree) -> MultisetHash {
-    let mut sum = MultisetHash::default();
-    let mut open = vec![root];
-    while let Some(tree) = open.pop() {
-        sum += tree.hash;
-        open.extend(tree.children.iter());
-    }
-    sum
-}
-
-/// Least and greatest coordinates of all points.
-fn bounds_of(root: &Subtree) -> Option<[[u32; 3]; 2]> {
-    let mut bounds: Option<[[u32; 3]; 2]> = None;
-    let mut open = vec![root];
-    while let Some(tree) = open.pop() {
-        let [low, high] = tree.bounds;
-        let [least, greatest] = bounds.unwrap_or(tree.bounds);
-        bounds = Some([
-            [0, 1, 2].map(|i| low[i].min(least[i])),
-            [0, 1, 2].map(|i| high[i].max(greatest[i])),
-        ]);
-        open.extend(tree.children.iter());
-    }
-    bounds
-}
-
-/// Points in and out, and their hashes, must be the same.
-fn prove(
-    table: &NodeTable,
-    points: u64,
-    written: MultisetHash,
-    read: MultisetHash,
-) -> Result<(), BuildError> {
-    let out: u64 = table.nodes.iter().map(|n| n.points() as u64).sum();
-    if out != points {
-        return Err(BuildError::Proof(format!("{points} points read, {out} written")));
-    }
-    if written != read {
-        return Err(BuildError::Proof(format!("hash {read} read, {written} written")));
-    }
-    Ok(())
-}
-
-/// The points that were merged must be those that their files' footers tell.
-fn prove_merged(merged: &Merged, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
-    if (merged.points, merged.hash) == (points, hash) {
-        return Ok(());
-    }
-    Err(BuildError::Differs(format!(
-        "the files hold {points} points of hash {hash}, their footers tell of {} of hash {}: esker verify says which file is damaged",
-        merged.points, merged.hash
-    )))
 }
 
 fn metadata(

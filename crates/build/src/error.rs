@@ -52,6 +52,17 @@ pub enum BuildError {
     /// The file's points are not those of the inputs.
     #[error("{0}")]
     Differs(String),
+    /// An earlier build cannot be gone on with.
+    #[error("{}: an earlier build cannot be resumed: {why}; give what it was given, or start afresh without --resume", path.display())]
+    Resume {
+        /// Its journal.
+        path: PathBuf,
+        /// What is in the way.
+        why: String,
+    },
+    /// Cut short, with what is done kept.
+    #[error("{0}; what is done is kept: the same command with --resume goes on from there")]
+    Kept(#[source] Box<Self>),
     /// Stopped on request.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -60,6 +71,16 @@ pub enum BuildError {
 impl BuildError {
     pub(crate) fn scratch(path: &Path, phase: &'static str, source: std::io::Error) -> Self {
         Self::Scratch { path: path.to_owned(), phase, source }
+    }
+
+    /// Whether what is done is of use to a build that goes on, once what is in its way is gone.
+    pub(crate) fn is_passing(&self) -> bool {
+        match self {
+            Self::Scratch { .. } | Self::Cancelled(_) | Self::Resume { .. } => true,
+            Self::Format(e) => matches!(e, FormatError::Io { .. }),
+            Self::Scan(e) => matches!(e, ScanError::Io { .. }),
+            _ => false,
+        }
     }
 
     /// Carries an error through a reader's sink.

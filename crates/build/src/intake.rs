@@ -3,25 +3,24 @@
 //! depth), it begins again with what is true.
 
 use crate::error::BuildError;
+use crate::journal::Journal;
 use crate::memory::Peak;
-use crate::partition::{BUCKETS_MAX, Block, Partition};
-use crate::row::{Incoming, RowLayout};
+use crate::partition::{BUCKETS_MAX, Partition};
+use crate::record::{Kind, Reading, Record};
+use crate::row::RowLayout;
 use crate::scratch::Scratch;
+use crate::taking::Taking;
 use esker_format::Ranges;
-use esker_points::attribute::names;
 use esker_points::lattice::GridKind;
 use esker_points::{
-    AttrType, Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task, quant,
+    Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
 };
-use esker_scan::source::BATCH_POINTS;
-use esker_scan::{OpenOptions, ReadReport, ScanError, Source, SourceInfo};
+use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
 /// Rows that a bucket should have: few enough for a core's cache, enough that a bucket costs nothing.
 const BUCKET_ROWS: u64 = 1 << 13;
-/// Rows made of batches that wait, in bytes at most.
-const WAITING_BYTES: usize = 32 << 20;
 
 /// The longest step, in the file's unit: 2^32 of them squared, and what is drawn about them, are numbers
 /// for `f32`.
@@ -52,7 +51,8 @@ pub struct Plan {
     pub classes: Vec<PointClass>,
     /// The class of each source.
     pub class_of: Vec<u16>,
-    estimates_normals: bool,
+    /// Whether rows have room for normals.
+    pub estimates_normals: bool,
     /// For each source, the file's attribute for each of its own.
     to_file: Vec<Vec<usize>>,
 }
@@ -69,83 +69,6 @@ pub struct Taken {
     pub ranges: Ranges,
     /// Whether it is known of all points where they were scanned from.
     pub knows_scanners: bool,
-}
-
-/// Points on their way into a partition.
-struct Taking<'a> {
-    plan: &'a Plan,
-    rows: RowLayout,
-    partition: Partition,
-    scratch: &'a mut Scratch,
-    hash: MultisetHash,
-    ranges: Ranges,
-    sources: &'a [Box<dyn Source>],
-    knows_scanners: bool,
-    /// Batches by source, to be sorted into cells together: one a core.
-    waiting: Vec<(usize, Batch)>,
-    waiting_points: usize,
-}
-
-impl Taking<'_> {
-    fn add(&mut self, source: usize, batch: Batch) -> Result<(), BuildError> {
-        self.waiting_points += batch.len();
-        self.waiting.push((source, batch));
-        let bytes = self.waiting_points * self.rows.bytes();
-        let is_full = self.waiting_points >= rayon::current_num_threads() * BATCH_POINTS;
-        if is_full || bytes >= WAITING_BYTES { self.part_waiting() } else { Ok(()) }
-    }
-
-    /// Makes rows of the waiting batches and sorts them into cells, on all cores.
-    fn part_waiting(&mut self) -> Result<(), BuildError> {
-        let (plan, layout, log2) = (self.plan, &self.rows, self.partition.log2());
-        let sources = self.sources;
-        let part = |(source, batch): (usize, Batch)| {
-            let to_file = &plan.to_file[source];
-            let towards = if plan.estimates_normals {
-                towards_scanner(&batch, sources[source].info(), &plan.lattice)
-            } else {
-                None
-            };
-            let knows = towards.is_some();
-            let towards = &towards.unwrap_or_default();
-            let class = plan.class_of[source];
-            let points = Incoming { batch: &batch, class, to_file, towards };
-            let mut hash = MultisetHash::default();
-            let positions = batch.positions.iter().copied();
-            let block = Block::new(layout.bytes(), log2, positions, |take| {
-                hash = layout.for_each_rows(&points, take);
-            });
-            let mut ranges = Ranges::new(&plan.schema);
-            for (column, &attribute) in batch.columns.iter().zip(to_file) {
-                ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
-            }
-            (block, hash, ranges, knows)
-        };
-        self.waiting_points = 0;
-        let waiting = std::mem::take(&mut self.waiting);
-        let parted: Vec<_> = waiting.into_par_iter().map(part).collect();
-        for (block, hash, ranges, knows) in parted {
-            self.knows_scanners &= knows;
-            self.hash += hash;
-            self.ranges.merge(&ranges);
-            self.partition.add(block, self.scratch)?;
-        }
-        Ok(())
-    }
-}
-
-/// Octahedral codes of the directions from points to where they were scanned from, if that is known of all.
-fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Option<Vec<[i16; 2]>> {
-    let scanner = info.scanner.as_ref()?;
-    let ids = batch.schema.find_typed(names::POINT_SOURCE_ID, AttrType::U16);
-    let ids = ids.map(|column| batch.columns[column].as_chunks::<2>().0);
-    let towards = |(i, &p): (usize, &[u32; 3])| {
-        let from = scanner.of(ids.map(|ids| u16::from_le_bytes(ids[i])))?;
-        let at = lattice.world(p);
-        let direction = [0, 1, 2].map(|axis| (from[axis] - at[axis]) as f32);
-        Some(quant::oct_encode(direction))
-    };
-    batch.positions.iter().enumerate().map(towards).collect()
 }
 
 /// Why a reading is void.
@@ -305,11 +228,12 @@ impl Intake {
     /// Where an input is damaged or scratch fails; on request.
     pub fn take(
         &mut self,
-        scratch: &mut Scratch,
+        (scratch, journal): (&mut Scratch, &mut Journal),
         buffer_bytes_max: usize,
         task: &dyn Task,
         peak: &Peak,
     ) -> Result<(Plan, Taken), BuildError> {
+        let mut earlier = self.resume(journal)?;
         // A header may claim more room than its points have: the lattice must not be coarser for it.
         let scale = self.plan()?.lattice.scale;
         let finest = |axis: usize| {
@@ -324,14 +248,16 @@ impl Intake {
         // Bounds and colours can be wrong once each, bounds again where an input changes meanwhile.
         for _ in 0..4 {
             let mut plan = self.plan()?;
-            let void = match self.read(&plan, scratch, buffer_bytes_max, task, peak)? {
+            let earlier = std::mem::take(&mut earlier);
+            let mut taking = Taking::new(self, &plan, (scratch, journal), buffer_bytes_max);
+            taking.resume(earlier)?;
+            let void = match self.read(taking, task, peak)? {
                 Ok(taken) => match self.correct_colours(&mut plan, &taken.reports) {
                     None => return Ok((plan, taken)),
                     Some(void) => void,
                 },
                 Err(void) => void,
             };
-            scratch.clear()?;
             match void {
                 Void::Bounds(source) => {
                     let path = self.sources[source].info().path.display().to_string();
@@ -342,6 +268,8 @@ impl Intake {
                     "colours are of another depth than the first points showed; starting again",
                 ),
             }
+            journal.tell(self.known())?;
+            scratch.clear()?;
         }
         Err(BuildError::Options("the inputs change while they are read".into()))
     }
@@ -358,53 +286,80 @@ impl Intake {
         Ok(())
     }
 
+    /// What was found out about the inputs, for the journal.
+    pub fn known(&self) -> Record {
+        let mut record = Record::new(Kind::Known);
+        for (grid, &depth) in self.grids.iter().zip(&self.depths) {
+            record.put(u8::from(grid.bounds.is_some()));
+            record.put(grid.bounds.unwrap_or_default());
+            record.put(u8::from(depth == ColourDepth::Eight));
+        }
+        record
+    }
+
+    /// Takes over what an earlier build has found out; what it has taken in since.
+    fn resume(&mut self, journal: &mut Journal) -> Result<Vec<Vec<u8>>, BuildError> {
+        let mut taken = Vec::new();
+        loop {
+            if let Some(known) = journal.ask_if(Kind::Known)? {
+                self.restore(&known)
+                    .ok_or_else(|| journal.damaged("what it knows of the inputs"))?;
+                taken.clear();
+            } else if let Some(more) = journal.ask_if(Kind::Taken)? {
+                taken.push(more);
+            } else {
+                return Ok(taken);
+            }
+        }
+    }
+
+    fn restore(&mut self, known: &[u8]) -> Option<()> {
+        let mut from = Reading(known);
+        for (grid, depth) in self.grids.iter_mut().zip(&mut self.depths) {
+            let (has_bounds, bounds) = (from.get::<u8>()? > 0, from.get()?);
+            grid.bounds = has_bounds.then_some(bounds);
+            let is_eight = from.get::<u8>()? > 0;
+            *depth = if is_eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
+        }
+        Some(())
+    }
+
     fn read(
         &self,
-        plan: &Plan,
-        scratch: &mut Scratch,
-        buffer_bytes_max: usize,
+        mut taking: Taking<'_>,
         task: &dyn Task,
         peak: &Peak,
     ) -> Result<Result<Taken, Void>, BuildError> {
-        let mut taking = Taking {
-            rows: plan.rows(),
-            sources: &self.sources,
-            knows_scanners: true,
-            partition: Partition::new(
-                plan.row_bytes(),
-                self.partition_log2(plan),
-                buffer_bytes_max,
-            ),
-            hash: MultisetHash::default(),
-            ranges: Ranges::new(&plan.schema),
-            plan,
-            scratch,
-            waiting: Vec::new(),
-            waiting_points: 0,
-        };
-        let mut reports = Vec::new();
         task.phase("reading", Some(self.points_hint()), "points");
-        for (i, source) in self.sources.iter().enumerate() {
-            let placement = plan.lattice.placement(&source.info().grid);
-            let mut sink = |batch: Batch| -> Result<(), ScanError> {
+        let (first, mut skipped) = taking.added;
+        for i in 0..first {
+            task.advance(taking.reports[i].points);
+        }
+        for (i, source) in self.sources.iter().enumerate().skip(first) {
+            let placement = taking.plan.lattice.placement(&source.info().grid);
+            let mut sink = |mut batch: Batch| -> Result<(), ScanError> {
                 task.advance(batch.len() as u64);
-                taking.add(i, batch).map_err(BuildError::through_sink)?;
+                let known = batch.len().min(usize::try_from(skipped).unwrap_or(usize::MAX));
+                skipped -= known as u64;
+                batch.drop_first(known);
+                if !batch.is_empty() {
+                    taking.add(i, batch).map_err(BuildError::through_sink)?;
+                }
                 peak.sample();
                 Ok(task.check()?)
             };
             match source.read(&placement, task, &mut sink) {
-                Ok(report) => reports.push(report),
+                Ok(report) => taking.reports.push(report),
                 Err(ScanError::OffLattice { .. }) => return Ok(Err(Void::Bounds(i))),
                 Err(e) => return Err(BuildError::from_sink(e)),
             }
+            skipped = 0;
         }
-        taking.part_waiting()?;
-        let Taking { partition, hash, ranges, knows_scanners, .. } = taking;
-        Ok(Ok(Taken { partition, reports, hash, ranges, knows_scanners }))
+        Ok(Ok(taking.finish()?))
     }
 
     /// The size of the partition's cells: by the bounds, and the smaller the more points there are.
-    fn partition_log2(&self, plan: &Plan) -> u8 {
+    pub fn partition_log2(&self, plan: &Plan) -> u8 {
         let (mut min, mut max) = ([u32::MAX; 3], [0u32; 3]);
         for bounds in self.grids.iter().filter_map(|g| g.bounds) {
             for (corner, axis) in (0..6).map(|i| (i / 3, i % 3)) {

@@ -2,19 +2,18 @@
 //! that does not depend on time. While a chunk is built, and what its root and others offer is chosen from
 //! for the cells above, the pages of the one before are written and the one behind is loaded and sorted.
 
-use crate::borders::{Borders, cell_of};
+use crate::built::{Built, Held, PartRead};
 use crate::coincident::Coincident;
 use crate::error::BuildError;
 use crate::memory::Peak;
 use crate::normals::UNKNOWN;
 use crate::partition::{Bucket, Partition, block_of_rows};
+use crate::record::Kind;
 use crate::row::{Rows, position};
-use crate::scratch::Scratch;
 use crate::shape::Moments;
-use crate::sort::sort;
-use crate::tree::{Context, Pending, Subtree};
-use esker_format::{FileWriter, NodeStatistics};
-use esker_points::{Cell, NodeTable, Task};
+use crate::store::Store;
+use crate::tree::{Context, Subtree};
+use esker_points::{Cell, Task};
 use rayon::prelude::*;
 
 /// Octree levels by which a bucket that is too large is parted at a time.
@@ -27,7 +26,7 @@ pub struct Raiser<'a> {
     /// What every step knows.
     pub context: &'a Context,
     /// Where rows lie and pages go.
-    pub store: Store<'a>,
+    pub store: &'a mut Store,
     /// Rows that a chunk of several buckets may have, and one of a single bucket.
     pub chunk_rows_max: (u64, u64),
     /// Bytes of rows that parting a bucket may keep in memory.
@@ -36,16 +35,6 @@ pub struct Raiser<'a> {
     pub task: &'a dyn Task,
     /// Watches memory.
     pub peak: &'a Peak,
-}
-
-/// The files that a tree is built between.
-pub struct Store<'a> {
-    /// The file.
-    pub writer: &'a mut FileWriter,
-    /// Where rows lie that do not fit memory.
-    pub scratch: &'a mut Scratch,
-    /// What chunks know of each other, where normals are estimated.
-    pub borders: Option<Borders>,
 }
 
 /// What is done next. Each leaves one cell behind that is built but for its root.
@@ -60,99 +49,14 @@ enum Step {
     Combine(Cell, usize),
 }
 
-/// A cell that is built but for its root, with the rows that the root offers.
-struct Held {
-    pending: Pending,
-    rows: Vec<u8>,
-}
-
-/// What is built: cells that wait for the one above, and pages that wait to be written.
-struct Built {
-    held: Vec<Held>,
-    pages: Vec<Vec<u8>>,
-    /// Where the next page will stand.
-    page_offset: u64,
-}
-
-impl Built {
-    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
-    fn place(&mut self, siblings: &mut [Subtree]) {
-        let mut open = vec![siblings];
-        while let Some(group) = open.pop() {
-            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
-                let page = std::mem::take(&mut tree.page);
-                tree.node.page_bytes = page.len() as u32;
-                tree.node.page_offset = self.page_offset;
-                self.page_offset += page.len() as u64;
-                self.pages.push(page);
-            }
-            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
-            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
-        }
-    }
-
-    /// Keeps a cell with only the rows that it offers.
-    fn hold(&mut self, mut pending: Pending, rows: &Rows<'_>) {
-        self.place(&mut pending.children);
-        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
-        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
-        pending.offered = (0..pending.offered.len() as u32).collect();
-        self.held.push(Held { pending, rows: bytes });
-    }
-
-    /// Chooses a cell's points from what its children offer.
-    fn combine(&mut self, context: &Context, cell: Cell, children: usize) {
-        let stride = context.rows.bytes();
-        let children = self.held.split_off(self.held.len() - children);
-        let mut bytes = Vec::with_capacity(children.iter().map(|c| c.rows.len()).sum());
-        let mut pending = Vec::with_capacity(children.len());
-        for mut child in children {
-            let before = (bytes.len() / stride) as u32;
-            child.pending.offered.iter_mut().for_each(|i| *i += before);
-            bytes.extend_from_slice(&child.rows);
-            pending.push(child.pending);
-        }
-        let rows = Rows { bytes: &bytes, stride };
-        self.hold(context.combine(&rows, cell, pending), &rows);
-    }
-}
-
-impl Store<'_> {
-    /// Writes pages that have their places.
-    fn write(&mut self, pages: Vec<Vec<u8>>) -> Result<(), BuildError> {
-        pages.into_iter().try_for_each(|page| self.writer.write_page(&page).map(|_| ()))?;
-        Ok(())
-    }
-
-    /// Sorts the rows of a chunk into `rows`.
-    fn load(
-        &mut self,
-        buckets: Vec<Bucket>,
-        stride: usize,
-        mut rows: Vec<u8>,
-    ) -> Result<Vec<u8>, BuildError> {
-        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
-        let map = if is_stored { Some(self.scratch.map()?) } else { None };
-        let runs: Vec<_> = buckets.iter().map(|b| b.runs(map.as_ref(), stride)).collect();
-        sort(&runs, stride, &mut rows);
-        drop(runs);
-        drop(map);
-        if let Some(borders) = &self.borders {
-            borders.estimate(&cell_of(&buckets), &mut rows, self.scratch)?;
-        }
-        self.scratch.release(buckets.into_iter().flat_map(|b| b.extents).collect());
-        Ok(rows)
-    }
-}
-
 impl Raiser<'_> {
     /// The finished tree over buckets along the Morton curve; `None` where there is no row.
     ///
     /// # Errors
     /// Where scratch or the file fail, or on request.
     pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
-        let page_offset = self.store.writer.offset();
-        let mut built = Built { held: Vec::new(), pages: Vec::new(), page_offset };
+        let mut built = Built::default();
+        built.page_offset = self.store.writer.offset();
         let mut steps = Vec::new();
         if !buckets.is_empty() {
             self.plan(buckets, &mut steps);
@@ -161,14 +65,26 @@ impl Raiser<'_> {
         while let Some(step) = steps.pop() {
             self.task.check()?;
             match step {
-                Step::Chunk(buckets) => self.chunks(buckets, &mut steps, &mut built)?,
+                Step::Chunk(buckets) => {
+                    if !self.resume(&buckets, &mut built)? {
+                        self.chunks(buckets, &mut steps, &mut built)?;
+                    }
+                }
                 Step::Part(bucket) => {
-                    let parts = self.part(bucket)?;
+                    self.store.write(std::mem::take(&mut built.outgoing))?;
+                    let parts = match self.store.parted(&bucket, self.context.rows.bytes())? {
+                        Some(parts) => parts,
+                        None => self.part(bucket)?,
+                    };
                     let before = steps.len();
                     self.plan(parts, &mut steps);
                     self.put_aside(&steps[before..])?;
                 }
-                Step::Coincident(bucket) => self.coincident(bucket, &mut built)?,
+                Step::Coincident(bucket) => {
+                    if !self.resume(std::slice::from_ref(&bucket), &mut built)? {
+                        self.coincident(bucket, &mut built)?;
+                    }
+                }
                 Step::Combine(cell, children) => built.combine(self.context, cell, children),
             }
         }
@@ -176,8 +92,30 @@ impl Raiser<'_> {
         let rows = Rows { bytes: &held.rows, stride: self.context.rows.bytes() };
         let mut root = self.context.finish(&rows, held.pending, &[], None);
         built.place(root.as_mut_slice());
-        self.store.write(built.pages)?;
+        self.store.write(built.outgoing)?;
         Ok(root)
+    }
+
+    /// Takes a part from the journal, where it has it.
+    fn resume(&mut self, buckets: &[Bucket], built: &mut Built) -> Result<bool, BuildError> {
+        let Some(record) = self.store.journal.ask(Kind::Built)? else { return Ok(false) };
+        let rows: u64 = buckets.iter().map(|b| b.rows).sum();
+        // What cells above have made of the parts before stands before its pages.
+        self.store.write(std::mem::take(&mut built.outgoing))?;
+        let part = PartRead::get(&record, &self.context.rows)
+            .filter(|part| part.rows == rows && part.pages.start == built.page_offset);
+        let damaged = |store: &Store| store.journal.damaged("a part of what it has built");
+        let part = part.ok_or_else(|| damaged(self.store))?;
+        let page_bytes = part.pages.end - part.pages.start;
+        if !self.context.count(&part.counts) || !self.store.writer.skip(page_bytes, part.crc)? {
+            return Err(damaged(self.store));
+        }
+        built.page_offset = part.pages.end;
+        built.held.push(part.held);
+        let extents = buckets.iter().flat_map(|b| b.extents.iter().copied());
+        self.store.scratch.release(extents.collect());
+        self.task.advance(rows);
+        Ok(true)
     }
 
     /// Puts the steps that build these buckets on the stack; the first one comes to lie on top.
@@ -215,20 +153,20 @@ impl Raiser<'_> {
 
     /// Puts aside what the chunks of these steps need of each other.
     fn put_aside(&mut self, steps: &[Step]) -> Result<(), BuildError> {
-        let Some(borders) = self.store.borders.as_mut().filter(|_| steps.len() > 1) else {
+        if self.store.borders.is_none() || steps.len() < 2 || self.store.resume_aside()? {
             return Ok(());
-        };
+        }
+        let known = self.store.aside().len();
         for step in steps {
             self.task.check()?;
-            match step {
-                Step::Chunk(buckets) => borders.add(buckets, self.store.scratch)?,
-                Step::Part(bucket) | Step::Coincident(bucket) => {
-                    borders.add(std::slice::from_ref(bucket), self.store.scratch)?;
-                }
-                Step::Combine(..) => {}
-            }
+            let buckets = match step {
+                Step::Chunk(buckets) => buckets,
+                Step::Part(bucket) | Step::Coincident(bucket) => std::slice::from_ref(bucket),
+                Step::Combine(..) => continue,
+            };
+            self.store.put_aside(buckets, &self.context.rows)?;
         }
-        Ok(())
+        self.store.tell_aside(known)
     }
 
     /// Builds chunks, and the cells above that wait for them, until another step is on top.
@@ -239,9 +177,10 @@ impl Raiser<'_> {
         built: &mut Built,
     ) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
-        let mut rows = Some(self.store.load(first, stride, Vec::new())?);
+        let mut loaded = Some(self.store.load(first, &self.context.rows, Vec::new())?);
         let mut spare = Vec::new();
-        while let Some(sorted) = rows {
+        let is_told = self.store.journal.is_live();
+        while let Some((sorted, extents)) = loaded {
             let above = steps.iter().rev().take_while(|s| matches!(s, Step::Combine(..))).count();
             let above = steps.split_off(steps.len() - above);
             let next = match steps.pop() {
@@ -251,15 +190,18 @@ impl Raiser<'_> {
                     None
                 }
             };
-            let pages = std::mem::take(&mut built.pages);
+            let outgoing = std::mem::take(&mut built.outgoing);
             let (context, task, peak, store) =
                 (self.context, self.task, self.peak, &mut self.store);
-            let ((), loaded) = rayon::join(
+            let ((), next) = rayon::join(
                 || {
                     let rows = Rows { bytes: &sorted, stride };
+                    built.begin(context, is_told);
                     let pending = context.build(&rows, 0..rows.len() as u32, task);
                     peak.sample();
                     built.hold(pending, &rows);
+                    built.end(context, rows.len() as u64);
+                    built.outgoing.extents = extents;
                     for step in above.into_iter().rev() {
                         if let Step::Combine(cell, children) = step {
                             built.combine(context, cell, children);
@@ -267,11 +209,11 @@ impl Raiser<'_> {
                     }
                 },
                 || {
-                    store.write(pages)?;
-                    next.map(|buckets| store.load(buckets, stride, spare)).transpose()
+                    store.write(outgoing)?;
+                    next.map(|buckets| store.load(buckets, &context.rows, spare)).transpose()
                 },
             );
-            rows = loaded?;
+            loaded = next?;
             spare = sorted;
             self.peak.sample();
             self.task.check()?;
@@ -283,9 +225,12 @@ impl Raiser<'_> {
     /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
     fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
         let stride = self.context.rows.bytes();
-        let scratch = &mut *self.store.scratch;
-        let map = if bucket.extents.is_empty() { None } else { Some(scratch.map()?) };
+        let map = self.store.map(&bucket)?;
+        // A build that goes on finds the parts where it finds the bucket.
+        let is_told = map.is_some() && self.store.journal.keeps_rows();
         let runs = bucket.runs(map.as_ref(), stride);
+        self.store.check(&bucket, &runs, &self.context.rows)?;
+        let scratch = &mut self.store.scratch;
         let blocks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(BLOCK_ROWS * stride)).collect();
         let empty = || ([u32::MAX; 3], [0; 3]);
         let join = |a: ([u32; 3], [u32; 3]), b: ([u32; 3], [u32; 3])| {
@@ -310,27 +255,34 @@ impl Raiser<'_> {
         }
         drop((blocks, runs));
         drop(map);
-        scratch.release(std::mem::take(&mut bucket.extents));
+        let extents = std::mem::take(&mut bucket.extents);
         drop(bucket);
-        partition.finish(scratch)
+        if is_told {
+            partition.spill(scratch)?;
+        }
+        let log2 = partition.log2();
+        let parts = partition.finish(scratch)?;
+        if is_told {
+            self.store.tell_parted(log2, &parts)?;
+        }
+        self.store.scratch.release(extents);
+        Ok(parts)
     }
 
     /// More coincident points than memory holds: a node's worth at a time, in the order of their records.
     fn coincident(&mut self, bucket: Bucket, built: &mut Built) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
-        let scratch = &mut *self.store.scratch;
         let borders = self.store.borders.take();
         let normal = match &borders {
-            Some(borders) => borders.estimate_one(&bucket.cell, scratch)?,
+            Some(borders) => borders.estimate_one(&bucket.cell, &mut self.store.scratch)?,
             None => UNKNOWN,
         };
-        let map = if bucket.extents.is_empty() { None } else { Some(scratch.map()?) };
-        let rows = Coincident {
-            runs: bucket.runs(map.as_ref(), stride),
-            stride,
-            rows_max: self.chunk_rows_max.1,
-            task: self.task,
-        };
+        self.store.write(std::mem::take(&mut built.outgoing))?;
+        built.begin(self.context, self.store.journal.is_live());
+        let map = self.store.map(&bucket)?;
+        let runs = bucket.runs(map.as_ref(), stride);
+        self.store.check(&bucket, &runs, &self.context.rows)?;
+        let rows = Coincident { runs, stride, rows_max: self.chunk_rows_max.1, task: self.task };
         let (mut head, mut chain, mut carry) = (None, Vec::new(), Vec::new());
         rows.in_order(&mut |row| {
             let start = carry.len();
@@ -352,7 +304,6 @@ impl Raiser<'_> {
         drop(rows);
         drop(map);
         self.store.borders = borders;
-        self.store.scratch.release(bucket.extents);
         let mut head = head.ok_or_else(|| BuildError::Proof("a bucket lost its rows".into()))?;
         for (moments, mut node) in chain.into_iter().rev() {
             head.pending.moments.merge(&moments);
@@ -360,6 +311,8 @@ impl Raiser<'_> {
             head.pending.children.push(node);
         }
         built.held.push(head);
+        built.end(self.context, bucket.rows);
+        built.outgoing.extents = bucket.extents;
         Ok(())
     }
 
@@ -378,39 +331,9 @@ impl Raiser<'_> {
             *head = Some(Held { pending, rows: rows.bytes.to_vec() });
         } else if let Some((moments, mut node)) = self.context.continuation(rows, pending) {
             built.place(std::slice::from_mut(&mut node));
-            self.store.write(std::mem::take(&mut built.pages))?;
+            self.store.write(std::mem::take(&mut built.outgoing))?;
             chain.push((moments, node));
         }
         Ok(())
     }
-}
-
-/// The node table of a tree, and the statistics of its nodes in the table's order: siblings together,
-/// parents before children.
-pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
-    let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
-    let mut open = Vec::new();
-    if let Some(mut root) = root {
-        root.node.parent = esker_points::node::NONE;
-        table.nodes.push(root.node);
-        statistics.push(root.statistics);
-        open.push((0u32, root.children.take()));
-    }
-    while let Some((parent, children)) = open.pop() {
-        if children.is_empty() {
-            continue;
-        }
-        let first = table.nodes.len() as u32;
-        table.nodes[parent as usize].first_child = first;
-        table.nodes[parent as usize].child_count = children.len() as u8;
-        let mut below = Vec::with_capacity(children.len());
-        for (i, mut child) in children.into_iter().enumerate() {
-            child.node.parent = parent;
-            table.nodes.push(child.node);
-            statistics.push(child.statistics);
-            below.push((first + i as u32, child.children.take()));
-        }
-        open.extend(below.into_iter().rev());
-    }
-    (table, statistics)
 }

@@ -61,6 +61,13 @@ impl Block {
     }
 }
 
+impl Block {
+    /// Bytes of memory.
+    fn bytes(&self) -> usize {
+        self.rows.len() + self.parts.len() * size_of::<Piece>()
+    }
+}
+
 /// Which cell each position lies in, numbered as they come, and the cells with the count of their positions.
 fn parts_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, Vec<Part>) {
     let mut parts: Vec<Part> = Vec::new();
@@ -93,6 +100,15 @@ struct Piece {
     rows: Range<u32>,
 }
 
+/// Rows of a cell in scratch.
+#[derive(Clone, Copy, Debug)]
+pub struct Stored {
+    /// The cell's corner.
+    pub corner: [u32; 3],
+    /// Where they lie.
+    pub extent: Extent,
+}
+
 /// The rows of one cell.
 #[derive(Debug)]
 pub struct Bucket {
@@ -107,7 +123,8 @@ pub struct Bucket {
 }
 
 impl Bucket {
-    fn new(cell: Cell) -> Self {
+    /// No rows of this cell.
+    pub fn new(cell: Cell) -> Self {
         Self { cell, rows: 0, pieces: Vec::new(), extents: Vec::new() }
     }
 
@@ -153,12 +170,30 @@ impl Partition {
     /// # Errors
     /// Where scratch space fails.
     pub fn add(&mut self, block: Block, scratch: &mut Scratch) -> Result<(), BuildError> {
-        debug_assert!(block.log2 <= self.log2);
-        let bytes = block.rows.len() + block.parts.len() * size_of::<Piece>();
-        if self.buffered_bytes > 0 && self.buffered_bytes + bytes > self.buffer_bytes_max {
+        if self.is_full_for(&block) {
             self.spill(scratch)?;
         }
-        self.buffered_bytes += bytes;
+        self.hold(block);
+        if self.is_full() {
+            self.spill(scratch)?;
+        }
+        Ok(())
+    }
+
+    /// Whether memory has no room for a block beside what is in it.
+    pub fn is_full_for(&self, block: &Block) -> bool {
+        self.buffered_bytes > 0 && self.buffered_bytes + block.bytes() > self.buffer_bytes_max
+    }
+
+    /// Whether memory has more than it should.
+    pub fn is_full(&self) -> bool {
+        self.buffered_bytes > self.buffer_bytes_max
+    }
+
+    /// Adds a block in memory.
+    pub fn hold(&mut self, block: Block) {
+        debug_assert!(block.log2 <= self.log2);
+        self.buffered_bytes += block.bytes();
         let rows = Arc::new(block.rows);
         for (corner, range) in block.parts {
             let index = self.bucket_of(corner);
@@ -166,10 +201,19 @@ impl Partition {
             bucket.rows += range.len() as u64;
             bucket.pieces.push(Piece { block: Arc::clone(&rows), rows: range });
         }
-        if self.buffered_bytes > self.buffer_bytes_max {
-            self.spill(scratch)?;
+    }
+
+    /// Adds what an earlier build has put in scratch, out of cells of this size.
+    pub fn restore(&mut self, log2: u8, stored: &[Stored]) {
+        while self.log2 < log2.min(32) {
+            self.coarsen();
         }
-        Ok(())
+        for part in stored {
+            let index = self.bucket_of(part.corner);
+            let bucket = &mut self.buckets[index];
+            bucket.rows += part.extent.bytes / self.stride as u64;
+            bucket.extents.push(part.extent);
+        }
     }
 
     fn bucket_of(&mut self, p: [u32; 3]) -> usize {
@@ -205,10 +249,15 @@ impl Partition {
         self.buckets = joined;
     }
 
-    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies together.
-    fn spill(&mut self, scratch: &mut Scratch) -> Result<(), BuildError> {
+    /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies together. What
+    /// went where.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn spill(&mut self, scratch: &mut Scratch) -> Result<Vec<Stored>, BuildError> {
         let mut along: Vec<&mut Bucket> = self.buckets.iter_mut().collect();
         along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
+        let mut stored = Vec::new();
         for bucket in along {
             let mut whole: Option<Extent> = None;
             for piece in bucket.pieces.drain(..) {
@@ -220,10 +269,11 @@ impl Partition {
                     None => whole = Some(extent),
                 }
             }
+            stored.extend(whole.map(|extent| Stored { corner: bucket.cell.corner, extent }));
             bucket.extents.extend(whole);
         }
         self.buffered_bytes = 0;
-        Ok(())
+        Ok(stored)
     }
 
     /// The buckets along the Morton curve; once anything has gone to scratch, everything does, so that

@@ -99,6 +99,11 @@ impl RowLayout {
         self.class_at.map_or(0, |at| u16::from_le_bytes([row[at], row[at + 1]]))
     }
 
+    /// Whether its class is one of those that there are.
+    pub fn is_possible(&self, row: &[u8]) -> bool {
+        usize::from(self.class(row)) < self.classes.len()
+    }
+
     /// The bytes of one attribute in a row.
     pub fn attribute(&self, index: usize) -> Range<usize> {
         self.attributes[index].clone()

@@ -1,14 +1,17 @@
-//! Scratch space: one nameless file of rows, appended to, mapped to read, given back piece by piece as it is
-//! consumed. Its pages are the system's to drop: they are no anonymous memory.
+//! Scratch space: one file of rows, appended to, mapped to read, given back piece by piece as it is consumed. It has
+//! no name, or one where a later build may go on with it. Its pages are the system's to drop: they are no anonymous
+//! memory.
 
 use crate::error::BuildError;
 use memmap2::Mmap;
-use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// Bytes written to the file together.
 const WRITE_BYTES: usize = 4 << 20;
+/// How names of files of rows begin and end.
+const NAME: [&str; 2] = [".esker-", ".rows"];
 
 /// A run of bytes in the scratch file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +29,13 @@ impl Extent {
     }
 }
 
-/// A growing file without a name, gone with the process.
+/// Whether a file has such a name as files of rows have.
+pub fn is_ours(path: &Path) -> bool {
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    name.starts_with(NAME[0]) && name.ends_with(NAME[1])
+}
+
+/// A growing file, gone with the process where it has no name.
 pub struct Scratch {
     file: BufWriter<File>,
     folder: PathBuf,
@@ -37,6 +46,8 @@ pub struct Scratch {
     /// Bytes not yet released.
     held_bytes: u64,
     held_bytes_peak: u64,
+    path: Option<PathBuf>,
+    is_kept: bool,
 }
 
 impl Scratch {
@@ -54,7 +65,81 @@ impl Scratch {
             written_bytes: 0,
             held_bytes: 0,
             held_bytes_peak: 0,
+            path: None,
+            is_kept: false,
         })
+    }
+
+    /// Gives the file, in which nothing is yet, a name that can be kept in a journal, if its folder's has letters.
+    ///
+    /// # Errors
+    /// Where the folder takes no file.
+    pub fn name(&mut self) -> Result<Option<&Path>, BuildError> {
+        debug_assert_eq!(self.file_bytes, 0);
+        if self.path.is_none() && self.folder.to_str().is_some() {
+            let failed = |e| BuildError::scratch(&self.folder, "cannot make a scratch file", e);
+            // A name from the root leads to it from wherever a later build begins.
+            let folder = self.folder.canonicalize().map_err(failed)?;
+            let mut named = tempfile::Builder::new();
+            let named = named.prefix(NAME[0]).suffix(NAME[1]).tempfile_in(folder);
+            let (file, path) =
+                named.and_then(|n| n.keep().map_err(io::Error::from)).map_err(failed)?;
+            self.file = BufWriter::with_capacity(WRITE_BYTES, file);
+            self.path = Some(path);
+        }
+        Ok(self.path.as_deref())
+    }
+
+    /// Takes the file of an earlier build, which is to be told by [`Scratch::restore`] what is in it.
+    ///
+    /// # Errors
+    /// Where it is not there.
+    pub fn reopen(&mut self, path: &Path) -> io::Result<()> {
+        if !is_ours(path) {
+            return Err(io::Error::other("it has another name than scratch files have"));
+        }
+        let file = OpenOptions::new().read(true).write(true).open(path)?;
+        self.file = BufWriter::with_capacity(WRITE_BYTES, file);
+        self.path = Some(path.into());
+        Ok(())
+    }
+
+    /// These extents are in the file that was reopened, and nothing behind them. Whether that can be.
+    ///
+    /// # Errors
+    /// Where the disk fails.
+    pub fn restore(&mut self, extents: &[Extent]) -> Result<bool, BuildError> {
+        for extent in extents {
+            let Some(end) = extent.offset.checked_add(extent.bytes) else { return Ok(false) };
+            self.file_bytes = self.file_bytes.max(end);
+            self.written_bytes += extent.bytes;
+            self.held_bytes += extent.bytes;
+        }
+        self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
+        let sought = self.file.seek(io::SeekFrom::Start(self.file_bytes));
+        let length = sought.and_then(|_| self.file.get_ref().metadata());
+        length
+            .map(|m| m.len() >= self.file_bytes)
+            .map_err(|e| BuildError::scratch(&self.folder, "cannot read scratch data", e))
+    }
+
+    /// Whether nothing is in it.
+    pub fn is_empty(&self) -> bool {
+        self.file_bytes == 0
+    }
+
+    /// Whether it stays when it is dropped, where it has a name.
+    pub fn keep(&mut self, is_kept: bool) {
+        self.is_kept = is_kept;
+    }
+
+    /// Hands what is buffered to the system.
+    ///
+    /// # Errors
+    /// Where the disk is full.
+    pub fn flush(&mut self) -> Result<(), BuildError> {
+        let flushed = self.file.flush();
+        flushed.map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))
     }
 
     /// Appends bytes.
@@ -101,10 +186,9 @@ impl Scratch {
     /// # Errors
     /// Where the disk is full, or the system refuses the mapping.
     pub fn map(&mut self) -> Result<Mmap, BuildError> {
-        self.file
-            .flush()
-            .map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))?;
-        // SAFETY: the file has no name and this process alone holds it; it is only appended to, cut only when
+        self.flush()?;
+        // SAFETY: this process alone holds the file: it has no name, or a random one of this user's, which the
+        // journal of an output alone knows, and the output is locked; it is only appended to, cut only when
         // no extent is left (`clear` takes `&mut self` where no map lives), and holes
         // are punched only in extents that nobody reads any more, so the mapped bytes never change under
         // a reader and the mapping never reaches past the file's end.
@@ -120,6 +204,14 @@ impl Scratch {
             let bytes = run.iter().map(|e| e.bytes).sum();
             self.held_bytes -= bytes;
             punch(self.file.get_ref(), Extent { offset: run[0].offset, bytes });
+        }
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        if let Some(path) = self.path.take().filter(|_| !self.is_kept) {
+            let _ = fs::remove_file(path);
         }
     }
 }

@@ -65,6 +65,19 @@ impl Moments {
         moments
     }
 
+    /// As numbers, to be kept.
+    pub fn to_numbers(self) -> [i128; 10] {
+        let mut numbers = [i128::from(self.count); 10];
+        numbers[1..4].copy_from_slice(&self.sum);
+        numbers[4..].copy_from_slice(&self.square);
+        numbers
+    }
+
+    /// From the numbers of [`Moments::to_numbers`].
+    pub fn from_numbers([count, x, y, z, square @ ..]: [i128; 10]) -> Self {
+        Self { count: count as u64, sum: [x, y, z], square }
+    }
+
     /// Adds all of another's points.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;

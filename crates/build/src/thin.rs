@@ -133,7 +133,7 @@ impl<'a> Thinning<'a> {
             };
             let part = (0..shared.len()).filter(|&i| is_in(i)).map(|i| (i as u32, f32::INFINITY));
             self.rest.refill(q, part, log2);
-            let reach = radius as i32 + 1;
+            let reach = (radius as i32).saturating_add(1);
             self.picked.iter().for_each(|&i| self.rest.tell(q[i as usize], reach));
         }
         self.log2 = Some(log2);
@@ -152,7 +152,7 @@ impl<'a> Thinning<'a> {
     /// order that leaves and returns.
     fn pick_at(&mut self, radius: f64) {
         let radius2 = (radius * radius) as f32;
-        let reach = radius as i32 + 1;
+        let reach = (radius as i32).saturating_add(1);
         if !self.placed.is_empty() {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
             let mut from = 0;

@@ -11,9 +11,9 @@ use crate::shape::{Moments, Shape};
 use crate::spacing::{radii, spacing};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
-use esker_format::{Histograms, NodeStatistics, PageLayout, encode_page};
+use esker_format::{Histograms, NodeStatistics, PageLayout, Ranges, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
-use esker_points::{Cell, MultisetHash, Node, quant};
+use esker_points::{Cell, MultisetHash, Node, NodeTable, quant};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
@@ -108,6 +108,28 @@ impl Drop for Children {
 }
 
 impl Context {
+    /// What all nodes so far have counted.
+    pub fn counted(&self) -> Histograms {
+        let mut sum: Option<Histograms> = None;
+        for part in &self.histograms {
+            let part = part.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            match &mut sum {
+                Some(sum) => sum.merge(&part),
+                None => sum = Some(part.clone()),
+            }
+        }
+        sum.unwrap_or_else(|| Histograms::new(Ranges::from_pairs(Vec::new())))
+    }
+
+    /// Adds what nodes have counted that are not made anew; whether it is of as many attributes and bins.
+    pub fn count(&self, counts: &[Vec<u64>]) -> bool {
+        let Some(Ok(mut part)) = self.histograms.first().map(Mutex::lock) else { return false };
+        counts.iter().enumerate().all(|(a, counts)| {
+            let counts = counts.as_slice().try_into();
+            counts.map(|counts| part.add_counts(a, counts)).is_ok()
+        })
+    }
+
     /// A cell that is not split: it offers all of its points.
     pub fn leaf(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
         Pending {
@@ -331,4 +353,34 @@ fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
     let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap_or(0);
     node.hot_shift = quant::hot_shift(extent);
     [min, max]
+}
+
+/// The node table of a tree, and the statistics of its nodes in the table's order: siblings together,
+/// parents before children.
+pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
+    let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
+    let mut open = Vec::new();
+    if let Some(mut root) = root {
+        root.node.parent = esker_points::node::NONE;
+        table.nodes.push(root.node);
+        statistics.push(root.statistics);
+        open.push((0u32, root.children.take()));
+    }
+    while let Some((parent, children)) = open.pop() {
+        if children.is_empty() {
+            continue;
+        }
+        let first = table.nodes.len() as u32;
+        table.nodes[parent as usize].first_child = first;
+        table.nodes[parent as usize].child_count = children.len() as u8;
+        let mut below = Vec::with_capacity(children.len());
+        for (i, mut child) in children.into_iter().enumerate() {
+            child.node.parent = parent;
+            table.nodes.push(child.node);
+            statistics.push(child.statistics);
+            below.push((first + i as u32, child.children.take()));
+        }
+        open.extend(below.into_iter().rev());
+    }
+    (table, statistics)
 }

@@ -313,6 +313,10 @@ pub struct Build {
     /// source is kept.
     #[arg(long)]
     pub merge: bool,
+    /// Go on with an earlier build of this output that was cut short, with the same inputs and options; where there is
+    /// none, start afresh.
+    #[arg(long)]
+    pub resume: bool,
     #[command(flatten)]
     pub how: BuildHow,
     /// Print one JSON object, as the last line of standard output.
@@ -334,6 +338,10 @@ pub struct Append {
     /// The file to build.
     #[arg(short, long, value_name = "OUT.esker")]
     pub out: PathBuf,
+    /// Go on with an earlier build of this output that was cut short, with the same inputs and options; where there is
+    /// none, start afresh.
+    #[arg(long)]
+    pub resume: bool,
     #[command(flatten)]
     pub how: BuildHow,
     /// Print one JSON object, as the last line of standard output.

@@ -7,7 +7,7 @@ use crate::{export, view};
 use anyhow::{Context, Result, bail};
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{
-    BuildOptions, Value, bench, build, demo, devices, info, quantity, render, verify,
+    BuildOptions, Resume, Value, bench, build, demo, devices, info, quantity, render, verify,
 };
 use std::io::Write;
 use std::path::Path;
@@ -52,8 +52,8 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
 fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
     let progress = Progress::new(args.progress.into(), stop);
     let build = if args.merge { build::merge } else { build::build };
-    let (report, seconds) =
-        build(&args.inputs, &args.out, &options(&args.how), args.how.threads, &progress)?;
+    let options = resumable(&args.how, args.resume);
+    let (report, seconds) = build(&args.inputs, &args.out, &options, args.how.threads, &progress)?;
     drop(progress);
     print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, &args.out))
 }
@@ -61,7 +61,8 @@ fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
 fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
     let progress = Progress::new(args.progress.into(), stop);
     let Append { old, inputs, out, how, .. } = &args;
-    let (report, seconds) = build::append(old, inputs, out, &options(how), how.threads, &progress)?;
+    let options = resumable(how, args.resume);
+    let (report, seconds) = build::append(old, inputs, out, &options, how.threads, &progress)?;
     drop(progress);
     print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, out))
 }
@@ -174,6 +175,12 @@ fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
     let report = bench::build::decode(&args.inputs, args.threads, &progress)?;
     drop(progress);
     print(args.json, &report, || bench::build::decode_text(&report))
+}
+
+/// For a build that is kept where it is cut short.
+fn resumable(how: &BuildHow, goes_on: bool) -> BuildOptions {
+    let resume = if goes_on { Resume::Now } else { Resume::Later };
+    BuildOptions { resume, ..options(how) }
 }
 
 fn options(how: &BuildHow) -> BuildOptions {

@@ -29,7 +29,7 @@ pub mod verify;
 mod whole;
 
 pub use esker_build::memory;
-pub use esker_build::{NormalsMode, Options as BuildOptions, Report as BuildReport};
+pub use esker_build::{NormalsMode, Options as BuildOptions, Report as BuildReport, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};

@@ -66,6 +66,21 @@ impl NodeStatistics {
         });
         Self { ranges: ranges.collect(), class_bits: class_bits(layout, points) }
     }
+
+    /// As numbers, to be kept outside of a file.
+    pub fn to_words(&self) -> Vec<u64> {
+        let ranges = self.ranges.iter().flat_map(|r| [r.0, r.1]);
+        self.class_bits.into_iter().chain(ranges).collect()
+    }
+
+    /// From the numbers of [`NodeStatistics::to_words`]; `None` where they are not for so many attributes.
+    pub fn from_words(words: &[u64], attributes: usize) -> Option<Self> {
+        let (class_bits, ranges) = words.split_first_chunk()?;
+        let (ranges, rest) = ranges.as_chunks::<2>();
+        let fits = ranges.len() == attributes && rest.is_empty();
+        let ranges = ranges.iter().map(|r| (r[0], r[1])).collect();
+        fits.then_some(Self { ranges, class_bits: *class_bits })
+    }
 }
 
 fn class_bits(layout: &PageLayout, points: &PagePoints) -> [u64; 4] {
@@ -142,7 +157,8 @@ impl Histograms {
         }
     }
 
-    pub(crate) fn add_counts(&mut self, attribute: usize, counts: &[u64; BINS]) {
+    /// Adds counts of other points to an attribute's bins.
+    pub fn add_counts(&mut self, attribute: usize, counts: &[u64; BINS]) {
         self.counts[attribute].iter_mut().zip(counts).for_each(|(sum, n)| *sum += n);
     }
 
@@ -165,7 +181,8 @@ impl Histograms {
 }
 
 impl Ranges {
-    pub(crate) fn from_pairs(ranges: Vec<(f64, f64)>) -> Self {
+    /// These, an attribute each.
+    pub fn from_pairs(ranges: Vec<(f64, f64)>) -> Self {
         Self { ranges }
     }
 

@@ -1,6 +1,6 @@
 //! Writing a file: header, pages as they come, then table, statistics, metadata, footer. Everything goes to
 //! a temporary name beside the final one, which is taken only when all is on the disk; a writer that is
-//! dropped before that leaves nothing behind.
+//! dropped before that leaves nothing behind, unless it is told to, so that another one can go on.
 
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, header};
@@ -9,9 +9,10 @@ use crate::metadata::Metadata;
 use crate::statistics::Statistics;
 use crate::table;
 use esker_points::{MultisetHash, NodeTable};
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const BUFFER_BYTES: usize = 1 << 20;
 
@@ -23,40 +24,140 @@ pub struct FileWriter {
     /// `None` once finished.
     out: Option<BufWriter<File>>,
     offset: u64,
+    is_kept: bool,
+}
+
+/// How long another writer is waited for: one that was just killed takes a moment to be gone.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Opens a file for this writer alone; another that has it is told by an error.
+fn open_alone(partial: &Path) -> io::Result<File> {
+    let start = Instant::now();
+    loop {
+        let mut options = OpenOptions::new();
+        let file = options.read(true).write(true).create(true).truncate(false).open(partial)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) if start.elapsed() < PATIENCE => {
+                std::thread::sleep(PATIENCE / 100);
+                continue;
+            }
+            Err(TryLockError::WouldBlock) => {
+                return Err(io::Error::other(
+                    "another build is writing it; wait for its end, or choose another output",
+                ));
+            }
+            // Not every file system knows locks.
+            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(e),
+            _ => {}
+        }
+        if stands_at(&file, partial) {
+            return Ok(file);
+        }
+    }
+}
+
+/// Whether an open file still has this name: else another writer has finished or dropped it meanwhile.
+#[cfg(unix)]
+fn stands_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |m: fs::Metadata| (m.dev(), m.ino());
+    match (file.metadata(), path.metadata()) {
+        (Ok(a), Ok(b)) => identity(a) == identity(b),
+        _ => false,
+    }
+}
+
+#[cfg(not(unix))]
+fn stands_at(_file: &File, _path: &Path) -> bool {
+    true
 }
 
 impl FileWriter {
     /// Begins a file that will stand at `path`.
     ///
     /// # Errors
-    /// Where the temporary file beside it cannot be created.
+    /// Where the temporary file beside it cannot be created, or another writer has it.
     pub fn create(path: &Path) -> Result<Self, FormatError> {
+        let writer = Self::resume(path)?;
+        if let Some(out) = &writer.out {
+            out.get_ref().set_len(0).map_err(io_error(path, "write it"))?;
+        }
+        Ok(writer)
+    }
+
+    /// As [`FileWriter::create`], over what an earlier writer left: its pages can be skipped, or written again.
+    ///
+    /// # Errors
+    /// As [`FileWriter::create`].
+    pub fn resume(path: &Path) -> Result<Self, FormatError> {
         let name = path.file_name().ok_or_else(|| FormatError::Io {
             path: path.into(),
             what: "write it",
-            source: std::io::Error::other("the path names no file"),
+            source: io::Error::other("the path names no file"),
         })?;
         // The rename at the end would put a file in the place of a device or fail on a folder.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(FormatError::Io {
                 path: path.into(),
                 what: "write it",
-                source: std::io::Error::other("something that is no file has this name"),
+                source: io::Error::other("something that is no file has this name"),
             });
         }
         let mut hidden = std::ffi::OsString::from(".");
         hidden.push(name);
-        hidden.push(format!(".{}.partial", std::process::id()));
+        hidden.push(".partial");
         let partial = path.with_file_name(hidden);
-        let file = File::create(&partial).map_err(io_error(&partial, "create it"))?;
-        let mut writer = Self {
-            path: path.into(),
-            partial,
-            out: Some(BufWriter::with_capacity(BUFFER_BYTES, file)),
-            offset: 0,
-        };
+        let file = open_alone(&partial).map_err(io_error(path, "write it"))?;
+        let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
+        let mut writer = Self { path: path.into(), partial, out, offset: 0, is_kept: false };
         writer.write(&header())?;
         Ok(writer)
+    }
+
+    /// Whether what is written stays where the writer is dropped before its end.
+    pub fn keep(&mut self, is_kept: bool) {
+        self.is_kept = is_kept;
+    }
+
+    /// Skips bytes that an earlier writer left; whether they have this CRC-32. On `false` nothing is skipped.
+    ///
+    /// # Errors
+    /// Where the disk fails.
+    pub fn skip(&mut self, bytes: u64, crc: u32) -> Result<bool, FormatError> {
+        self.flush()?;
+        let Some(out) = &mut self.out else { return Ok(false) };
+        let (mut left, mut hasher) = (bytes, crc32fast::Hasher::new());
+        let mut buffer = vec![0; BUFFER_BYTES];
+        let file = out.get_mut();
+        let failed = io_error(&self.partial, "read it");
+        while left > 0 {
+            let part = buffer.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+            let read = match file.read(&mut buffer[..part]) {
+                Ok(n) => n,
+                Err(e) => return Err(failed(e)),
+            };
+            if read == 0 {
+                break;
+            }
+            hasher.update(&buffer[..read]);
+            left -= read as u64;
+        }
+        let is_there = left == 0 && hasher.finalize() == crc;
+        if is_there {
+            self.offset += bytes;
+        } else {
+            file.seek(io::SeekFrom::Start(self.offset)).map_err(failed)?;
+        }
+        Ok(is_there)
+    }
+
+    /// Hands what is buffered to the system.
+    ///
+    /// # Errors
+    /// Where the disk is full.
+    pub fn flush(&mut self) -> Result<(), FormatError> {
+        let Some(out) = &mut self.out else { return Ok(()) };
+        out.flush().map_err(io_error(&self.path, "write it"))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), FormatError> {
@@ -100,7 +201,7 @@ impl FileWriter {
     /// # Errors
     /// Where the disk is full, or table or metadata break the format's rules.
     pub fn finish(
-        mut self,
+        &mut self,
         table: &NodeTable,
         statistics: &Statistics,
         metadata: &Metadata,
@@ -132,29 +233,30 @@ impl FileWriter {
         Ok(footer.file_bytes)
     }
 
-    /// To the disk, then under the final name.
-    fn commit(mut self) -> Result<(), FormatError> {
+    /// To the disk, then under the final name. Nobody else has the file before it has that.
+    fn commit(&mut self) -> Result<(), FormatError> {
         debug_assert!(self.offset >= (HEADER_BYTES + FOOTER_BYTES) as u64);
-        let Some(out) = self.out.take() else { return Ok(()) };
-        let finished = out
-            .into_inner()
-            .map_err(|e| e.into_error())
-            .and_then(|file| file.sync_all())
-            .and_then(|()| fs::rename(&self.partial, &self.path));
-        if finished.is_err() {
-            let _ = fs::remove_file(&self.partial);
-        }
-        finished.map_err(io_error(&self.path, "write it"))
+        self.flush()?;
+        let Some(out) = &self.out else { return Ok(()) };
+        let file = out.get_ref();
+        file.set_len(self.offset)
+            .and_then(|()| file.sync_all())
+            .and_then(|()| fs::rename(&self.partial, &self.path))
+            .map_err(io_error(&self.path, "write it"))?;
+        self.out = None;
+        Ok(())
     }
 }
 
 impl Drop for FileWriter {
     fn drop(&mut self) {
-        if let Some(out) = self.out.take() {
-            // Without flushing: what is buffered is of no use. Closed first, since Windows removes no
-            // open file.
-            drop(out.into_parts());
+        let Some(out) = self.out.take() else { return };
+        // Without flushing: what is buffered is of no use.
+        let (file, _) = out.into_parts();
+        if !self.is_kept {
+            // While it is locked, so that it is no other writer's.
             let _ = fs::remove_file(&self.partial);
         }
+        drop(file);
     }
 }

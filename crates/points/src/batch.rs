@@ -50,6 +50,20 @@ impl Batch {
                 .all(|(a, c)| c.len() == self.len() * a.ty.size())
     }
 
+    /// Drops its first `count` points.
+    ///
+    /// # Panics
+    /// If it has fewer.
+    pub fn drop_first(&mut self, count: usize) {
+        if count == 0 {
+            return;
+        }
+        self.positions.drain(..count);
+        for (a, column) in self.schema.attributes.iter().zip(&mut self.columns) {
+            column.drain(..count * a.ty.size());
+        }
+    }
+
     /// Appends the raw record of point `index` to `out`: x, y, z, then its attributes in the
     /// schema's order. With a schema in canonical order this is what [`crate::MultisetHash`] takes.
     pub fn record_into(&self, index: usize, out: &mut Vec<u8>) {

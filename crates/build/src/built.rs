@@ -1,0 +1,195 @@
+//! What is built: cells that wait for the one above, and what waits to be written; and how the journal keeps it.
+
+use crate::record::{Kind, Reading, Record};
+use crate::row::{RowLayout, Rows};
+use crate::shape::Moments;
+use crate::store::Outgoing;
+use crate::tree::{Children, Context, Pending, Subtree};
+use esker_format::{Histograms, NodeStatistics};
+use esker_points::{Cell, MultisetHash, Node};
+use std::ops::Range;
+
+/// What is built: cells that wait for the one above, and what waits to be written.
+#[derive(Default)]
+pub struct Built {
+    /// Cells, whose children are joined from the last ones.
+    pub held: Vec<Held>,
+    /// What waits to be written.
+    pub outgoing: Outgoing,
+    /// Where the next page will stand.
+    pub page_offset: u64,
+    /// The part that is being built.
+    part: Part,
+}
+
+/// A part of a build that the journal knows when it is done.
+#[derive(Default)]
+struct Part {
+    /// Where its first page stands.
+    page_offset: u64,
+    pages: crc32fast::Hasher,
+    /// Of all nodes before it.
+    counted: Option<Histograms>,
+}
+
+impl Built {
+    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
+    pub fn place(&mut self, siblings: &mut [Subtree]) {
+        let mut open = vec![siblings];
+        while let Some(group) = open.pop() {
+            for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
+                let page = std::mem::take(&mut tree.page);
+                tree.node.page_bytes = page.len() as u32;
+                tree.node.page_offset = self.page_offset;
+                self.page_offset += page.len() as u64;
+                if self.part.counted.is_some() {
+                    self.part.pages.update(&page);
+                }
+                self.outgoing.pages.push(page);
+            }
+            let below = group.iter_mut().map(|t| t.children.as_mut_slice());
+            open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
+        }
+    }
+
+    /// A part begins, of which the journal wants to know or not.
+    pub fn begin(&mut self, context: &Context, is_told: bool) {
+        let (page_offset, pages) = (self.page_offset, crc32fast::Hasher::new());
+        self.part = Part { page_offset, pages, counted: is_told.then(|| context.counted()) };
+    }
+
+    /// The part has ended, and what it has built is held last: this is what the journal wants to know.
+    pub fn end(&mut self, context: &Context, rows: u64) {
+        let Part { page_offset, pages, counted: Some(before) } = std::mem::take(&mut self.part)
+        else {
+            return;
+        };
+        let mut record = Record::new(Kind::Built);
+        record.put([rows, page_offset, self.page_offset]);
+        record.put(pages.finalize());
+        let after = context.counted();
+        for a in 0..context.rows.attribute_count() {
+            let counts = after.counts(a).iter().zip(before.counts(a)).map(|(a, b)| a - b);
+            record.put_all(&counts.collect::<Vec<u64>>());
+        }
+        if let Some(held) = self.held.last() {
+            held.put(&mut record);
+        }
+        self.outgoing.record = Some(record);
+    }
+
+    /// Keeps a cell with only the rows that it offers.
+    pub fn hold(&mut self, mut pending: Pending, rows: &Rows<'_>) {
+        self.place(&mut pending.children);
+        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
+        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
+        pending.offered = (0..pending.offered.len() as u32).collect();
+        self.held.push(Held { pending, rows: bytes });
+    }
+
+    /// Chooses a cell's points from what its children offer.
+    pub fn combine(&mut self, context: &Context, cell: Cell, children: usize) {
+        let stride = context.rows.bytes();
+        let children = self.held.split_off(self.held.len() - children);
+        let mut bytes = Vec::with_capacity(children.iter().map(|c| c.rows.len()).sum());
+        let mut pending = Vec::with_capacity(children.len());
+        for mut child in children {
+            let before = (bytes.len() / stride) as u32;
+            child.pending.offered.iter_mut().for_each(|i| *i += before);
+            bytes.extend_from_slice(&child.rows);
+            pending.push(child.pending);
+        }
+        let rows = Rows { bytes: &bytes, stride };
+        self.hold(context.combine(&rows, cell, pending), &rows);
+    }
+}
+
+/// A part as the journal has it.
+pub struct PartRead {
+    /// Points that it was built from.
+    pub rows: u64,
+    /// Where its pages stand.
+    pub pages: Range<u64>,
+    /// Their CRC-32.
+    pub crc: u32,
+    /// What its nodes have counted, an attribute each.
+    pub counts: Vec<Vec<u64>>,
+    /// Its cell.
+    pub held: Held,
+}
+
+impl PartRead {
+    /// From a record; `None` where that is damaged.
+    pub fn get(record: &[u8], layout: &RowLayout) -> Option<Self> {
+        let mut from = Reading(record);
+        let [rows, start, end] = from.get()?;
+        let crc = from.get()?;
+        let attributes = layout.attribute_count();
+        let counts: Option<_> = (0..attributes).map(|_| from.get_all()).collect();
+        let (counts, pages) = (counts?, start..end);
+        let held = Held::get(&mut from, layout.bytes(), attributes)?;
+        (start <= end).then_some(Self { rows, pages, crc, counts, held })
+    }
+}
+
+/// A cell that is built but for its root, with the rows that the root offers.
+pub struct Held {
+    /// The cell; what it offers is all of the rows.
+    pub pending: Pending,
+    /// The rows.
+    pub rows: Vec<u8>,
+}
+
+impl Held {
+    /// Writes it down; all pages below it have their places.
+    pub fn put(&self, record: &mut Record) {
+        let Pending { cell, moments, turns, radii, children, .. } = &self.pending;
+        record.put(cell.corner);
+        record.put(cell.log2);
+        record.put(moments.to_numbers());
+        record.put_all(turns);
+        record.put_all(radii);
+        record.put_all(&self.rows);
+        // Children before parents, in their order; without recursion, since chains are long.
+        let (mut open, mut nodes): (Vec<&Subtree>, Vec<_>) = (children.iter().collect(), vec![]);
+        while let Some(tree) = open.pop() {
+            open.extend(tree.children.iter());
+            nodes.push(tree);
+        }
+        record.put(nodes.len() as u64);
+        for tree in nodes.into_iter().rev() {
+            record.put(tree.node);
+            record.put_all(&tree.statistics.to_words());
+            record.put(tree.hash.0);
+            record.put(tree.bounds);
+            record.put(tree.children.len() as u64);
+        }
+    }
+
+    /// What was written down, of rows of `stride` bytes with so many attributes.
+    pub fn get(from: &mut Reading<'_>, stride: usize, attributes: usize) -> Option<Self> {
+        let cell = Cell { corner: from.get()?, log2: from.get()? };
+        let moments = Moments::from_numbers(from.get()?);
+        let (turns, radii): (Vec<u16>, Vec<f32>) = (from.get_all()?, from.get_all()?);
+        let rows: Vec<u8> = from.get_all()?;
+        let count = rows.len() / stride;
+        let fits = |len: usize| len == 0 || len == count;
+        if !rows.len().is_multiple_of(stride) || turns.len() != radii.len() || !fits(turns.len()) {
+            return None;
+        }
+        let mut trees: Vec<Subtree> = Vec::new();
+        for _ in 0..from.get::<u64>()? {
+            let node: Node = from.get()?;
+            let statistics = NodeStatistics::from_words(&from.get_all::<u64>()?, attributes)?;
+            let (hash, bounds) = (MultisetHash(from.get()?), from.get()?);
+            let children = usize::try_from(from.get::<u64>()?).ok()?;
+            let children = trees.split_off(trees.len().checked_sub(children)?);
+            let children = children.into_iter().collect();
+            trees.push(Subtree { node, page: Vec::new(), statistics, hash, bounds, children });
+        }
+        let children: Children = trees.into_iter().collect();
+        let offered = (0..count as u32).collect();
+        let pending = Pending { cell, moments, offered, turns, radii, children };
+        Some(Self { pending, rows })
+    }
+}

@@ -1,0 +1,91 @@
+//! What a build is made of, by name: options and inputs. A build goes on only where all of it is the same.
+
+use crate::build::{Options, Shares};
+use crate::record::{Reading, Record};
+use esker_scan::Source;
+use std::collections::HashSet;
+use std::time::UNIX_EPOCH;
+
+/// Names and what stands behind them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Texts, that must be the same.
+    parts: Vec<(String, String)>,
+    memory_bytes: u64,
+    /// What memory leaves for a chunk: where pages stand depends on it.
+    pub chunk_bytes_max: u64,
+}
+
+impl Identity {
+    /// Of a build of these inputs. Their times are looked at now, before they are read.
+    pub fn of(sources: &[Box<dyn Source>], options: &Options, shares: &Shares) -> Self {
+        let depth = options.colour_depth.map_or("detected".into(), |d| format!("{d:?}"));
+        let mut parts = vec![
+            ("Esker".into(), env!("CARGO_PKG_VERSION").into()),
+            ("--node-capacity".into(), options.node_capacity.to_string()),
+            ("--colour-bits".into(), depth.to_lowercase()),
+            ("--compress".into(), options.compress.name().into()),
+            ("--normals".into(), format!("{:?}", options.normals).to_lowercase()),
+            ("--ignore-crs".into(), options.ignore_crs.to_string()),
+            ("the lattice that is built onto".into(), format!("{:?}", options.onto.lattice)),
+            ("the forest appended to".into(), format!("{:?}", options.onto.forest)),
+            ("what is merged".into(), {
+                let merged = options.onto.merged.as_ref();
+                merged.map_or("nothing".into(), |m| format!("{} points, {}", m.points, m.hash))
+            }),
+        ];
+        for info in sources.iter().map(|s| s.info()) {
+            let modified = info.path.metadata().and_then(|m| m.modified()).ok();
+            let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+            let time = since.map_or("unknown".into(), |t| {
+                format!("{}.{:09} s since 1970", t.as_secs(), t.subsec_nanos())
+            });
+            let path = info.path.display();
+            parts.push((format!("the size of {path}"), format!("{} bytes", info.bytes)));
+            parts.push((format!("the points of {path}"), info.points_hint.to_string()));
+            parts.push((format!("the time of change of {path}"), time));
+        }
+        let chunk_bytes_max = shares.chunk_bytes_max;
+        Self { parts, memory_bytes: options.memory_bytes, chunk_bytes_max }
+    }
+
+    /// Writes it down.
+    pub fn put(&self, record: &mut Record) {
+        record.put([self.memory_bytes, self.chunk_bytes_max, self.parts.len() as u64]);
+        for text in self.parts.iter().flat_map(|(name, text)| [name, text]) {
+            record.put_all(text.as_bytes());
+        }
+    }
+
+    /// What was written down.
+    pub fn get(from: &mut Reading<'_>) -> Option<Self> {
+        let [memory_bytes, chunk_bytes_max, count] = from.get()?;
+        let part = |_| Some((from.get_text()?, from.get_text()?));
+        let parts = (0..count).map(part).collect::<Option<_>>()?;
+        Some(Self { parts, memory_bytes, chunk_bytes_max })
+    }
+
+    fn names(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().map(|part| part.0.as_str())
+    }
+
+    /// What is not as it was, in words; more memory is no matter.
+    pub fn difference(&self, now: &Self) -> Option<String> {
+        let names = |of| -> HashSet<&str> { Self::names(of).collect() };
+        let (before, after) = (names(self), names(now));
+        if let Some(gone) = Self::names(self).find(|name| !after.contains(name)) {
+            return Some(format!("{gone} was given, and is not now"));
+        }
+        if let Some(new) = Self::names(now).find(|name| !before.contains(name)) {
+            return Some(format!("{new} was not given"));
+        }
+        let mut pairs = self.parts.iter().zip(&now.parts);
+        if let Some(((name, was), (_, is))) = pairs.find(|(was, is)| was != is) {
+            return Some(format!("{name} was {was}, and is {is}"));
+        }
+        (now.chunk_bytes_max < self.chunk_bytes_max).then(|| {
+            let (was, is) = (self.memory_bytes, now.memory_bytes);
+            format!("--memory was {was} bytes, and is {is}, which is less")
+        })
+    }
+}

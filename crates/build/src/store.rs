@@ -1,0 +1,274 @@
+//! The files that a tree is built between: scratch, where rows come from; the file, where pages go; and the journal,
+//! which is told of pages when they are written, and of rows before they are given back.
+
+use crate::borders::{self, Borders, cell_of};
+use crate::error::BuildError;
+use crate::journal::Journal;
+use crate::partition::Bucket;
+use crate::record::{Kind, Reading, Record};
+use crate::row::{RowLayout, position};
+use crate::scratch::{Extent, Scratch};
+use crate::sort::sort;
+use esker_format::FileWriter;
+use esker_points::{Cell, morton};
+use memmap2::Mmap;
+use rayon::prelude::*;
+
+/// The files.
+pub struct Store {
+    /// The file.
+    pub writer: FileWriter,
+    /// Where rows lie that do not fit memory.
+    pub scratch: Scratch,
+    /// What is done.
+    pub journal: Journal,
+    /// What chunks know of each other, where normals are estimated.
+    pub borders: Option<Borders>,
+}
+
+/// What waits to be written.
+#[derive(Default)]
+pub struct Outgoing {
+    /// Pages that have their places.
+    pub pages: Vec<Vec<u8>>,
+    /// That a part is built, whose pages are among these.
+    pub record: Option<Record>,
+    /// Its rows, which then are of no more use.
+    pub extents: Vec<Extent>,
+}
+
+impl Store {
+    /// Whether all stays as it is when it is dropped before the build's end.
+    pub fn keep(&mut self, is_kept: bool) {
+        self.writer.keep(is_kept);
+        self.scratch.keep(is_kept);
+        self.journal.keep(is_kept);
+    }
+
+    /// Writes what waits.
+    ///
+    /// # Errors
+    /// Where the disk is full.
+    pub fn write(&mut self, outgoing: Outgoing) -> Result<(), BuildError> {
+        for page in outgoing.pages {
+            self.writer.write_page(&page)?;
+        }
+        if let Some(record) = outgoing.record {
+            self.writer.flush()?;
+            self.journal.tell(record)?;
+        }
+        self.scratch.release(outgoing.extents);
+        Ok(())
+    }
+
+    /// The content of scratch, where a bucket has rows in it.
+    ///
+    /// # Errors
+    /// Where scratch fails.
+    pub fn map(&mut self, bucket: &Bucket) -> Result<Option<Mmap>, BuildError> {
+        if bucket.extents.is_empty() { Ok(None) } else { self.scratch.map().map(Some) }
+    }
+
+    /// Holds that rows in scratch which an earlier build may have put there are those of a bucket: a system that
+    /// went down may have lost them.
+    ///
+    /// # Errors
+    /// Where they are not.
+    pub fn check(
+        &self,
+        bucket: &Bucket,
+        runs: &[&[u8]],
+        layout: &RowLayout,
+    ) -> Result<(), BuildError> {
+        if bucket.extents.is_empty() || !self.journal.is_resumed() {
+            return Ok(());
+        }
+        let mut rows = runs.iter().flat_map(|run| run.chunks_exact(layout.bytes()));
+        let is_own = |row| bucket.cell.contains(position(row)) && layout.is_possible(row);
+        let bytes: usize = runs.iter().map(|run| run.len()).sum();
+        if bytes as u64 == bucket.rows * layout.bytes() as u64 && rows.all(is_own) {
+            return Ok(());
+        }
+        Err(self.journal.damaged("its scratch file"))
+    }
+
+    /// Sorts the rows of a chunk into `rows`; with where in scratch they lie.
+    ///
+    /// # Errors
+    /// Where scratch fails, or rows of an earlier build are damaged.
+    pub fn load(
+        &mut self,
+        buckets: Vec<Bucket>,
+        layout: &RowLayout,
+        mut rows: Vec<u8>,
+    ) -> Result<(Vec<u8>, Vec<Extent>), BuildError> {
+        let stride = layout.bytes();
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(self.scratch.map()?) } else { None };
+        let runs: Vec<_> = buckets.iter().map(|b| b.runs(map.as_ref(), stride)).collect();
+        buckets
+            .par_iter()
+            .zip(&runs)
+            .try_for_each(|(bucket, runs)| self.check(bucket, runs, layout))?;
+        sort(&runs, stride, &mut rows);
+        drop(runs);
+        drop(map);
+        if let Some(borders) = &self.borders {
+            borders.estimate(&cell_of(&buckets), &mut rows, &mut self.scratch)?;
+        }
+        Ok((rows, buckets.into_iter().flat_map(|b| b.extents).collect()))
+    }
+
+    /// The typical distance of points in steps.
+    ///
+    /// # Errors
+    /// Where scratch fails.
+    pub fn spacing(&mut self, buckets: &[Bucket], stride: usize) -> Result<f64, BuildError> {
+        if let Some(record) = self.journal.ask(Kind::Spaced)? {
+            let spacing = Reading(&record).get();
+            return spacing.ok_or_else(|| self.journal.damaged("the distance of its points"));
+        }
+        let spacing = borders::spacing(buckets, stride, &mut self.scratch)?;
+        let mut record = Record::new(Kind::Spaced);
+        record.put(spacing);
+        self.journal.tell(record)?;
+        Ok(spacing)
+    }
+
+    /// What chunks have put aside for each other.
+    pub fn aside(&self) -> &[(Cell, Vec<Extent>)] {
+        self.borders.as_ref().map_or(&[], Borders::cells)
+    }
+
+    /// Puts aside what other chunks may need of this one's buckets.
+    ///
+    /// # Errors
+    /// Where scratch fails, or rows of an earlier build are damaged.
+    pub fn put_aside(&mut self, buckets: &[Bucket], layout: &RowLayout) -> Result<(), BuildError> {
+        if self.journal.is_resumed() && buckets.iter().any(|b| !b.extents.is_empty()) {
+            let map = self.scratch.map()?;
+            let whole = |b: &Bucket| self.check(b, &b.runs(Some(&map), layout.bytes()), layout);
+            buckets.par_iter().try_for_each(whole)?;
+        }
+        match &mut self.borders {
+            Some(borders) => borders.add(buckets, &mut self.scratch),
+            None => Ok(()),
+        }
+    }
+
+    /// Tells of what was put aside after the first `known` cells.
+    ///
+    /// # Errors
+    /// Where the disk is full.
+    pub fn tell_aside(&mut self, known: usize) -> Result<(), BuildError> {
+        if !self.journal.keeps_rows() {
+            return Ok(());
+        }
+        self.scratch.flush()?;
+        let mut record = Record::new(Kind::Aside);
+        let cells = &self.aside()[known..];
+        record.put(cells.len() as u64);
+        for (cell, extents) in cells {
+            record.put(cell.corner);
+            record.put(cell.log2);
+            put_extents(extents, &mut record);
+        }
+        self.journal.tell(record)
+    }
+
+    /// Takes what is put aside next from the journal, where it has it.
+    ///
+    /// # Errors
+    /// Where it is damaged.
+    pub fn resume_aside(&mut self) -> Result<bool, BuildError> {
+        let Some(record) = self.ask_of_rows(Kind::Aside)? else { return Ok(false) };
+        let mut from = Reading(&record);
+        let count = from.get::<u64>();
+        let cell = |_| {
+            let cell = Cell { corner: from.get()?, log2: from.get()? };
+            Some((cell, extents(&mut from)?))
+        };
+        let cells: Option<Vec<_>> = count.and_then(|count| (0..count).map(cell).collect());
+        let cells = cells.ok_or_else(|| self.journal.damaged("what it has put aside"))?;
+        let extents: Vec<Extent> = cells.iter().flat_map(|(_, e)| e.iter().copied()).collect();
+        if !self.scratch.restore(&extents)? {
+            return Err(self.journal.damaged("its scratch file"));
+        }
+        if let Some(borders) = &mut self.borders {
+            borders.restore(cells);
+        }
+        Ok(true)
+    }
+
+    /// The next record, where rows in scratch are kept.
+    fn ask_of_rows(&mut self, kind: Kind) -> Result<Option<Vec<u8>>, BuildError> {
+        if self.journal.rows().is_some() { self.journal.ask(kind) } else { Ok(None) }
+    }
+
+    /// Tells of the parts of a bucket, whose cells have this size.
+    ///
+    /// # Errors
+    /// Where the disk is full.
+    pub fn tell_parted(&mut self, log2: u8, parts: &[Bucket]) -> Result<(), BuildError> {
+        self.scratch.flush()?;
+        let mut record = Record::new(Kind::Parted);
+        record.put(log2);
+        record.put(parts.len() as u64);
+        for part in parts {
+            record.put(part.cell.corner);
+            put_extents(&part.extents, &mut record);
+        }
+        self.journal.tell(record)
+    }
+
+    /// The parts of a bucket of rows of `stride` bytes, where the journal has them.
+    ///
+    /// # Errors
+    /// Where it is damaged.
+    pub fn parted(
+        &mut self,
+        bucket: &Bucket,
+        stride: usize,
+    ) -> Result<Option<Vec<Bucket>>, BuildError> {
+        if bucket.extents.is_empty() {
+            return Ok(None);
+        }
+        let Some(record) = self.ask_of_rows(Kind::Parted)? else { return Ok(None) };
+        let parts = read_parted(&record, stride).filter(|parts| {
+            let rows: u64 = parts.iter().map(|part| part.rows).sum();
+            let cells = parts.iter().map(|part| part.cell.corner);
+            rows == bucket.rows && cells.is_sorted_by_key(morton::encode3)
+        });
+        let parts = parts.ok_or_else(|| self.journal.damaged("a part of its rows"))?;
+        let extents: Vec<Extent> = parts.iter().flat_map(|p| p.extents.iter().copied()).collect();
+        if !self.scratch.restore(&extents)? {
+            return Err(self.journal.damaged("its scratch file"));
+        }
+        self.scratch.release(bucket.extents.clone());
+        Ok(Some(parts))
+    }
+}
+
+fn read_parted(record: &[u8], stride: usize) -> Option<Vec<Bucket>> {
+    let mut from = Reading(record);
+    let (log2, count) = (from.get::<u8>().filter(|&log2| log2 <= 32)?, from.get::<u64>()?);
+    let part = |_| {
+        let mut bucket = Bucket::new(Cell::containing(from.get()?, log2));
+        bucket.extents = extents(&mut from)?;
+        for extent in &bucket.extents {
+            bucket.rows = bucket.rows.checked_add(extent.bytes / stride as u64)?;
+        }
+        Some(bucket)
+    };
+    (0..count).map(part).collect()
+}
+
+fn put_extents(extents: &[Extent], record: &mut Record) {
+    let numbers: Vec<_> = extents.iter().map(|e| [e.offset, e.bytes]).collect();
+    record.put_all(&numbers);
+}
+
+fn extents(from: &mut Reading<'_>) -> Option<Vec<Extent>> {
+    let numbers = from.get_all::<[u64; 2]>()?.into_iter();
+    Some(numbers.map(|[offset, bytes]| Extent { offset, bytes }).collect())
+}

@@ -1,0 +1,269 @@
+//! Taking points in: batches become rows in a partition, on all cores; and whenever memory is full, all rows go to
+//! scratch, and the journal is told how far the inputs are taken in.
+
+use crate::error::BuildError;
+use crate::intake::{Intake, Plan, Taken};
+use crate::journal::Journal;
+use crate::partition::{Block, Partition, Stored};
+use crate::record::{Kind, Reading, Record};
+use crate::row::{Incoming, RowLayout};
+use crate::scratch::{Extent, Scratch};
+use esker_format::Ranges;
+use esker_points::attribute::names;
+use esker_points::{AttrType, Batch, Lattice, MultisetHash, quant};
+use esker_scan::source::BATCH_POINTS;
+use esker_scan::{ReadReport, SourceInfo};
+use rayon::prelude::*;
+
+/// Rows made of batches that wait, in bytes at most.
+const WAITING_BYTES: usize = 32 << 20;
+
+/// Points on their way into a partition.
+pub struct Taking<'a> {
+    intake: &'a Intake,
+    /// What was chosen for the inputs.
+    pub plan: &'a Plan,
+    rows: RowLayout,
+    partition: Partition,
+    scratch: &'a mut Scratch,
+    journal: &'a mut Journal,
+    hash: MultisetHash,
+    ranges: Ranges,
+    knows_scanners: bool,
+    /// What became of the sources that were read to their end.
+    pub reports: Vec<ReadReport>,
+    /// The partition has all points of so many sources, and so many of the next one.
+    pub added: (usize, u64),
+    /// Reports that the journal has.
+    told: usize,
+    /// Batches by source, to be sorted into cells together: one a core.
+    waiting: Vec<(usize, Batch)>,
+    waiting_points: usize,
+}
+
+impl<'a> Taking<'a> {
+    /// Nothing yet, of inputs for which this was chosen.
+    pub fn new(
+        intake: &'a Intake,
+        plan: &'a Plan,
+        (scratch, journal): (&'a mut Scratch, &'a mut Journal),
+        buffer_bytes_max: usize,
+    ) -> Self {
+        let rows = plan.rows();
+        let log2 = intake.partition_log2(plan);
+        Self {
+            partition: Partition::new(rows.bytes(), log2, buffer_bytes_max),
+            ranges: Ranges::new(&plan.schema),
+            intake,
+            plan,
+            rows,
+            scratch,
+            journal,
+            hash: MultisetHash::default(),
+            knows_scanners: true,
+            reports: Vec::new(),
+            added: (0, 0),
+            told: 0,
+            waiting: Vec::new(),
+            waiting_points: 0,
+        }
+    }
+
+    /// Adds points of a source.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn add(&mut self, source: usize, batch: Batch) -> Result<(), BuildError> {
+        self.waiting_points += batch.len();
+        self.waiting.push((source, batch));
+        let bytes = self.waiting_points * self.rows.bytes();
+        let is_full = self.waiting_points >= rayon::current_num_threads() * BATCH_POINTS;
+        if is_full || bytes >= WAITING_BYTES { self.part_waiting() } else { Ok(()) }
+    }
+
+    /// Makes rows of the waiting batches and sorts them into cells, on all cores.
+    fn part_waiting(&mut self) -> Result<(), BuildError> {
+        let (plan, layout, log2) = (self.plan, &self.rows, self.partition.log2());
+        let sources = &self.intake.sources;
+        let part = |(source, batch): (usize, Batch)| {
+            let to_file = plan.to_file(source);
+            let towards = if plan.estimates_normals {
+                towards_scanner(&batch, sources[source].info(), &plan.lattice)
+            } else {
+                None
+            };
+            let knows = towards.is_some();
+            let towards = &towards.unwrap_or_default();
+            let class = plan.class_of[source];
+            let points = Incoming { batch: &batch, class, to_file, towards };
+            let mut hash = MultisetHash::default();
+            let positions = batch.positions.iter().copied();
+            let block = Block::new(layout.bytes(), log2, positions, |take| {
+                hash = layout.for_each_rows(&points, take);
+            });
+            let mut ranges = Ranges::new(&plan.schema);
+            for (column, &attribute) in batch.columns.iter().zip(to_file) {
+                ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
+            }
+            (block, hash, ranges, knows, (source, batch.len() as u64))
+        };
+        self.waiting_points = 0;
+        let waiting = std::mem::take(&mut self.waiting);
+        let parted: Vec<_> = waiting.into_par_iter().map(part).collect();
+        for (block, hash, ranges, knows, (source, points)) in parted {
+            if self.partition.is_full_for(&block) {
+                self.spill()?;
+            }
+            self.partition.hold(block);
+            self.knows_scanners &= knows;
+            self.hash += hash;
+            self.ranges.merge(&ranges);
+            let before = if source == self.added.0 { self.added.1 } else { 0 };
+            self.added = (source, before + points);
+            if self.partition.is_full() {
+                self.spill()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// All that was taken in. Once anything has gone to scratch, everything does, so that memory is free for
+    /// building.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn finish(mut self) -> Result<Taken, BuildError> {
+        self.part_waiting()?;
+        let is_new = self.added != (self.reports.len(), 0);
+        self.added = (self.reports.len(), 0);
+        if !self.scratch.is_empty() && is_new {
+            self.spill()?;
+        }
+        let Taking { partition, reports, hash, ranges, knows_scanners, .. } = self;
+        Ok(Taken { partition, reports, hash, ranges, knows_scanners })
+    }
+
+    /// Moves all rows to scratch and tells the journal, which begins with the first ones.
+    fn spill(&mut self) -> Result<(), BuildError> {
+        if self.journal.may_begin()
+            && self.scratch.is_empty()
+            && let Some(path) = self.scratch.name()?
+        {
+            self.journal.begin(Some(path))?;
+            self.journal.tell(self.intake.known())?;
+        }
+        let stored = self.partition.spill(self.scratch)?;
+        if !self.journal.keeps_rows() {
+            return Ok(());
+        }
+        self.scratch.flush()?;
+        let mut record = Record::new(Kind::Taken);
+        record.put([self.added.0 as u64, self.added.1]);
+        record.put(self.hash.0);
+        record.put(u8::from(self.knows_scanners));
+        let attributes = 0..self.plan.schema.attributes.len();
+        let ranges: Vec<[f64; 2]> = attributes.map(|a| self.ranges.of(a).into()).collect();
+        record.put_all(&ranges);
+        let reports = &self.reports[self.told..self.added.0];
+        record.put(reports.len() as u64);
+        reports.iter().for_each(|report| put_report(report, &mut record));
+        self.told = self.added.0;
+        record.put(self.partition.log2());
+        record.put(stored.first().map_or(0, |s| s.extent.offset));
+        record.put(stored.len() as u64);
+        for part in stored {
+            record.put(part.corner);
+            record.put(part.extent.bytes);
+        }
+        self.journal.tell(record)
+    }
+
+    /// Takes over what an earlier build has taken in.
+    ///
+    /// # Errors
+    /// Where its records or its rows are damaged.
+    pub fn resume(&mut self, records: Vec<Vec<u8>>) -> Result<(), BuildError> {
+        if let (Some(path), true) = (self.journal.rows(), self.journal.is_resumed()) {
+            self.scratch.reopen(path).map_err(|e| {
+                let path = path.display();
+                self.journal.refused(&format!("its scratch file {path} cannot be opened: {e}"))
+            })?;
+        }
+        for record in records {
+            let stored = self.restore(&record);
+            let extents: Option<Vec<Extent>> =
+                stored.map(|stored| stored.iter().map(|s| s.extent).collect());
+            match extents {
+                Some(extents) if self.scratch.restore(&extents)? => {}
+                _ => return Err(self.journal.damaged("what it has of the inputs")),
+            }
+        }
+        Ok(())
+    }
+
+    fn restore(&mut self, record: &[u8]) -> Option<Vec<Stored>> {
+        let mut from = Reading(record);
+        let [source, points] = from.get()?;
+        self.added = (usize::try_from(source).ok()?, points);
+        self.hash = MultisetHash(from.get()?);
+        self.knows_scanners = from.get::<u8>()? > 0;
+        let ranges: Vec<[f64; 2]> = from.get_all()?;
+        self.ranges = Ranges::from_pairs(ranges.into_iter().map(Into::into).collect());
+        for _ in 0..from.get::<u64>()? {
+            self.reports.push(report(&mut from)?);
+        }
+        self.told = self.reports.len();
+        let (log2, mut offset) = (from.get()?, from.get::<u64>()?);
+        let mut stored = Vec::new();
+        for _ in 0..from.get::<u64>()? {
+            let (corner, bytes) = (from.get()?, from.get()?);
+            stored.push(Stored { corner, extent: Extent { offset, bytes } });
+            offset = offset.checked_add(bytes)?;
+        }
+        self.partition.restore(log2, &stored);
+        (self.told == self.added.0).then_some(stored)
+    }
+}
+
+/// Octahedral codes of the directions from points to where they were scanned from, if that is known of all.
+fn towards_scanner(batch: &Batch, info: &SourceInfo, lattice: &Lattice) -> Option<Vec<[i16; 2]>> {
+    let scanner = info.scanner.as_ref()?;
+    let ids = batch.schema.find_typed(names::POINT_SOURCE_ID, AttrType::U16);
+    let ids = ids.map(|column| batch.columns[column].as_chunks::<2>().0);
+    let towards = |(i, &p): (usize, &[u32; 3])| {
+        let from = scanner.of(ids.map(|ids| u16::from_le_bytes(ids[i])))?;
+        let at = lattice.world(p);
+        let direction = [0, 1, 2].map(|axis| (from[axis] - at[axis]) as f32);
+        Some(quant::oct_encode(direction))
+    };
+    batch.positions.iter().enumerate().map(towards).collect()
+}
+
+fn put_report(report: &ReadReport, record: &mut Record) {
+    record.put(report.points);
+    record.put(report.rounding_error_max);
+    record.put(report.colour_max);
+    record.put(report.refused.len() as u64);
+    for (reason, &points) in &report.refused {
+        record.put_all(reason.as_bytes());
+        record.put(points);
+    }
+    record.put(report.notes.len() as u64);
+    report.notes.iter().for_each(|note| record.put_all(note.as_bytes()));
+}
+
+fn report(from: &mut Reading<'_>) -> Option<ReadReport> {
+    let mut report = ReadReport {
+        points: from.get()?,
+        rounding_error_max: from.get()?,
+        colour_max: from.get()?,
+        ..Default::default()
+    };
+    for _ in 0..from.get::<u64>()? {
+        report.refused.insert(from.get_text()?, from.get()?);
+    }
+    for _ in 0..from.get::<u64>()? {
+        report.notes.push(from.get_text()?);
+    }
+    Some(report)
+}
