@@ -12,6 +12,7 @@ use crate::normals::{Bounds, NormalsMode};
 use crate::onto::Onto;
 use crate::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::scratch::Scratch;
+use crate::shares::Shares;
 use crate::space::{Needs, free_bytes};
 use crate::store::Store;
 use crate::tree::{Context, assemble};
@@ -29,12 +30,6 @@ use std::sync::Mutex;
 pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
 /// The least memory a build works with, in bytes.
 pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
-
-/// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
-const CHUNK_NODES: u64 = 24;
-const CHUNK_ROWS: u64 = 1 << 20;
-/// Bytes a point of a chunk while normals are estimated, its halo's share among them.
-const NORMALS_BYTES: f64 = 80.0;
 
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
@@ -75,37 +70,6 @@ impl Default for Options {
             onto: Onto::default(),
             normals: NormalsMode::default(),
         }
-    }
-}
-
-/// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only where
-/// their pages stand in the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shares {
-    /// Bytes of rows kept while inputs are read or a chunk is parted.
-    pub buffer_bytes_max: u64,
-    /// Bytes for building a chunk while the next one is loaded; it has at least four nodes' points,
-    /// whatever this says.
-    pub chunk_bytes_max: u64,
-}
-
-impl Shares {
-    /// Of this much memory; what is left is for batches, held roots and pages on their way.
-    pub fn of(memory_bytes: u64) -> Self {
-        let part = |share: f64| (memory_bytes as f64 * share) as u64;
-        Self { buffer_bytes_max: part(0.35), chunk_bytes_max: part(0.45) }
-    }
-
-    /// Rows of a chunk of several buckets, and of one alone. Its sorted rows, those of the next one, pages of
-    /// about the rows' size, and the samples must fit. Where memory is ample, small chunks still overlap
-    /// better and use the same memory again.
-    fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
-        let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
-        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0 + estimating;
-        let rows = (self.chunk_bytes_max as f64 / each) as u64;
-        let nodes = |n| u64::from(options.node_capacity) * n;
-        let rows = rows.clamp(nodes(4), (1 << 32) - 1);
-        (rows.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
     }
 }
 

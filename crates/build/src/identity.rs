@@ -1,7 +1,8 @@
 //! What a build is made of, by name: options and inputs. A build goes on only where all of it is the same.
 
-use crate::build::{Options, Shares};
+use crate::build::Options;
 use crate::record::{Reading, Record};
+use crate::shares::Shares;
 use esker_scan::Source;
 use std::collections::HashSet;
 use std::time::UNIX_EPOCH;
