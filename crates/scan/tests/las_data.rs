@@ -105,7 +105,6 @@ fn bad_files_end_in_one_line_or_say_what_was_left_out() {
         ("trunc-header.las", "200 bytes"),
         ("trunc-points.las", "claims 14408 points, but there are bytes for 14378"),
         ("bitflips.laz", "cut short or damaged"),
-        ("huge-count.las", "claims 4294967295 points, but there are bytes for 1 "),
         ("offset-past-end.las", "byte 2147483647"),
         ("scale-nan.las", "the scale of axis x is NaN"),
         ("zero-length.las", "empty"),
@@ -118,6 +117,7 @@ fn bad_files_end_in_one_line_or_say_what_was_left_out() {
         ("bad_vlr_count.las", 10, "claims 3 VLRs"),
         ("bad-geotiff-keys.las", 10, "GeoTIFF keys"),
         ("malformed-extra-bytes.las", 10, "kept raw"),
+        ("huge-count.las", 1, "4294967295"),
     ] {
         let (read_points, _, notes) = read(&data.join("bad").join(name)).unwrap();
         assert_eq!(read_points, points);

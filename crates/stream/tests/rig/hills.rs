@@ -41,7 +41,7 @@ fn metadata(schema: Schema) -> Metadata {
         bounds: None,
         node_capacity: 1000,
         sources: vec![],
-        normals: esker_format::Normals::None,
+        normals: esker_format::Normals::Source,
         codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),
