@@ -76,7 +76,7 @@ fn one_cloud() {
 
 fn misfits() {
     let folder = Folder::new();
-    let old = folder.write("old.xyz", "0.00 0.00 0.00\n1.00 1.00 1.00\n");
+    let old = folder.write("old.xyz", "0.01 0.02 0.03\n1.11 1.12 1.13\n");
     let new = folder.write("new.xyz", "0.501 0.5 0.5\n1e9 0 0\n0.25 0.25 0.25\n");
     let [a, b] = ["a.esker", "b.esker"].map(|name| folder.file(name));
     build(&[&old], &a, &[]);
