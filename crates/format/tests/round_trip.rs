@@ -176,7 +176,7 @@ fn what_cannot_be_written_is_refused_before_anything_stands_there() {
         |path: &std::path::Path| esker_format::FileWriter::create(path).unwrap_err().to_string();
     assert!(error(folder.path()).contains("no file has this name"));
     let missing = folder.path().join("missing/a.esker");
-    assert!(error(&missing).contains("cannot create it"));
+    assert!(error(&missing).contains("cannot write it"));
     let mut writer = esker_format::FileWriter::create(&folder.path().join("a.esker")).unwrap();
     assert!(writer.write_page(&[0; 65]).unwrap_err().to_string().contains("65 bytes"));
     drop(writer);
