@@ -169,7 +169,7 @@ pub fn run(command: Command, hangs_after_s: u64) -> Outcome {
 
 /// The scan that comes with the project.
 pub fn sample() -> PathBuf {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample");
+    let folder = std::path::absolute("../../tests/sample").unwrap();
     let files = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     let mut scans: Vec<_> = files.filter(|f| f.extension().is_some_and(|e| e != "md")).collect();
     assert_eq!(scans.len(), 1, "{} has one scan", folder.display());

@@ -20,7 +20,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
 }
 
 fn read(python: &str, file: &Path) -> Outcome {
-    let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data-format/reader.py");
+    let reader = std::path::absolute("../../data-format/reader.py").unwrap();
     let mut command = Command::new(python);
     command.arg("-B").arg(reader).arg(file).arg("--json");
     run(command, 300)

@@ -26,7 +26,7 @@ const OF_DATA: [&str; 5] = [
 
 /// The project's own scan, and those of the data folder.
 fn inputs() -> Vec<PathBuf> {
-    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
+    let sample = std::path::absolute("../../tests/sample/creek.laz").unwrap();
     let mut inputs = vec![sample];
     match std::env::var_os("ESKER_DATA") {
         Some(data) => inputs.extend(OF_DATA.map(|file| Path::new(&data).join(file))),

@@ -23,7 +23,7 @@ fn small_file() -> Vec<u8> {
 }
 
 fn sample(name: &str) -> Vec<u8> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data-format/samples");
+    let folder = "../../data-format/samples";
     let mut bytes = Vec::new();
     let mut file = std::fs::File::open(format!("{folder}/{name}.esker")).unwrap();
     std::io::Read::read_to_end(&mut file, &mut bytes).unwrap();

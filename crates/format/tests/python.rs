@@ -20,7 +20,7 @@ fn python() -> Option<String> {
 }
 
 fn read(python: &str, file: &Path, more: &[&str]) -> Output {
-    let reader = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format/reader.py");
+    let reader = PathBuf::from("../../data-format/reader.py");
     let mut command = Command::new(python);
     command.arg("-B").arg(reader).arg(file).arg("--json").args(more).output().unwrap()
 }
@@ -85,7 +85,7 @@ fn compare<'a>(file: &EskerFile, mut rows: impl Iterator<Item = &'a str>) {
 #[test]
 fn the_samples_are_read() {
     let Some(python) = python() else { return };
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format/samples");
+    let folder = PathBuf::from("../../data-format/samples");
     let text = std::fs::read_to_string(folder.join("expected.json")).unwrap();
     let expected: serde_json::Value = serde_json::from_str(&text).unwrap();
     for (name, expected) in expected.as_object().unwrap() {
@@ -135,7 +135,7 @@ fn the_python_reader_finds_damage() {
 #[test]
 fn its_hash_is_xxh3_at_every_length() {
     let Some(python) = python() else { return };
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format");
+    let folder = PathBuf::from("../../data-format");
     let code = "import numpy as np, xxh3\n\
         for n in range(1, 1301):\n\
         \x20   rows = (np.arange(3 * n).reshape(3, n) * 167 % 251).astype(np.uint8)\n\

@@ -36,7 +36,7 @@ fn changed_shaders_are_taken_and_broken_ones_are_told_and_left() {
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("reloaded-shaders");
     let _ = std::fs::remove_dir_all(&folder);
-    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders"), &folder);
+    copy(Path::new("../../shaders"), &folder);
     let mut again = Command::new(std::env::current_exe().unwrap());
     let status = again.args([TEST, "--exact", "--nocapture"]).env(FOLDER, &folder).status();
     assert!(status.unwrap().success());

@@ -87,7 +87,7 @@ fn silent() -> Progress {
 }
 
 fn scan() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz")
+    std::path::absolute("../../tests/sample/creek.laz").unwrap()
 }
 
 fn read_png(path: &Path) -> Picture {

@@ -14,7 +14,7 @@ pub const SIZE: [u32; 2] = [160, 120];
 pub fn sample() -> &'static Path {
     static SAMPLE: OnceLock<PathBuf> = OnceLock::new();
     SAMPLE.get_or_init(|| {
-        let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/sample/creek.laz");
+        let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
         let name = format!("{}-sample.esker", env!("CARGO_CRATE_NAME"));
         let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         let options = esker_build::Options { node_capacity: 2048, ..Default::default() };

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Where the samples lie.
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data-format/samples")
+    PathBuf::from("../../data-format/samples")
 }
 
 pub fn describe(file: &EskerFile) -> Value {
