@@ -17,6 +17,8 @@
 
 // Whether points whose normal looks away are dropped.
 override CULLS_BACK_FACES: bool = false;
+// Whether points are dropped that a filter has marked.
+override HIDES_POINTS: bool = false;
 
 // A point on the picture.
 struct Seen {
@@ -72,4 +74,12 @@ fn faces_eye(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
         return true;
     }
     return dot(normal_of(normals[draw.normal_word + index]), from_eye) <= 0.0;
+}
+
+// Whether a point is dropped, by a filter's mark or by its normal.
+fn is_dropped(draw: Draw, index: u32, from_eye: vec3<f32>) -> bool {
+    if HIDES_POINTS && (positions[(draw.position_word >> 1u) + index].y >> 24u) != 0u {
+        return true;
+    }
+    return CULLS_BACK_FACES && !faces_eye(draw, index, from_eye);
 }

@@ -96,7 +96,7 @@ fn draw_point(draw: Draw, chunk: Chunk, number: u32, i: u32) {
         // Always, since a depth has bits above all pixels; but a compiler cannot know, and must have both.
         return;
     }
-    if CULLS_BACK_FACES && !faces_eye(draw, index, seen.from_eye) {
+    if is_dropped(draw, index, seen.from_eye) {
         return;
     }
     atomicMin(&hits[pixel], value);

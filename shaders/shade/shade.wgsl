@@ -9,6 +9,8 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool;
+// Whether surfaces have highlights, which need the direction to the eye.
+override SHINES: bool = true;
 
 // Direction to the key light, view space, unit length.
 const KEY: vec3<f32> = vec3<f32>(-0.42, 0.60, 0.6808);
@@ -124,6 +126,9 @@ fn phong(colour: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let facing = dot(normal, KEY);
     let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
     let diffuse = KEY_SHARE * max(facing, 0.0) + EYE_SHARE * max(dot(normal, to_eye), 0.0);
+    if !SHINES {
+        return colour * (ambient + diffuse);
+    }
     let mirrored = normal * (2.0 * facing) - KEY;
     var shine = 0.0;
     if facing > 0.0 {
@@ -156,7 +161,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let at = vec2<i32>(id.xy);
     let from_centre = (vec2<f32>(id.xy) + 0.5 - frame.centre_px) * vec2<f32>(1.0, -1.0);
-    let to_eye = unit_or(vec3<f32>(-from_centre, frame.focal_px), vec3<f32>(0.0, 0.0, 1.0));
+    // Without highlights the eye's soft light comes along the axis.
+    var to_eye = vec3<f32>(0.0, 0.0, 1.0);
+    if SHINES {
+        to_eye = unit_or(vec3<f32>(-from_centre, frame.focal_px), to_eye);
+    }
     var normal = to_eye;
     var darkness = 0.0;
     if NORMALS {

@@ -8,7 +8,7 @@ use esker_format::error::Fault;
 use esker_format::{EskerFile, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Batch, Filter, MultisetHash, Node, Schema, Task};
+use esker_points::{AttrType, Batch, Filter, MultisetHash, Schema, Task};
 use esker_scan::write::{self, Encode, Encoded, Origin, Outline, Output, Target};
 use esker_scan::{Crs, ScanError};
 use rayon::prelude::*;
@@ -139,7 +139,7 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
     let mut takes = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
-        let [min, max] = box_of(node);
+        let [min, max] = node.own_box();
         let by_box = if prefix == 0 { Side::Outside } else { filter.side_of_box(min, max) };
         let by_class = match &statistics {
             _ if by_box == Side::Outside => Side::Outside,
@@ -159,13 +159,6 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
     }
     takes.sort_by_key(|t| t.page_offset);
     Ok(takes)
-}
-
-/// A box on the lattice that holds a node's own points.
-fn box_of(node: &Node) -> [[u32; 3]; 2] {
-    let span = ((1u64 << (16 + u32::from(node.hot_shift.min(16)))) - 1) as u32;
-    let last = node.cell().last();
-    [node.box_min, [0, 1, 2].map(|i| node.box_min[i].saturating_add(span).min(last[i]))]
 }
 
 /// Attributes that some points lack, and which are zero there in the export.
@@ -251,7 +244,7 @@ impl Reader<'_> {
         if !take.across {
             return Ok(());
         }
-        let [min, max] = box_of(self.file.node(take.node)?);
+        let [min, max] = self.file.node(take.node)?.own_box();
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
         let classes = self.schema.find_typed(names::CLASSIFICATION, AttrType::U8);

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::export::FilterArgs;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::bench::build::Against;
@@ -405,8 +406,11 @@ pub struct Render {
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// The picture to write.
-    #[arg(short, long, value_name = "P.png")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "P.png", required_unless_present = "explain")]
+    pub out: Option<PathBuf>,
+    /// Say what the picture would take, passes, planes and pipelines, and what is left out, and draw nothing.
+    #[arg(long)]
+    pub explain: bool,
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
@@ -426,9 +430,15 @@ pub struct Render {
     /// Distance of neighbouring points on the picture that is fine enough, in pixels; 0 draws all.
     #[arg(long, value_name = "PX", default_value_t = 1.0, value_parser = parse_spacing)]
     pub target_spacing: f64,
-    /// rgb, intensity, elevation, classification, normal, level, depth, plain, or any attribute's name.
-    #[arg(long, value_name = "WHAT")]
-    pub colour_by: Option<String>,
+    /// rgb, intensity, elevation, classification, return_number, source_id, time, normal, level, depth, plain, or any
+    /// attribute's name; where it has a range of values, that may follow, with either end open.
+    #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
+    pub colour: Option<String>,
+    #[command(flatten)]
+    pub filter: FilterArgs,
+    /// Light surfaces without highlights.
+    #[arg(long)]
+    pub no_highlights: bool,
     #[command(flatten)]
     pub with: DrawWithArgs,
     #[command(flatten)]

@@ -7,7 +7,7 @@ use crate::{export, view};
 use anyhow::{Context, Result, bail};
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{
-    BuildOptions, Resume, Value, bench, build, demo, devices, info, quantity, render, verify,
+    BuildOptions, Resume, Value, bench, build, demo, devices, explain, info, quantity, render, verify,
 };
 use std::io::Write;
 use std::path::Path;
@@ -95,13 +95,20 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         camera,
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,
-        colour_by: args.colour_by,
+        colour_by: args.colour,
+        filter: args.filter.into(),
+        shines: !args.no_highlights,
         with: (&args.with).into(),
         threads: args.how.threads,
         build: options(&args.how),
     };
     let progress = Progress::new(args.progress.into(), stop);
-    let report = render::render(&args.inputs, &args.out, &request, &progress)?;
+    let Some(out) = args.out.filter(|_| !args.explain) else {
+        let report = render::explain(&args.inputs, &request, &progress)?;
+        drop(progress);
+        return print(args.json, &report, || explain::text(&report));
+    };
+    let report = render::render(&args.inputs, &out, &request, &progress)?;
     drop(progress);
     print(args.json, &report, || render::text(&report))
 }

@@ -1,63 +1,195 @@
-//! What gives points their colour: the name that the user gives becomes the renderer's map and the plane
-//! that it needs, with the range of values from the file's statistics.
+//! What gives points their colour: the name that the user gives becomes the renderer's map, the plane that it
+//! needs and a legend, with the range of values from the user or from the statistics ([`crate::ranges`]).
 
-use anyhow::{Result, bail};
-use esker_format::{EskerFile, Forest, PlaneKind};
-use esker_points::AttrType;
+use crate::ranges;
+use anyhow::{Context, Result, bail};
+use esker_format::{Forest, PlaneKind, Shown};
 use esker_points::attribute::names;
-use esker_render::{ColourBy, ColourMap, Palette};
+use esker_points::filter::Classes;
+use esker_points::{AttrType, Codes, Coding};
+use esker_render::colour::{Encoder, class_colour, hue};
+use esker_render::{Codebook, ColourBy, ColourMap, Palette};
+use serde_json::{Value, json};
 
 /// Where the colours of a picture come from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Colouring {
     /// How values become colours.
     pub by: ColourBy,
     /// The plane that the frame needs for it, and the type of its values where they are scalars.
     pub plane: Option<(PlaneKind, Option<AttrType>)>,
+    /// How its values become codes of a byte while they are loaded; as they are where not said.
+    pub codes: Option<Codes>,
+    /// What the colours mean.
+    pub legend: Legend,
 }
 
-/// Share of the values that may lie outside a map's range on either side: a few strays must not take
-/// all of its colours.
-const STRAYS: f64 = 0.01;
+/// What the colours of a picture mean.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Legend {
+    /// What is shown.
+    pub name: String,
+    /// Values of the first and the last colour, where there is a range.
+    pub range: Option<[f64; 2]>,
+    /// The colours of a range.
+    pub palette: Option<Palette>,
+    /// Numbers, what they mean, and their colours (sRGB).
+    pub entries: Vec<(u8, String, [u8; 3])>,
+}
+
+impl Legend {
+    fn named(name: &str) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// In words.
+    pub fn text(&self) -> String {
+        let mut text = self.name.clone();
+        if let Some([low, high]) = self.range {
+            text += &format!(" {} .. {}", short(low), short(high));
+        }
+        if let Some(palette) = self.palette {
+            text += &format!(" ({})", palette.name());
+        }
+        let entries = self.entries.iter();
+        let entries: Vec<_> =
+            entries.map(|(n, what, [r, g, b])| format!("{n} {what} #{r:02x}{g:02x}{b:02x}")).collect();
+        if !entries.is_empty() {
+            text += &format!(": {}", entries.join(", "));
+        }
+        text
+    }
+
+    /// For machines.
+    pub fn json(&self) -> Value {
+        let entries = self.entries.iter();
+        let entries: Vec<_> = entries
+            .map(|(n, what, rgb)| json!({ "value": n, "name": what, "rgb": rgb }))
+            .collect();
+        json!({
+            "name": self.name, "range": self.range, "palette": self.palette.map(Palette::name),
+            "entries": entries,
+        })
+    }
+}
+
+/// A number with no more digits than a legend needs.
+fn short(value: f64) -> String {
+    let text = if value.abs() >= 1e7 { format!("{value:.1}") } else { format!("{value:.3}") };
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// What the user asks for: `NAME`, or `NAME:MIN..MAX` with either end open.
+#[derive(Clone, Debug, PartialEq)]
+struct Wish<'a> {
+    name: &'a str,
+    range: [Option<f64>; 2],
+}
+
+impl<'a> Wish<'a> {
+    fn parse(text: &'a str) -> Result<Self> {
+        let plain = Self { name: text, range: [None; 2] };
+        let Some((name, range)) = text.rsplit_once(':') else { return Ok(plain) };
+        let Some((low, high)) = range.split_once("..") else { return Ok(plain) };
+        let end = |word: &str| -> Result<Option<f64>> {
+            if word.trim().is_empty() {
+                return Ok(None);
+            }
+            let value = word.trim().parse().ok().filter(|v: &f64| v.is_finite());
+            value.map(Some).with_context(|| {
+                format!("`{word}` in `{text}` is no number; a range is given as NAME:MIN..MAX")
+            })
+        };
+        Ok(Self { name, range: [end(low)?, end(high)?] })
+    }
+
+    /// The range that is asked for, or else that which `find` gives.
+    fn range(&self, find: impl FnOnce() -> Result<(f64, f64)>) -> Result<[f64; 2]> {
+        if let [Some(low), Some(high)] = self.range {
+            return Ok([low, high]);
+        }
+        let (low, high) = find()?;
+        Ok([self.range[0].unwrap_or(low), self.range[1].unwrap_or(high)])
+    }
+
+    fn has_range(&self) -> bool {
+        self.range != [None; 2]
+    }
+}
 
 /// The colouring of this name; the best that the file has where there is none: its colours, else its
 /// intensity where it has no normals to be lit by, else elevation.
 ///
 /// # Errors
-/// Where the file has no such attribute.
+/// Where the file has no such attribute, or what is asked for is no range.
 pub fn colouring(file: &Forest, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
-    let elevation = || {
-        let map = ColourMap { low: bounds[0][2], high: bounds[1][2], palette: Palette::Terrain };
-        Colouring { by: ColourBy::Elevation(map), plane: None }
+    colouring_of(file, name, bounds, &Shown::default())
+}
+
+/// The same, with ranges of the points that are shown.
+///
+/// # Errors
+/// As [`colouring`].
+pub fn colouring_of(
+    file: &Forest,
+    name: Option<&str>,
+    bounds: [[f64; 3]; 2],
+    shown: &Shown,
+) -> Result<Colouring> {
+    let Some(text) = name else {
+        return if file.has(PlaneKind::Colour) && has_colours(file)? {
+            colouring_of(file, Some("rgb"), bounds, shown)
+        } else if file.has(PlaneKind::Normal) {
+            colouring_of(file, Some("plain"), bounds, shown)
+        } else {
+            colouring_of(file, Some("elevation"), bounds, shown)
+        };
     };
-    let plain = |by| Ok(Colouring { by, plane: None });
-    match name {
-        None if file.has(PlaneKind::Colour) && has_colours(file)? => {
-            colouring(file, Some("rgb"), bounds)
+    let wish = Wish::parse(text)?;
+    let plain = |by, name| Colouring { by, plane: None, codes: None, legend: Legend::named(name) };
+    let mapped = |by: fn(ColourMap) -> ColourBy, name, [low, high]: [f64; 2], palette| {
+        let legend =
+            Legend { range: Some([low, high]), palette: Some(palette), ..Legend::named(name) };
+        Colouring { legend, ..plain(by(ColourMap { low, high, palette }), name) }
+    };
+    let without_range = |colouring| match wish.has_range() {
+        true => bail!("`{}` has no range of values", wish.name),
+        false => Ok(colouring),
+    };
+    match wish.name {
+        "rgb" | "colour" | "color" if file.has(PlaneKind::Colour) => without_range(Colouring {
+            plane: Some((PlaneKind::Colour, None)),
+            ..plain(ColourBy::Rgb, "rgb")
+        }),
+        "rgb" | "colour" | "color" => {
+            bail!("{}: has no colours; try --colour elevation", file.path().display())
         }
-        None if file.has(PlaneKind::Normal) => plain(ColourBy::Plain),
-        None => Ok(elevation()),
-        Some("rgb" | "colour" | "color") if file.has(PlaneKind::Colour) => {
-            Ok(Colouring { by: ColourBy::Rgb, plane: Some((PlaneKind::Colour, None)) })
+        "plain" | "none" => without_range(plain(ColourBy::Plain, "plain")),
+        "elevation" | "z" | "height" => {
+            let range = wish.range(|| Ok(ranges::of_heights(file, bounds, shown)))?;
+            Ok(mapped(ColourBy::Elevation, "elevation", range, Palette::Terrain))
         }
-        Some("rgb" | "colour" | "color") => {
-            bail!("{}: has no colours; try --colour-by elevation", file.path().display())
+        "level" | "cell" | "node" => without_range(plain(ColourBy::Cell, "level")),
+        "normal" | "normals" => without_range(plain(ColourBy::Normal, "normal")),
+        "depth" => {
+            let extent = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum::<f64>();
+            let range = wish.range(|| Ok((0.0, extent.sqrt())))?;
+            Ok(mapped(ColourBy::EyeDepth, "depth", range, Palette::Viridis))
         }
-        Some("plain" | "none") => plain(ColourBy::Plain),
-        Some("elevation" | "z") => Ok(elevation()),
-        Some("level" | "cell" | "node") => plain(ColourBy::Cell),
-        Some("normal" | "normals") => plain(ColourBy::Normal),
-        Some("depth") => {
-            let extent: f64 =
-                (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum::<f64>().sqrt();
-            plain(ColourBy::EyeDepth(ColourMap {
-                low: 0.0,
-                high: extent,
-                palette: Palette::Viridis,
-            }))
-        }
-        Some(name) => attribute(file, name),
+        _ => attribute(file, &wish, shown),
     }
+}
+
+/// What colours can come from, as the user names it: what every file has, then the attributes.
+pub fn choices(file: &Forest) -> Vec<String> {
+    let own = [("rgb", PlaneKind::Colour), ("normal", PlaneKind::Normal)];
+    let own = own.into_iter().filter(|&(_, kind)| file.has(kind)).map(|(name, _)| name);
+    let all = own.chain(["elevation", "depth", "level", "plain"]).map(str::to_owned);
+    let attributes = file.schema().attributes.iter().enumerate();
+    let attributes = attributes.filter(|&(i, a)| file.has(plane_of(&a.name, a.ty, i)));
+    let number = file.schema().find_typed(names::RETURNS, AttrType::U8);
+    let number = number.map(|_| RETURN_NUMBER.to_owned());
+    all.chain(number).chain(attributes.map(|(_, a)| a.name.clone())).collect()
 }
 
 /// Whether any colour differs from black: many LAS files have the fields and nothing in them.
@@ -74,66 +206,132 @@ fn has_colours(file: &Forest) -> Result<bool> {
     Ok(false)
 }
 
-fn attribute(file: &Forest, name: &str) -> Result<Colouring> {
-    let schema = file.schema();
-    let Some(index) = schema.find(name) else {
-        let mut known: Vec<_> = schema.attributes.iter().map(|a| a.name.as_str()).collect();
-        known.extend(["rgb", "elevation", "plain", "level", "normal", "depth"]);
-        bail!("{}: has no attribute `{name}`; it has {}", file.path().display(), known.join(", "));
-    };
-    let ty = schema.attributes[index].ty;
-    let kind = if name == names::INTENSITY && ty == AttrType::U16 {
+/// The number of a return, which shares its byte with the number of returns.
+const RETURN_NUMBER: &str = "return_number";
+/// Short names of attributes.
+const SHORT: [(&str, &str); 4] = [
+    ("class", names::CLASSIFICATION),
+    ("source", names::POINT_SOURCE_ID),
+    ("source_id", names::POINT_SOURCE_ID),
+    ("time", names::GPS_TIME),
+];
+
+/// The plane that an attribute has, where it has one of its own.
+fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
+    if name == names::INTENSITY && ty == AttrType::U16 {
         PlaneKind::Intensity
     } else {
         PlaneKind::Attribute(index as u16)
-    };
-    if !file.has(kind) {
-        bail!("{}: `{name}` is a part of the colour; use --colour-by rgb", file.path().display());
     }
-    if name == names::CLASSIFICATION && ty == AttrType::U8 {
-        return Ok(Colouring { by: ColourBy::Classification, plane: Some((kind, Some(ty))) });
-    }
-    let (low, high) = central_range(file, index)?;
-    let palette = if kind == PlaneKind::Intensity { Palette::Grey } else { Palette::Viridis };
-    Ok(Colouring {
-        by: ColourBy::Scalar(ColourMap { low, high, palette }),
-        plane: Some((kind, Some(ty))),
-    })
 }
 
-/// The range of an attribute without its strays, over all trees that have it.
-fn central_range(forest: &Forest, attribute: usize) -> Result<(f64, f64)> {
-    let attribute = &forest.schema().attributes[attribute];
-    let mut range: Option<(f64, f64)> = None;
-    for file in forest.files().filter(|file| file.footer().points > 0) {
-        let schema = &file.metadata().schema;
-        if let Some(index) = schema.find_typed(&attribute.name, attribute.ty) {
-            let (low, high) = range_in(file, index)?;
-            range = Some(range.map_or((low, high), |r| (r.0.min(low), r.1.max(high))));
+fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring> {
+    let schema = file.schema();
+    let is_number = ["return", RETURN_NUMBER].contains(&wish.name);
+    let name = if is_number { names::RETURNS } else { wish.name };
+    let full = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, full)| full);
+    let Some(index) = schema.find(name).or_else(|| schema.find(full)) else {
+        let (path, known) = (file.path().display(), choices(file).join(", "));
+        bail!("{path}: has no attribute `{}`; it has {known}", wish.name);
+    };
+    let attribute = &schema.attributes[index];
+    let (name, ty) = (attribute.name.as_str(), attribute.ty);
+    let kind = plane_of(name, ty, index);
+    if !file.has(kind) {
+        bail!("{}: `{name}` is a part of the colour; use --colour rgb", file.path().display());
+    }
+    let coded = |book, coding, entries| {
+        let legend = Legend { entries, ..Legend::named(wish.name) };
+        let codes = Some(Codes { ty, coding });
+        let plane = Some((kind, Some(AttrType::U8)));
+        Ok(Colouring { by: ColourBy::Codes(book), plane, codes, legend })
+    };
+    if ty == AttrType::U8 && !wish.has_range() {
+        if name == names::CLASSIFICATION {
+            let whole = Coding::Bits { shift: 0, mask: u8::MAX };
+            return coded(Codebook::Classes, whole, class_entries(file, shown)?);
+        }
+        if name == names::RETURNS && is_number {
+            let entry = |n: u8| (n, "return".to_owned(), bytes(hue(u32::from(n))));
+            return coded(Codebook::Labels, Coding::Bits { shift: 0, mask: 15 }, (1..=5).map(entry).collect());
         }
     }
-    Ok(range.unwrap_or((0.0, 0.0)))
+    if name == names::POINT_SOURCE_ID && !wish.has_range() {
+        return coded(Codebook::Labels, Coding::Labels, Vec::new());
+    }
+    // Extra bytes are shown scaled; the plane has what is stored.
+    let scale = if attribute.scale == 0.0 { 1.0 } else { attribute.scale };
+    let show = |stored: f64| stored * scale + attribute.offset;
+    let range = wish.range(|| {
+        let (low, high) = ranges::of_attribute(file, index, shown)?;
+        Ok((show(low), show(high)))
+    })?;
+    let [low, high] = range.map(|value| (value - attribute.offset) / scale);
+    let palette = if kind == PlaneKind::Intensity { Palette::Grey } else { Palette::Viridis };
+    let legend = Legend { range: Some(range), palette: Some(palette), ..Legend::named(name) };
+    if kind == PlaneKind::Intensity {
+        // A hot plane goes to drawing memory as it is.
+        let by = ColourBy::Scalar(ColourMap { low, high, palette });
+        return Ok(Colouring { by, plane: Some((kind, Some(ty))), codes: None, legend });
+    }
+    let colouring = coded(Codebook::Along(palette), Coding::Along { low, high }, Vec::new())?;
+    Ok(Colouring { legend, ..colouring })
 }
 
-fn range_in(file: &EskerFile, attribute: usize) -> Result<(f64, f64)> {
-    let statistics = file.statistics()?;
-    let histograms = statistics.histograms();
-    let (low, high) = histograms.ranges().of(attribute);
-    let counts = histograms.counts(attribute);
-    let total: u64 = counts.iter().sum();
-    if total == 0 || low >= high {
-        return Ok((low, high));
+fn bytes(linear: glam::Vec3) -> [u8; 3] {
+    Encoder::get().bytes(linear)
+}
+
+/// The classes that occur among what is shown.
+fn class_entries(forest: &Forest, shown: &Shown) -> Result<Vec<(u8, String, [u8; 3])>> {
+    let (mut bits, mut first) = ([0u64; 4], 0);
+    for file in forest.files() {
+        let statistics = file.statistics()?;
+        let nodes = file.table().nodes.len() as u32;
+        for node in (0..nodes).filter(|node| shown.points_max(first + node) > 0) {
+            let own = statistics.own_classes(node).unwrap_or_default();
+            bits.iter_mut().zip(own).for_each(|(all, own)| *all |= own);
+        }
+        first += nodes;
     }
-    let strays = (total as f64 * STRAYS) as u64;
-    let beyond = |bins: &mut dyn Iterator<Item = &u64>| {
-        let mut sum = 0;
-        bins.take_while(|&&n| {
-            sum += n;
-            sum <= strays
-        })
-        .count()
+    let occurs = |class: &u8| {
+        bits[usize::from(class >> 6)] >> (class & 63) & 1 == 1 && shown.wants_class(*class)
     };
-    let bin = (high - low) / counts.len() as f64;
-    let (below, above) = (beyond(&mut counts.iter()), beyond(&mut counts.iter().rev()));
-    Ok((low + bin * below as f64, high - bin * above as f64))
+    let entry = |class: u8| {
+        let name = Classes::name(class).unwrap_or("class").to_owned();
+        (class, name, bytes(class_colour(class)))
+    };
+    Ok((0..=u8::MAX).filter(occurs).map(entry).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wish_is_a_name_and_perhaps_a_range() {
+        let wish = |text| Wish::parse(text).map(|w| (w.name.to_owned(), w.range));
+        assert_eq!(wish("intensity").unwrap(), ("intensity".into(), [None; 2]));
+        let both = ("gps_time".into(), [Some(-1.5), Some(2e3)]);
+        assert_eq!(wish("gps_time:-1.5..2e3").unwrap(), both);
+        assert_eq!(wish("z:..7").unwrap(), ("z".into(), [None, Some(7.0)]));
+        assert_eq!(wish("z:7..").unwrap(), ("z".into(), [Some(7.0), None]));
+        assert_eq!(wish("odd:name").unwrap().0, "odd:name");
+        for wrong in ["z:a..7", "z:1..nan"] {
+            assert!(wish(wrong).unwrap_err().to_string().contains("MIN..MAX"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_legend_is_words() {
+        let range = Legend {
+            range: Some([1.5, 250.0]),
+            palette: Some(Palette::Viridis),
+            ..Legend::named("gps_time")
+        };
+        assert_eq!(range.text(), "gps_time 1.5 .. 250 (viridis)");
+        let entries = vec![(2, "ground".to_owned(), [168, 124, 82])];
+        let classes = Legend { entries, ..Legend::named("classification") };
+        assert_eq!(classes.text(), "classification: 2 ground #a87c52");
+    }
 }

@@ -1,11 +1,84 @@
 //! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
 //! become what is drawn. Shared by pictures read whole and by sessions that stream.
 
-use crate::colour::Colouring;
-use esker_format::{Forest, PlaneKind};
+use crate::colour::{Colouring, colouring_of};
+use crate::info;
+use anyhow::Result;
+use esker_format::{Forest, PlaneKind, Shown};
 use esker_lod::{CompactOctree, View};
-use esker_points::Node;
-use esker_render::{Background, ColourPlane, DrawNode, Frame, Method};
+use esker_points::{Filter, Node};
+use esker_render::{
+    Asked, Background, ColourPlane, DrawNode, Frame, FramePlan, Method, SceneHas,
+};
+use esker_stream::Needs;
+use std::sync::Arc;
+
+/// What of a file is shown, and how: all that the plan of its frames depends on but the view.
+#[derive(Clone, Debug)]
+pub struct Look {
+    /// Where colours come from.
+    pub colouring: Colouring,
+    /// Which points, and what of them.
+    pub shown: Arc<Shown>,
+    /// How points become a picture.
+    pub method: Method,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
+}
+
+impl Look {
+    /// Of a file: what `filter` wants, coloured by `colour` ([`colouring`]).
+    ///
+    /// # Errors
+    /// Where the file has not what colours shall come from, or the filter makes no sense.
+    pub fn new(
+        file: &Forest,
+        colour: Option<&str>,
+        filter: &Filter,
+        method: Method,
+        shines: bool,
+    ) -> Result<Self> {
+        let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
+        let shown = Shown::of(file, on_lattice, None)?;
+        let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
+        let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
+        let shown = Arc::new(shown.coded(codes));
+        Ok(Self { colouring, shown, method, shines })
+    }
+
+    /// The plan of its frames; `is_dense` where points are dense in the whole view.
+    pub fn plan(&self, file: &Forest, is_dense: bool) -> FramePlan {
+        let normals = file.has(PlaneKind::Normal);
+        let has = SceneHas {
+            normals,
+            oriented_normals: file.has_oriented_normals() && self.method == Method::PullPush,
+            colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
+            hidden_points: self.shown.hides_any(),
+        };
+        let (method, colour, shines) = (self.method, self.colouring.by, self.shines);
+        FramePlan::of(&has, &Asked { method, colour, shines, is_dense })
+    }
+
+    /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
+    pub fn needs(&self, file: &Forest) -> Needs {
+        let plan = self.plan(file, false);
+        let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
+        Needs { colour, normals: plan.reads_normals }
+    }
+
+    /// The frame of these nodes.
+    pub fn frame<'a, P>(
+        &self,
+        file: &'a Forest,
+        view: &'a View,
+        draws: &'a [DrawNode<'a, P>],
+        octree: &'a CompactOctree,
+    ) -> Frame<'a, P> {
+        let (hides_points, shines) = (self.shown.hides_any(), self.shines);
+        let frame = frame(file, view, draws, octree, &self.colouring, self.method);
+        Frame { hides_points, shines, ..frame }
+    }
+}
 
 /// A node of the cut, whose `entry` is its place in it, with the planes that `plane` gives.
 pub fn draw_node<'a, P: Default>(
@@ -49,6 +122,8 @@ pub fn frame<'a, P>(
         method,
         colour: colouring.by,
         cull_back_faces: file.has_oriented_normals() && method == Method::PullPush,
+        hides_points: false,
+        shines: true,
         background: Background::default(),
     }
 }

@@ -1,6 +1,7 @@
 //! What a session may cost, in which order it reads, and with what and how it draws.
 
 use crate::backend::{Backend, GpuRequest};
+use esker_points::Filter;
 use esker_render::Method;
 pub use esker_render::gpu::Gpu;
 pub use esker_render::gpu::device::{descriptor, is_software};
@@ -25,6 +26,10 @@ pub struct Options {
     pub method: Method,
     /// Where colours come from; the best there is where not said.
     pub colour_by: Option<String>,
+    /// Which points are shown.
+    pub filter: Filter,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -55,6 +60,8 @@ impl Default for Options {
             size: [1024, 1024],
             method: Method::PullPush,
             colour_by: None,
+            filter: Filter::default(),
+            shines: true,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,
             occlusion: stream.occlusion,

@@ -3,15 +3,16 @@
 
 use crate::backend::{Backend, DrawWith, Drawer};
 use crate::camera::Camera;
-use crate::colour::{Colouring, colouring};
-use crate::drawing::{draw_node, frame};
+use crate::drawing::{Look, draw_node};
+use crate::explain;
 use crate::{info, output, picture, pool, whole};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
-use esker_format::{Forest, PlaneKind, Planes};
-use esker_lod::{AllResident, CompactOctree, Options, Selection, View, needs_residual, select};
-use esker_points::Task;
-use esker_render::{DrawNode, Method, Picture, Renderer};
+use esker_format::{Forest, PlaneKind, Planes, Shown};
+use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
+use esker_points::{Filter, Task};
+use esker_render::plan::is_dense;
+use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -32,6 +33,10 @@ pub struct Request {
     pub target_spacing_px: f64,
     /// Where colours come from; the best there is where not said.
     pub colour_by: Option<String>,
+    /// Which points are drawn.
+    pub filter: Filter,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
     /// What draws.
     pub with: DrawWith,
     /// Threads; 0 is one a core.
@@ -50,6 +55,8 @@ impl Default for Request {
             budget_points: lod.points_budget,
             target_spacing_px: lod.target_spacing_px,
             colour_by: None,
+            filter: Filter::default(),
+            shines: true,
             with: DrawWith::default(),
             threads: 0,
             build: esker_build::Options::default(),
@@ -98,6 +105,17 @@ pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task
     })
 }
 
+/// What a picture of `inputs` would take, without reading or drawing any of it: the plan of its frame.
+///
+/// # Errors
+/// Where the input cannot be read, or has not what is asked for.
+pub fn explain(inputs: &[PathBuf], request: &Request, task: &dyn Task) -> Result<Value> {
+    pool::run(request.threads, || {
+        let (file, _folder) = open(inputs, request, task)?;
+        explain::explain(&file, request)
+    })
+}
+
 /// Opens the file, or builds scans into one in a temporary folder, which goes with the second value.
 fn open(
     inputs: &[PathBuf],
@@ -132,9 +150,14 @@ pub struct Scene {
     pub selection: Selection,
     /// The planes of each drawn node, in the selection's order.
     pub planes: Vec<Planes>,
-    pub(crate) colouring: Colouring,
+    /// What is shown, and how.
+    pub look: Look,
+    /// The plan of its frame.
+    pub plan: FramePlan,
     /// The kinds of planes that any node has been read for.
     pub(crate) kinds: Vec<PlaneKind>,
+    /// Bytes that were read for it.
+    pub(crate) read_bytes: u64,
     select_ms: f64,
     read_ms: f64,
 }
@@ -145,23 +168,49 @@ impl Scene {
     /// # Errors
     /// Where planes cannot be read.
     pub fn read(file: &Forest, request: &Request, task: &dyn Task) -> Result<Self> {
+        let mut scene = Self::choose(file, request)?;
         let start = Instant::now();
-        let bounds = info::bounds(file);
-        let view = request.camera.view(bounds, request.size);
-        let colouring = colouring(file, request.colour_by.as_deref(), bounds)?;
+        let before = file.read_bytes();
+        scene.planes =
+            read(file, &scene.view, &scene.selection, &scene.look, &scene.kinds, task)?;
+        scene.read_bytes += file.read_bytes() - before;
+        scene.read_ms = ms(start);
+        Ok(scene)
+    }
+
+    /// Chooses, and reads no more than statistics.
+    ///
+    /// # Errors
+    /// Where these cannot be read, or the file has not what is asked for.
+    pub fn choose(file: &Forest, request: &Request) -> Result<Self> {
+        let start = Instant::now();
+        let view = request.camera.view(info::bounds(file), request.size);
+        let Request { colour_by, filter, method, shines, .. } = request;
+        let before = file.read_bytes();
+        let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let options = Options {
             points_budget: request.budget_points,
             target_spacing_px: request.target_spacing_px,
             ..Options::default()
         };
-        let lattice = file.lattice();
-        let selection = select(file.table(), lattice, &view, &options, &AllResident, None);
-        let select_ms = ms(start);
-        let start = Instant::now();
-        let planes = read(file, &view, &selection, &colouring, task)?;
-        let mut kinds = vec![PlaneKind::Position, PlaneKind::Normal, PlaneKind::Residual];
-        kinds.extend(colouring.plane.map(|(kind, _)| kind));
-        Ok(Self { view, selection, planes, colouring, kinds, select_ms, read_ms: ms(start) })
+        let known = AtHand(&look.shown);
+        let selection = select(file.table(), file.lattice(), &view, &options, &known, None);
+        let octree = CompactOctree::new(file.table(), &selection.drawn);
+        let drawn = selection.drawn.iter().map(|d| file.record(d.node)).enumerate();
+        let is_dense = is_dense(&view, file.lattice(), &octree, drawn);
+        let plan = look.plan(file, is_dense);
+        let kinds = planes_of(&plan, &look);
+        Ok(Self {
+            view,
+            selection,
+            planes: Vec::new(),
+            look,
+            plan,
+            kinds,
+            read_bytes: file.read_bytes() - before,
+            select_ms: ms(start),
+            read_ms: 0.0,
+        })
     }
 
     /// What the renderer is given.
@@ -170,7 +219,7 @@ impl Scene {
         nodes
             .map(|(entry, (drawn, planes))| {
                 let node = file.record(drawn.node);
-                draw_node(node, entry, drawn.prefix, &self.colouring, |kind| planes.get(kind))
+                draw_node(node, entry, drawn.prefix, &self.look.colouring, |kind| planes.get(kind))
             })
             .collect()
     }
@@ -185,7 +234,7 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
     let (gpu, mut drawer) = request.with.choose(None)?;
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let start = Instant::now();
-    let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree, request.method));
+    let drawn = gpu.map(|gpu| whole::draw(&gpu, file, &scene, &octree));
     let picture = match drawn {
         Some(Ok(picture)) => picture,
         Some(Err(fault)) if request.with.backend != Backend::Auto => return Err(fault.into()),
@@ -194,7 +243,7 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
                 drawer = Drawer::cpu(fault.to_string());
             }
             let draws = scene.draws(file);
-            let frame = frame(file, &scene.view, &draws, &octree, &scene.colouring, request.method);
+            let frame = scene.look.frame(file, &scene.view, &draws, &octree);
             Renderer::default().render(&frame)?
         }
     };
@@ -204,12 +253,40 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
     Ok((picture, report))
 }
 
+/// Everything is at hand; a filter says what may be shown.
+struct AtHand<'a>(&'a Shown);
+
+impl Residency for AtHand<'_> {
+    fn is_resident(&self, _: u32) -> bool {
+        true
+    }
+    fn slot_bytes(&self, _: u32) -> u64 {
+        0
+    }
+    fn points_max(&self, node: u32) -> usize {
+        self.0.points_max(node)
+    }
+    fn is_barren(&self, node: u32) -> bool {
+        self.0.is_barren(node)
+    }
+}
+
+/// The planes that a plan needs; the residual of those nodes whose dropped bits show.
+fn planes_of(plan: &FramePlan, look: &Look) -> Vec<PlaneKind> {
+    let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual];
+    kinds.extend(plan.reads_normals.then_some(PlaneKind::Normal));
+    let colour = look.colouring.plane.filter(|_| plan.reads_colours);
+    kinds.extend(colour.map(|(kind, _)| kind));
+    kinds
+}
+
 /// Reads the planes that the frame needs, several nodes at a time.
 fn read(
     file: &Forest,
     view: &View,
     selection: &Selection,
-    colouring: &Colouring,
+    look: &Look,
+    kinds: &[PlaneKind],
     task: &dyn Task,
 ) -> Result<Vec<Planes>> {
     let points = selection.drawn.iter().map(|d| d.prefix as u64).sum();
@@ -220,12 +297,11 @@ fn read(
         .par_iter()
         .map(|drawn| {
             task.check()?;
-            let mut kinds = vec![PlaneKind::Position, PlaneKind::Normal];
-            if needs_residual(&file.table().nodes[drawn.node as usize], lattice, view) {
-                kinds.push(PlaneKind::Residual);
+            let mut kinds = kinds.to_vec();
+            if !needs_residual(&file.table().nodes[drawn.node as usize], lattice, view) {
+                kinds.retain(|&kind| kind != PlaneKind::Residual);
             }
-            kinds.extend(colouring.plane.map(|(kind, _)| kind));
-            let planes = file.read_planes(drawn.node, &kinds)?;
+            let planes = look.shown.read(file, drawn.node, &kinds)?;
             task.advance(drawn.prefix as u64);
             Ok(planes)
         })
@@ -246,7 +322,12 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
             "eye": view.eye.to_array(), "forward": view.forward().to_array(),
             "up": view.world_from_view.y_axis.to_array(), "fovy": view.fovy_rad.to_degrees(),
         },
+        "colour": scene.look.colouring.legend.json(),
+        "legend": scene.look.colouring.legend.text(),
+        "bytes_read": scene.read_bytes,
+        "bytes_resident": scene.planes.iter().map(Planes::bytes).sum::<u64>(),
         "nodes_visited": counters.visited,
+        "nodes_filtered": counters.filtered,
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
             "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
@@ -261,7 +342,7 @@ pub fn text(report: &Value) -> String {
     let stage = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     format!(
-        "{}: {} points of {} nodes, {} of {} pixels covered{}\n\
+        "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
          choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
          shade {:.1}, soften {:.1}",
         report["picture"].as_str().unwrap_or("?"),
@@ -272,6 +353,7 @@ pub fn text(report: &Value) -> String {
             report["width"].as_u64().unwrap_or(0) * report["height"].as_u64().unwrap_or(0)
         ),
         report["drawn_by"]["adapter"].as_str().map_or(String::new(), |name| format!(", by {name}")),
+        legend_line(report),
         stage("select"),
         stage("read"),
         stage("project"),
@@ -282,6 +364,11 @@ pub fn text(report: &Value) -> String {
         stage("shade"),
         stage("soften"),
     )
+}
+
+/// What the colours mean, a line.
+fn legend_line(report: &Value) -> String {
+    report["legend"].as_str().map_or(String::new(), |text| format!("colour: {text}\n"))
 }
 
 fn ms(start: Instant) -> f64 {

@@ -11,17 +11,17 @@
 
 use crate::backend::{Backend, Drawer};
 use crate::budget::Shares;
-use crate::colour::{Colouring, colouring};
+use crate::drawing::Look;
 pub use crate::options::Options;
 use crate::painter::{CpuPainter, GpuPainter, Painter, Scene};
 pub use crate::painter::{GpuBytes, Image};
-use crate::{info, system};
+use crate::system;
 use anyhow::{Context, Error, Result, bail, ensure};
-use esker_format::{Forest, PlaneKind};
+use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::camera::Camera;
 use esker_render::{Method, Picture, Stats};
-use esker_stream::{Cut, Needs, Status, Streamer};
+use esker_stream::{Cut, Status, Streamer};
 use glam::DVec2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -68,7 +68,7 @@ pub struct Times {
 pub struct Session {
     file: Arc<Forest>,
     options: Options,
-    colouring: Colouring,
+    look: Look,
     shares: Shares,
     drawer: Drawer,
     /// `None` only while it is dropped or changes its backend.
@@ -86,12 +86,13 @@ impl Session {
     /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
-        let colouring = colouring(&file, options.colour_by.as_deref(), info::bounds(&file))?;
+        let Options { colour_by, filter, method, shines, .. } = &options;
+        let look = Look::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session = Self {
             file,
             options,
-            colouring,
+            look,
             shares,
             drawer,
             running: None,
@@ -113,11 +114,9 @@ impl Session {
     }
 
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
-        let options = self.options.stream();
-        let needs = Needs {
-            colour: self.colouring.plane.map(|(kind, _)| kind),
-            normals: self.file.has(PlaneKind::Normal),
-        };
+        let shown = Arc::clone(&self.look.shown);
+        let options = esker_stream::Options { shown, ..self.options.stream() };
+        let needs = self.look.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });
         self.wait_for_roots()
@@ -227,7 +226,26 @@ impl Session {
 
     /// Draws points alone, or surfaces, from the next frame on.
     pub fn set_method(&mut self, method: Method) {
-        self.options.method = method;
+        self.look.method = method;
+        self.look_anew();
+    }
+
+    /// Draws surfaces with highlights or without, from the next frame on.
+    pub fn set_shine(&mut self, shines: bool) {
+        self.look.shines = shines;
+    }
+
+    /// What is shown, and how.
+    pub fn look(&self) -> &Look {
+        &self.look
+    }
+
+    /// Asks for the planes that the look now needs; what it needs no more leaves.
+    fn look_anew(&self) {
+        let streamer = self.running.as_ref().and_then(|r| r.streamer.as_ref());
+        if let Some(streamer) = streamer {
+            streamer.need(self.look.needs(&self.file));
+        }
     }
 
     /// Eye depth of the nearest thing about a place of the picture (0 to 1 from its top left corner), from the depth
@@ -321,8 +339,7 @@ impl Session {
             file: &self.file,
             view: seen,
             cut: &exchange.cut,
-            colouring: &self.colouring,
-            method: self.options.method,
+            look: &self.look,
         })?;
         let is_asked = self.options.occlusion || self.drawer.adapter.is_some();
         let depth = is_asked.then(|| painter.feedback()).flatten();

@@ -1,12 +1,12 @@
 //! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent through its queue,
 //! drawn once and read back.
 
-use crate::drawing::{draw_node, frame};
+use crate::drawing::draw_node;
 use crate::render::Scene;
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::CompactOctree;
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{Method, Picture};
+use esker_render::Picture;
 use std::collections::HashMap;
 
 /// What places are multiples of: what GPUs ask of bound ranges.
@@ -31,7 +31,6 @@ pub(crate) fn draw(
     file: &Forest,
     scene: &Scene,
     octree: &CompactOctree,
-    method: Method,
 ) -> Result<Picture, GpuError> {
     let mut renderer = GpuRenderer::new(gpu)?;
     let places = Places::of(scene, gpu.tier.page_bytes_max)?;
@@ -51,10 +50,10 @@ pub(crate) fn draw(
         .map(|(entry, drawn)| {
             let node = &file.table().nodes[drawn.node as usize];
             let at = |kind| places.at.get(&(entry, kind)).copied();
-            draw_node(node, entry, drawn.prefix, &scene.colouring, at)
+            draw_node(node, entry, drawn.prefix, &scene.look.colouring, at)
         })
         .collect();
-    let frame = frame(file, &scene.view, &draws, octree, &scene.colouring, method);
+    let frame = scene.look.frame(file, &scene.view, &draws, octree);
     renderer.render(&frame, &pool)?;
     renderer.read()
 }

@@ -72,6 +72,8 @@ impl Scan {
             method: Method::PullPush,
             colour: ColourBy::Plain,
             cull_back_faces: false,
+            hides_points: false,
+            shines: true,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

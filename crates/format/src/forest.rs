@@ -151,6 +151,11 @@ impl Forest {
         self.files().fold(0, |sum, file| sum.saturating_add(file.footer().points))
     }
 
+    /// Bytes read since they were opened: of pages and statistics.
+    pub fn read_bytes(&self) -> u64 {
+        self.files().fold(0, |sum, file| sum.wrapping_add(file.read_bytes()))
+    }
+
     /// Bytes of all files.
     pub fn file_bytes(&self) -> u64 {
         self.files().fold(0, |sum, file| sum.saturating_add(file.footer().file_bytes))

@@ -16,6 +16,7 @@ use esker_points::{Node, NodeTable};
 use std::fmt;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// An opened .esker file. Reading takes `&self`, from any thread.
 pub struct EskerFile {
@@ -26,6 +27,8 @@ pub struct EskerFile {
     layout: PageLayout,
     blocks: Vec<Vec<BlockPlace>>,
     table: NodeTable,
+    /// Bytes read since it was opened.
+    read_bytes: AtomicU64,
 }
 
 /// Some planes of one node.
@@ -38,6 +41,21 @@ impl Planes {
     /// A plane's values, one a point; `None` where the file has no such plane or it was not asked for.
     pub fn get(&self, kind: PlaneKind) -> Option<&[u8]> {
         self.planes.iter().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes.as_slice())
+    }
+
+    /// A plane's values, to be changed.
+    pub(crate) fn get_mut(&mut self, kind: PlaneKind) -> Option<&mut Vec<u8>> {
+        self.planes.iter_mut().find(|(k, _)| *k == kind).map(|(_, bytes)| bytes)
+    }
+
+    /// Leaves those of these kinds.
+    pub(crate) fn retain(&mut self, stays: impl Fn(PlaneKind) -> bool) {
+        self.planes.retain(|(kind, _)| stays(*kind));
+    }
+
+    /// Bytes of all of them.
+    pub fn bytes(&self) -> u64 {
+        self.planes.iter().map(|(_, bytes)| bytes.len() as u64).sum()
     }
 
     /// The same planes by other names; those without one are left out.
@@ -91,6 +109,7 @@ impl EskerFile {
             layout: decoded.layout,
             blocks: decoded.blocks,
             table,
+            read_bytes: AtomicU64::new(0),
         })
     }
 
@@ -124,7 +143,13 @@ impl EskerFile {
     /// # Errors
     /// Where the file ends before, or cannot be read.
     pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), FormatError> {
+        self.read_bytes.fetch_add(buf.len() as u64, Relaxed);
         self.source.read_exact_at(buf, offset).map_err(io_error(&self.path, "read it"))
+    }
+
+    /// Bytes read since it was opened: of pages and statistics.
+    pub fn read_bytes(&self) -> u64 {
+        self.read_bytes.load(Relaxed)
     }
 
     /// Reads the statistics.

@@ -149,6 +149,15 @@ impl CompactOctree {
         self.entries.is_empty()
     }
 
+    /// Effective spacing of a cell below which nothing is drawn, the file's unit; `None` where something is.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn leaf_spacing(&self, index: usize) -> Option<f32> {
+        let entry = &self.entries[index];
+        entry.children.iter().all(|&child| child == NONE).then_some(entry.spacing)
+    }
+
     /// The cells as they would lie in a GPU's memory: least lattice point, log2 of the edge, bits of the spacing,
     /// the eight entries below (none: beyond all entries), three zeros.
     pub fn words(&self) -> impl Iterator<Item = [u32; 16]> + '_ {

@@ -43,6 +43,14 @@ pub trait Residency {
     fn is_resident(&self, node: u32) -> bool;
     /// Bytes that it takes in memory, resident or not.
     fn slot_bytes(&self, node: u32) -> u64;
+    /// How many of its own points may be shown, from the first on: what a filter leaves.
+    fn points_max(&self, _: u32) -> usize {
+        usize::MAX
+    }
+    /// Whether no point of it or below it may be shown.
+    fn is_barren(&self, _: u32) -> bool {
+        false
+    }
 }
 
 /// Everything is at hand and costs nothing.
@@ -211,6 +219,10 @@ impl<R: Residency> Walk<'_, R> {
     fn open(&mut self, index: u32, spacing: f64, above: usize) {
         let node = &self.table.nodes[index as usize];
         self.selection.counters.visited += 1;
+        if self.residency.is_barren(index) {
+            self.selection.counters.filtered += 1;
+            return;
+        }
         let cell = OrientedBox::of_cell(&node.cell(), self.lattice);
         if !self.frustum.touches(&cell) {
             self.selection.counters.culled += 1;
@@ -252,10 +264,12 @@ impl<R: Residency> Walk<'_, R> {
         }
         let contour = OrientedBox::of_contour(node, self.lattice);
         let is_culled = !self.frustum.touches(&contour);
-        if is_culled || !self.shows_points(node, &contour, candidate.spacing) {
+        let is_filtered = !is_culled && self.residency.points_max(candidate.node) == 0;
+        if is_culled || is_filtered || !self.shows_points(node, &contour, candidate.spacing) {
             let counters = &mut self.selection.counters;
             counters.contour_culled += u64::from(is_culled);
-            counters.contour_occluded += u64::from(!is_culled);
+            counters.filtered += u64::from(is_filtered);
+            counters.contour_occluded += u64::from(!is_culled && !is_filtered);
             let place = self.pass(candidate);
             let spacing = spacing(node).min(candidate.spacing);
             if !is_culled && self.places.get(candidate.above).is_some_and(|p| p.is_resident) {
@@ -288,6 +302,7 @@ impl<R: Residency> Walk<'_, R> {
         }
         let above = share_above(node, self.table.nodes.get(node.parent as usize));
         let (need, facing) = self.need(candidate, node, count, contour, above);
+        let need = need.min(self.residency.points_max(candidate.node));
         let left = self.points_left().min(points_max);
         let prefix = if need as u64 <= left { need } else { prefix_at_most(node.levels(), left) };
         if prefix == 0 {

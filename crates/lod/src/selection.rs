@@ -32,7 +32,7 @@ pub struct Missing {
 }
 
 /// What was looked at, in nodes; `visited` is the sum of `culled`, `occluded`, `contour_culled`,
-/// `contour_occluded`, `continuations`, `withheld`, `missing` and `drawn`.
+/// `contour_occluded`, `filtered`, `continuations`, `withheld`, `missing` and `drawn`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Looked at.
@@ -45,6 +45,8 @@ pub struct Counters {
     pub contour_culled: u64,
     /// With all of their own points hidden; their children were looked at all the same.
     pub contour_occluded: u64,
+    /// With no point of their own, or none below them either, that a filter wants.
+    pub filtered: u64,
     /// Left out because all of their points lie where one is drawn already.
     pub continuations: u64,
     /// Left out because they, or not one stratum of them, fitted the budgets.

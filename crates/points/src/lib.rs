@@ -5,6 +5,7 @@
 pub mod attribute;
 pub mod batch;
 pub mod cell;
+pub mod codes;
 pub mod filter;
 pub mod hash;
 pub mod lattice;
@@ -18,6 +19,7 @@ pub mod task;
 pub use attribute::{AttrType, Attribute};
 pub use batch::{Batch, Column};
 pub use cell::Cell;
+pub use codes::{Codes, Coding};
 pub use filter::{Filter, FilterError};
 pub use hash::MultisetHash;
 pub use lattice::{Grid, InputGrid, Lattice};

@@ -102,6 +102,13 @@ impl Node {
         self.levels().sum()
     }
 
+    /// A box on the lattice that holds its own points, both corners included.
+    pub fn own_box(&self) -> [[u32; 3]; 2] {
+        let span = ((1u64 << (16 + u32::from(self.hot_shift.min(16)))) - 1) as u32;
+        let last = self.cell().last();
+        [self.box_min, [0, 1, 2].map(|i| self.box_min[i].saturating_add(span).min(last[i]))]
+    }
+
     /// Indices of its children.
     pub fn children(&self) -> std::ops::Range<u32> {
         self.first_child..self.first_child.saturating_add(u32::from(self.child_count))

@@ -15,8 +15,8 @@ pub enum ColourBy {
     Rgb,
     /// The scalar plane, mapped.
     Scalar(ColourMap),
-    /// The scalar plane as ASPRS classes.
-    Classification,
+    /// The scalar plane, whose values are numbers below 256 of a book of colours.
+    Codes(Codebook),
     /// World z, mapped.
     Elevation(ColourMap),
     /// Eye depth, mapped.
@@ -25,6 +25,55 @@ pub enum ColourBy {
     Cell,
     /// The world normal, x y z as red green blue.
     Normal,
+}
+
+impl ColourBy {
+    /// Its number, as the shaders have it.
+    pub fn number(&self) -> u32 {
+        match self {
+            Self::Plain => 0,
+            Self::Rgb => 1,
+            Self::Scalar(_) | Self::Codes(_) => 2,
+            Self::Elevation(_) => 3,
+            Self::EyeDepth(_) => 4,
+            Self::Cell => 5,
+            Self::Normal => 6,
+        }
+    }
+
+    /// Whether the colour plane is read.
+    pub fn reads_plane(&self) -> bool {
+        matches!(self, Self::Rgb | Self::Scalar(_) | Self::Codes(_))
+    }
+}
+
+/// Colours of numbers below 256.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Codebook {
+    /// ASPRS classes.
+    Classes,
+    /// Numbers that name something, a hue each.
+    Labels,
+    /// A palette from 0 to 254 ([`esker_points::codes`]); 255 is no number.
+    Along(Palette),
+}
+
+impl Codebook {
+    /// Colour of each number, linear light.
+    pub fn colours(self) -> [Vec3; 256] {
+        match self {
+            Self::Classes => std::array::from_fn(|class| class_colour(class as u8)),
+            Self::Labels => std::array::from_fn(|label| hue(label as u32)),
+            Self::Along(palette) => {
+                let high = f64::from(esker_points::codes::LAST);
+                let table = MapTable::new(&ColourMap { low: 0.0, high, palette });
+                std::array::from_fn(|code| match code as u8 {
+                    esker_points::codes::NO_NUMBER => table.colours[MapTable::NO_NUMBER],
+                    code => table.at(f64::from(code)),
+                })
+            }
+        }
+    }
 }
 
 /// A map from a range of values to colours; values as they are stored (where a schema scales an
@@ -50,6 +99,17 @@ pub enum Palette {
     Grey,
     /// Green lowlands over ochre to white peaks, for elevations.
     Terrain,
+}
+
+impl Palette {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Viridis => "viridis",
+            Self::Grey => "grey",
+            Self::Terrain => "terrain",
+        }
+    }
 }
 
 /// The colour of points that have none (sRGB): a warm clay.
@@ -82,8 +142,8 @@ const TERRAIN: [[u8; 3]; 6] = [
     [246, 244, 240],
 ];
 
-/// ASPRS classes 0 to 18 (LAS 1.4), sRGB.
-const CLASSES: [[u8; 3]; 19] = [
+/// ASPRS classes 0 to 22 (LAS 1.4 R15, table 17), sRGB.
+const CLASSES: [[u8; 3]; 23] = [
     [150, 150, 150], // never classified
     [190, 190, 190], // unclassified
     [168, 124, 82],  // ground
@@ -103,6 +163,10 @@ const CLASSES: [[u8; 3]; 19] = [
     [226, 140, 120], // wire connector
     [132, 160, 190], // bridge deck
     [250, 60, 60],   // high noise
+    [176, 132, 196], // overhead structure
+    [140, 110, 84],  // ignored ground
+    [236, 244, 250], // snow
+    [96, 96, 96],    // temporal exclusion
 ];
 
 /// Entries of the table from linear light to sRGB: fine enough that darks are at most one byte off.
@@ -207,7 +271,7 @@ impl MapTable {
     }
 }
 
-/// Colour of an ASPRS class, linear light. Classes above 18 get a hue of their own.
+/// Colour of an ASPRS class, linear light. Classes above 22 get a hue of their own.
 pub fn class_colour(class: u8) -> Vec3 {
     match CLASSES.get(usize::from(class)) {
         Some(&c) => linear(c),

@@ -92,6 +92,11 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether points whose normal looks away are dropped (marroquim2007 section 3.1). Scans whose
     /// normals have no consistent side need it off; normals are then turned towards the viewer.
     pub cull_back_faces: bool,
+    /// Whether points are left out whose positions are marked
+    /// ([`esker_points::quant::HIDDEN_AT`]).
+    pub hides_points: bool,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
     /// What lies behind the points.
     pub background: Background,
 }

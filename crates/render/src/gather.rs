@@ -5,7 +5,7 @@
 //! effective spacing of the finest drawn cell that holds the point.
 
 use crate::camera::{Camera, NodePlace, Positions};
-use crate::colour::{ColourBy, MapTable, PLAIN, class_colour, hue, linear};
+use crate::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use crate::ellipse::{FACING, UNKNOWN};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::project::{DrawList, EMPTY, normal_at, unpack};
@@ -40,6 +40,7 @@ pub struct Lookup<'a> {
     list: &'a DrawList,
     draws: Vec<DrawLookup<'a>>,
     map: Option<MapTable>,
+    codes: Option<Box<[Vec3; 256]>>,
     radius_factors: [f32; 256],
 }
 
@@ -83,6 +84,10 @@ impl<'a> Lookup<'a> {
             list,
             draws: draws.collect(),
             map,
+            codes: match frame.colour {
+                ColourBy::Codes(book) => Some(Box::new(book.colours())),
+                _ => None,
+            },
             radius_factors: std::array::from_fn(|code| radius_factor(code as u8)),
         }
     }
@@ -148,9 +153,10 @@ impl<'a> Lookup<'a> {
                 let size = ty.size();
                 bytes.get(index * size..(index + 1) * size).map_or(plain, |b| map.at(ty.to_f64(b)))
             }
-            (ColourBy::Classification, ColourPlane::Scalar { bytes, ty }, _) => bytes
+            (ColourBy::Codes(_), ColourPlane::Scalar { bytes, ty }, _) => bytes
                 .get(index * ty.size()..(index + 1) * ty.size())
-                .map_or(plain, |b| class_colour(ty.to_f64(b) as u8)),
+                .zip(self.codes.as_deref())
+                .map_or(plain, |(b, colours)| colours[usize::from(ty.to_f64(b) as u8)]),
             (ColourBy::Elevation(_), _, Some(map)) => {
                 let z = f64::from(draw.node.box_min[2]) + f64::from(offset[2]);
                 map.at(self.frame.lattice.world_axis(2, z))

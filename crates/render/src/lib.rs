@@ -29,8 +29,8 @@ pub mod shade;
 pub mod soften;
 pub mod trim;
 
-pub use colour::{ColourBy, ColourMap, Palette};
+pub use colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use error::RenderError;
 pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stages, Stats};
-pub use plan::{FramePlan, Pass};
+pub use plan::{Asked, FramePlan, Pass, SceneHas, Variant};
 pub use renderer::{Renderer, render};

@@ -1,8 +1,16 @@
-//! The plan of a frame: which passes it takes, from what the scene has and the view asks (DESIGN section 8).
-//! What a scene does not need is left out: without normals no normal is read, carried or tested. Both
-//! renderers follow it.
+//! The plan of a frame (DESIGN section 8): from what the scene has, what the view asks and how it is drawn to the
+//! passes, the planes and the variants of pipelines that it takes. What a scene does not need is left out: it is
+//! not read, not resident, not bound and not computed. Both renderers follow it, and so does who reads planes.
 
-use crate::frame::{Frame, Method, Stages};
+use crate::colour::ColourBy;
+use crate::frame::{ColourPlane, Frame, Method, Stages};
+use esker_lod::{CompactOctree, View};
+use esker_points::{Lattice, Node};
+
+/// A view is dense where points are drawn at most this far apart everywhere, pixels: then no pixel of the front
+/// surface is without a point of its own, and nothing is left to be pushed. Samples are even: their gaps are
+/// at most 1.42 times as wide as those of a Poisson-disk sample, whose circles of one spacing hold a point each.
+pub const DENSE_PX: f64 = 0.5;
 
 /// A pass, or passes that are timed together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -25,32 +33,202 @@ pub enum Pass {
     Resolve,
 }
 
+impl Pass {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Project => "project",
+            Self::Gather => "gather",
+            Self::Pull => "pull",
+            Self::Push => "push",
+            Self::Mend => "mend",
+            Self::Shade => "shade",
+            Self::Soften => "soften",
+            Self::Resolve => "resolve",
+        }
+    }
+}
+
+/// What a scene has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneHas {
+    /// Normals, in some node at least.
+    pub normals: bool,
+    /// Whether the normals tell front from back.
+    pub oriented_normals: bool,
+    /// The plane that the colours asked for come from.
+    pub colour_plane: bool,
+    /// Marks of points that a filter leaves out.
+    pub hidden_points: bool,
+}
+
+/// What is asked of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    /// How points become a picture.
+    pub method: Method,
+    /// What gives points their colour.
+    pub colour: ColourBy,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
+    /// Whether points are dense in the whole view, see [`DENSE_PX`].
+    pub is_dense: bool,
+}
+
 /// What a frame takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FramePlan {
     /// Its passes in their order.
     pub passes: &'static [Pass],
+    /// Whether the colour plane is read.
+    pub reads_colours: bool,
+    /// Whether the normal plane is read.
+    pub reads_normals: bool,
     /// Whether pixels carry normals on their way to the picture.
     pub carries_normals: bool,
     /// Whether points are dropped by their normals while projecting.
     pub culls_back_faces: bool,
+    /// Whether points are dropped that a filter has marked.
+    pub hides_points: bool,
+    /// Whether the highlight is lit, which needs the direction to the eye.
+    pub shines: bool,
+    /// Whether pixels find a surface above level 0 of the pyramid.
+    pub has_pyramid: bool,
+    /// What gives points their colour, as the shaders number it.
+    colour: u32,
+    /// Which words of the points that won are fetched: positions, colours, normals.
+    pub(crate) fetches: [bool; 3],
+}
+
+/// A pipeline and the values of its constants.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// The shader: folder and file.
+    pub shader: &'static str,
+    /// Its `override` constants.
+    pub constants: Vec<(&'static str, u32)>,
 }
 
 impl FramePlan {
-    /// The plan of a frame, wherever its planes lie.
-    pub fn new<P>(frame: &Frame<'_, P>) -> Self {
+    /// The plan of a scene that is looked at.
+    pub fn of(has: &SceneHas, asked: &Asked) -> Self {
         use Pass::{Gather, Mend, Project, Pull, Push, Resolve, Shade, Soften};
-        let has_normals = frame.draws.iter().any(|d| d.normal.is_some());
-        let passes: &[Pass] = match frame.method {
+        let has_surface = asked.method == Method::PullPush;
+        let has_pyramid = has_surface && !asked.is_dense;
+        let passes: &[Pass] = match asked.method {
             Method::Points => &[Project, Resolve],
+            Method::PullPush if asked.is_dense => &[Project, Gather, Mend, Shade, Soften],
             Method::PullPush => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
         };
+        let carries_normals = has.normals && has_surface;
+        let culls_back_faces = has.oriented_normals && has.normals;
+        let fetches_normals =
+            carries_normals || (has.normals && asked.colour == ColourBy::Normal);
         Self {
             passes,
-            carries_normals: has_normals && frame.method == Method::PullPush,
-            culls_back_faces: has_normals && frame.cull_back_faces,
+            reads_colours: has.colour_plane && asked.colour.reads_plane(),
+            reads_normals: fetches_normals || culls_back_faces,
+            carries_normals,
+            culls_back_faces,
+            hides_points: has.hidden_points,
+            shines: asked.shines && has_surface,
+            has_pyramid,
+            colour: asked.colour.number(),
+            fetches: [
+                has_surface || matches!(asked.colour, ColourBy::Elevation(_)),
+                has.colour_plane && asked.colour.reads_plane(),
+                fetches_normals,
+            ],
         }
     }
+
+    /// The plan of a frame, wherever its planes lie.
+    pub fn new<P>(frame: &Frame<'_, P>) -> Self {
+        let normals = frame.draws.iter().any(|d| d.normal.is_some());
+        let has = SceneHas {
+            normals,
+            oriented_normals: normals && frame.cull_back_faces,
+            colour_plane: frame.draws.iter().any(|d| !matches!(d.colour, ColourPlane::None)),
+            hidden_points: frame.hides_points,
+        };
+        let (method, colour) = (frame.method, frame.colour);
+        let nodes = || frame.draws.iter().map(|draw| (draw.entry, draw.node));
+        let is_dense = method == Method::PullPush
+            && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
+        Self::of(&has, &Asked { method, colour, shines: frame.shines, is_dense })
+    }
+
+    /// Constants of the pass that projects, by compute or by primitives.
+    pub fn project_constants(&self) -> [(&'static str, u32); 2] {
+        let flags = [self.culls_back_faces, self.hides_points].map(u32::from);
+        [("CULLS_BACK_FACES", flags[0]), ("HIDES_POINTS", flags[1])]
+    }
+
+    /// Words of the points that won which are fetched: positions, colours, normals.
+    pub fn fetch_constants(&self) -> [(&'static str, u32); 3] {
+        let flags = self.fetches.map(u32::from);
+        [("GEOMETRY", flags[0]), ("COLOURS", flags[1]), ("NORMALS", flags[2])]
+    }
+
+    /// Constants of the pass that makes pixels of words.
+    pub fn colour_constants(&self) -> [(&'static str, u32); 2] {
+        [("NORMALS", u32::from(self.carries_normals)), ("COLOUR", self.colour)]
+    }
+
+    /// The pipelines of a frame on a GPU, in the order of the passes.
+    pub fn variants(&self) -> Vec<Variant> {
+        let normals = ("NORMALS", u32::from(self.carries_normals));
+        let variant = |shader, constants: &[(&'static str, u32)]| Variant {
+            shader,
+            constants: constants.to_vec(),
+        };
+        let of = |pass: &Pass| match pass {
+            Pass::Project => vec![variant("project", &self.project_constants())],
+            Pass::Gather => vec![
+                variant("gather/fetch", &self.fetch_constants()),
+                variant("gather/gather", &self.colour_constants()),
+            ],
+            Pass::Resolve => vec![
+                variant("gather/fetch", &self.fetch_constants()),
+                variant("resolve", &self.colour_constants()[1..]),
+            ],
+            Pass::Shade => {
+                vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
+            }
+            other => vec![variant(other.name(), &[normals])],
+        };
+        self.passes.iter().flat_map(of).collect()
+    }
+}
+
+/// Whether these nodes, given with their entries in the octree of the cut, are drawn so densely that no pixel of
+/// their surfaces is without a point. Where something is drawn below a node, its points are among those.
+pub fn is_dense<'a>(
+    view: &View,
+    lattice: &Lattice,
+    octree: &CompactOctree,
+    nodes: impl IntoIterator<Item = (usize, &'a Node)>,
+) -> bool {
+    let mut any = false;
+    let is_dense = nodes.into_iter().all(|(entry, node)| {
+        any = true;
+        entry < octree.len()
+            && octree.leaf_spacing(entry).is_none_or(|spacing| {
+                nearest_spacing_px(view, lattice, node, f64::from(spacing)) <= DENSE_PX
+            })
+    });
+    any && is_dense
+}
+
+/// How far points of this spacing are apart on the picture where a node comes nearest, pixels.
+fn nearest_spacing_px(view: &View, lattice: &Lattice, node: &Node, spacing: f64) -> f64 {
+    let [low, high] = node
+        .own_box()
+        .map(|corner| [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(corner[axis]))));
+    let eye = view.eye.to_array();
+    let nearest = (0..3).map(|axis| (low[axis] - eye[axis]).max(eye[axis] - high[axis]).max(0.0));
+    let distance = nearest.map(|d| d * d).sum::<f64>().sqrt().max(view.near);
+    spacing * view.focal_px() / distance
 }
 
 impl Stages {

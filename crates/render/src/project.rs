@@ -10,6 +10,7 @@
 
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::frame::{DrawNode, Frame};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -83,14 +84,15 @@ pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[At
         let last = (first + JOB_POINTS).min(list.len(draw));
         let base = list.starts[draw];
         let draw = &frame.draws[draw];
-        match draw.normal.filter(|_| frame.cull_back_faces) {
-            Some(normals) => {
-                let faces =
-                    |i: usize, from_eye: &dyn Fn() -> Vec3| faces_eye(normals, i, from_eye());
-                project_run(draw, camera, first..last, base, target, faces);
-            }
-            None => project_run(draw, camera, first..last, base, target, |_, _| true),
+        let normals = draw.normal.filter(|_| frame.cull_back_faces);
+        if normals.is_none() && !frame.hides_points {
+            return project_run(draw, camera, first..last, base, target, |_, _| true);
         }
+        let shows = |i: usize, from_eye: &dyn Fn() -> Vec3| {
+            let is_hidden = frame.hides_points && is_hidden(draw.position, i);
+            !is_hidden && normals.is_none_or(|plane| faces_eye(plane, i, from_eye()))
+        };
+        project_run(draw, camera, first..last, base, target, shows);
     });
 }
 
@@ -100,7 +102,7 @@ fn project_run(
     run: std::ops::Range<usize>,
     base: u32,
     target: &[AtomicU64],
-    faces: impl Fn(usize, &dyn Fn() -> Vec3) -> bool,
+    shows: impl Fn(usize, &dyn Fn() -> Vec3) -> bool,
 ) {
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
@@ -129,7 +131,7 @@ fn project_run(
                 continue;
             }
             let from_eye = || place.steps_from_eye(positions.offset(i).0) * camera.step;
-            if faces(i, &from_eye) {
+            if shows(i, &from_eye) {
                 slot.fetch_min(value, Relaxed);
             }
         }
@@ -158,6 +160,11 @@ fn place_block(
         depths[k] = depth;
     }
     [xs, ys, depths]
+}
+
+/// Whether a point is marked as one that is not wanted.
+fn is_hidden(positions: &[u8], index: usize) -> bool {
+    positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
 }
 
 /// Whether a point's normal looks to the eye's side; a point without a normal does.

@@ -73,6 +73,17 @@ pub struct Pyramid {
 impl Pyramid {
     /// Takes the shape for a picture; what the pixels hold is left over from before.
     pub fn fit(&mut self, width: usize, height: usize, has_normals: bool) {
+        self.fit_levels(width, height, has_normals, usize::MAX);
+    }
+
+    /// The same, of so many levels at most.
+    pub fn fit_levels(
+        &mut self,
+        width: usize,
+        height: usize,
+        has_normals: bool,
+        levels_max: usize,
+    ) {
         let (mut w, mut h, mut edge) = (width.max(1), height.max(1), 1.0);
         let mut count = 0;
         loop {
@@ -81,7 +92,7 @@ impl Pyramid {
             }
             self.levels[count].fit(w, h, edge, has_normals);
             count += 1;
-            if w == 1 && h == 1 {
+            if (w == 1 && h == 1) || count == levels_max {
                 break;
             }
             (w, h, edge) = (w.div_ceil(2), h.div_ceil(2), edge * 2.0);

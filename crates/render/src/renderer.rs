@@ -94,7 +94,8 @@ impl Renderer {
         let lookup = Lookup::new(frame, &camera, &list);
         let Self { target, pyramid, scratch } = self;
         if plan.passes.contains(&Pass::Gather) {
-            pyramid.fit(width, height, plan.carries_normals);
+            let levels = if plan.has_pyramid { usize::MAX } else { 1 };
+            pyramid.fit_levels(width, height, plan.carries_normals, levels);
         }
         let (mut edges, mut creases) = (Vec::new(), Vec::new());
         let mut clock = Clock(start);
@@ -115,7 +116,7 @@ impl Renderer {
                     edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
                 }
                 Pass::Shade => {
-                    let shaded = shade(&camera, pyramid, frame.background, scratch, picture);
+                    let shaded = shade(&camera, pyramid, frame.background, plan.shines, scratch, picture);
                     (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
                 }
                 Pass::Soften => {

@@ -45,6 +45,22 @@ pub fn shade(
     camera: &Camera,
     pyramid: &Pyramid,
     background: Background,
+    shines: bool,
+    scratch: &mut ReliefScratch,
+    picture: &mut Picture,
+) -> Shaded {
+    if shines {
+        shade_as::<true>(camera, pyramid, background, scratch, picture)
+    } else {
+        shade_as::<false>(camera, pyramid, background, scratch, picture)
+    }
+}
+
+/// As [`shade`], with highlights or without.
+fn shade_as<const SHINES: bool>(
+    camera: &Camera,
+    pyramid: &Pyramid,
+    background: Background,
     scratch: &mut ReliefScratch,
     picture: &mut Picture,
 ) -> Shaded {
@@ -74,12 +90,17 @@ pub fn shade(
                 *out = backdrop;
                 continue;
             }
-            let ray = Vec3::new(
-                x as f32 + 0.5 - camera.centre_px[0],
-                camera.centre_px[1] - y as f32 - 0.5,
-                -focal_px,
-            );
-            let to_eye = -ray.normalize_or(Vec3::NEG_Z);
+            // Without highlights the eye's soft light comes along the axis.
+            let to_eye = if SHINES {
+                let ray = Vec3::new(
+                    x as f32 + 0.5 - camera.centre_px[0],
+                    camera.centre_px[1] - y as f32 - 0.5,
+                    -focal_px,
+                );
+                -ray.normalize_or(Vec3::NEG_Z)
+            } else {
+                Vec3::Z
+            };
             let normal = if has_normals {
                 normal_at(pyramid, x, y).unwrap_or(to_eye)
             } else {
@@ -88,7 +109,7 @@ pub fn shade(
             let behind =
                 if has_normals { around.sunken(x, EDGE.1) } else { around.behind(x, DOME.1) };
             let light = darken(dark * behind);
-            let c = phong(base.tint[pixel].truncate(), normal, to_eye) * light;
+            let c = phong::<SHINES>(base.tint[pixel].truncate(), normal, to_eye) * light;
             let [r, g, b] = encoder.bytes(c);
             *out = [r, g, b, 255];
             count += 1;
@@ -136,10 +157,13 @@ fn mean_radius_px(base: &Level) -> f32 {
 
 /// Phong lighting of a colour (linear light).
 #[inline]
-fn phong(colour: Vec3, normal: Vec3, to_eye: Vec3) -> Vec3 {
+fn phong<const SHINES: bool>(colour: Vec3, normal: Vec3, to_eye: Vec3) -> Vec3 {
     let facing = normal.dot(KEY);
     let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
     let diffuse = KEY_SHARE * facing.max(0.0) + EYE_SHARE * normal.dot(to_eye).max(0.0);
+    if !SHINES {
+        return colour * (ambient + diffuse);
+    }
     let mirrored = normal * (2.0 * facing) - KEY;
     let shine = if facing > 0.0 { mirrored.dot(to_eye).max(0.0).powi(SHINE_POWER) } else { 0.0 };
     colour * (ambient + diffuse) + Vec3::splat(SHINE * shine)

@@ -260,6 +260,8 @@ fn any_bits_are_a_harmless_picture() {
             method: Method::Points,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
+            hides_points: false,
+            shines: true,
             background: Background::default(),
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {

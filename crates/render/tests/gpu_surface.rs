@@ -95,7 +95,7 @@ fn twins(input: &Input<'_>) -> Twins {
     let mended = depth.clone();
     found.extend(trim::trim(level, depth, &found, camera.focal_px));
     let mut scratch = ReliefScratch::default();
-    let shaded = shade::shade(&camera, &last, input.frame.background, &mut scratch, &mut picture);
+    let shaded = shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);
     let (depth, rgba) = (&picture.depth, &mut picture.rgba);
     soften::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
     Twins { pulled, pushed, mended, picture }
@@ -132,7 +132,7 @@ impl<'a> Rig<'a> {
     /// Runs one of the passes; `None` where there are no more.
     fn run(&self, surface: &mut Surface, stage: usize) -> Option<&'static str> {
         let Self { gpu, uniform, pyramid, picture } = self;
-        let stages = surface.stages(gpu, uniform, pyramid, picture).unwrap();
+        let stages = surface.stages(gpu, uniform, pyramid, picture, true).unwrap();
         let stage = stages.get(stage)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         stage.encode(&mut encoder, &mut Timing::default());

@@ -9,6 +9,7 @@ use esker_lod::View;
 use esker_points::{AttrType, Lattice, Node};
 use esker_render::pyramid::Pyramid;
 use esker_render::{
+    Codebook,
     Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, RenderError,
     Renderer, pull, push,
 };
@@ -24,7 +25,7 @@ fn colour_by() -> impl Strategy<Value = ColourBy> {
             0 => ColourBy::Plain,
             1 => ColourBy::Rgb,
             2 => ColourBy::Scalar(map),
-            3 => ColourBy::Classification,
+            3 => ColourBy::Codes(Codebook::Classes),
             4 => ColourBy::Elevation(map),
             5 => ColourBy::EyeDepth(map),
             6 => ColourBy::Cell,
@@ -80,6 +81,8 @@ proptest! {
         let method = if points { Method::Points } else { Method::PullPush };
         let frame = Frame {
             view: &view, lattice: &lattice, draws: &draws, octree: None, method, colour, cull_back_faces,
+            hides_points: false,
+            shines: true,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();

@@ -229,7 +229,9 @@ fn radii_follow_the_finest_drawn_cell() {
         method: Method::PullPush,
         colour: ColourBy::Plain,
         cull_back_faces: true,
-        background: Background::default(),
+        hides_points: false,
+            shines: true,
+            background: Background::default(),
     };
     let mut pyramid = Pyramid::default();
     assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 2);

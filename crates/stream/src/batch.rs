@@ -138,7 +138,7 @@ mod tests {
             nodes in prop::collection::btree_set(0u32..140, 1..80), kinds in 0usize..3,
             run_bytes in 4096usize..200_000, lonely in 1u32..20,
         ) {
-            let planes = Planes { forest: hills() };
+            let planes = Planes::of(hills());
             let nodes: Vec<u32> =
                 nodes.into_iter().filter(|&n| (n as usize) < planes.forest.table().nodes.len()).collect();
             let all = [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Attribute(7)];
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn neighbours_are_read_at_once() {
-        let planes = Planes { forest: hills() };
+        let planes = Planes::of(hills());
         let kinds = [PlaneKind::Position, PlaneKind::Colour];
         // Siblings, whose parent is at hand.
         let nodes = planes.node(0).children();

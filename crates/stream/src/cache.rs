@@ -266,7 +266,7 @@ mod tests {
             passes in prop::collection::vec(
                 (prop::collection::vec(any::<u8>(), 1..5), any::<bool>(), 0u8..4), 1..60),
         ) {
-            let planes = Planes { forest: hills() };
+            let planes = Planes::of(hills());
             let mut cache =
                 Cache::new(planes.clone(), Pool::new(pages * (64 << 10), 64 << 10), nodes_max);
             let mut asked: Vec<(u32, PlaneKind)> = Vec::new();

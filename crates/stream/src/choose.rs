@@ -78,6 +78,14 @@ impl Residency for Known<'_> {
         }
         self.chooser.node_bytes(node, self.base, self.view)
     }
+
+    fn points_max(&self, node: u32) -> usize {
+        self.chooser.planes.shown.points_max(node)
+    }
+
+    fn is_barren(&self, node: u32) -> bool {
+        self.chooser.planes.shown.is_barren(node)
+    }
 }
 
 impl Chooser {
@@ -179,7 +187,9 @@ impl Chooser {
 
     fn choose(&self, view: View) -> Choice {
         let base = self.planes.base(&self.shown);
-        let mut selection = if self.options.occlusion {
+        // Software depth is of nodes, not of the points that a filter leaves of them.
+        let hides = self.feedback.is_some() || !self.planes.shown.is_filtered();
+        let mut selection = if self.options.occlusion && hides {
             let occlusion = self.occlusion(&view, &self.drawn);
             let selection = self.select(&view, &base, Some(&*occlusion));
             if self.feedback.is_none() && self.hides_by_what_is_gone(&view, &selection, &*occlusion)

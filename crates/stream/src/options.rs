@@ -1,6 +1,7 @@
 //! What streaming may cost, in what order it loads, and which planes the frames need.
 
-use esker_format::PlaneKind;
+use esker_format::{PlaneKind, Shown};
+use std::sync::Arc;
 
 /// Budgets and habits of a `Streamer`.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,8 @@ pub struct Options {
     pub occlusion: bool,
     /// Loader threads: reads in flight.
     pub loaders: usize,
+    /// Which points, and what of them.
+    pub shown: Arc<Shown>,
 }
 
 impl Default for Options {
@@ -35,6 +38,7 @@ impl Default for Options {
             occlusion: true,
             // Disks give their best at about eight requests in flight.
             loaders: 8,
+            shown: Arc::default(),
         }
     }
 }

@@ -3,19 +3,26 @@
 use crate::landing::Slot;
 use crate::options::Needs;
 use crate::pool::Pool;
-use esker_format::{Forest, PlaneKind};
+use esker_format::{Forest, PlaneKind, Shown};
 use esker_points::node::NONE;
 use esker_points::{Lattice, Node};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The planes of all files.
+/// The planes of all files, as they are shown.
 #[derive(Clone, Debug)]
 pub(crate) struct Planes {
     pub(crate) forest: Arc<Forest>,
+    pub(crate) shown: Arc<Shown>,
 }
 
 impl Planes {
+    /// All of a forest, as it lies in the files.
+    #[cfg(test)]
+    pub(crate) fn of(forest: Arc<Forest>) -> Self {
+        Self { forest, shown: Arc::default() }
+    }
+
     /// The planes without which a node is not drawn, as far as it has them. Those that no file has are left
     /// out.
     pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
@@ -55,10 +62,14 @@ impl Planes {
 
     /// Bytes of a node's plane.
     pub(crate) fn bytes(&self, node: u32, kind: PlaneKind) -> u64 {
+        let points = self.node(node).points() as u64;
+        if let Some(bytes) = self.shown.value_bytes(kind).filter(|_| self.has(node, kind)) {
+            return bytes * points;
+        }
         if let Some(range) = self.in_page(node, kind) {
             return range.end - range.start;
         }
-        self.forest.value_bytes(node, kind) * self.node(node).points() as u64
+        self.forest.value_bytes(node, kind) * points
     }
 
     /// Bytes that a node's plane takes in drawing memory.
@@ -66,8 +77,12 @@ impl Planes {
         Pool::taken(self.bytes(node, kind))
     }
 
-    /// Where a plane lies, for [`Forest::read_exact_at`]; `None` for a cold one, which only its page's directory knows.
+    /// Where a plane lies, for [`Forest::read_exact_at`]; `None` for a cold one, which only its page's directory knows,
+    /// and for one that is shown otherwise than it lies there.
     pub(crate) fn in_file(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
+        if self.shown.changes(node, kind) {
+            return None;
+        }
         let page = self.node(node).page_offset;
         self.in_page(node, kind).map(|r| page + r.start..page + r.end)
     }

@@ -6,7 +6,7 @@
 use crate::batch::{Batch, GAP_BYTES_MAX};
 use crate::landing::{Landing, Run, Slot, Transfer};
 use crate::planes::{Planes, Request};
-use esker_format::{Forest, PlaneKind};
+use esker_format::PlaneKind;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -149,7 +149,7 @@ impl<L: Landing> Reading<'_, L> {
     ) -> Option<Filling<L::Run>> {
         let Cold { index, request, kind, slot } = cold;
         outcome.reads += 1;
-        let copy = match cold_plane(&self.planes.forest, request.node, kind, slot.bytes) {
+        let copy = match cold_plane(self.planes, request.node, kind, slot.bytes) {
             Ok(copy) => copy,
             Err(fault) => {
                 outcome.fault.get_or_insert(fault);
@@ -271,8 +271,9 @@ fn joined(pieces: Vec<Piece>, run_bytes: u64) -> Vec<Read> {
     reads
 }
 
-fn cold_plane(forest: &Forest, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
-    let planes = forest.read_planes(node, &[kind]).map_err(|e| e.to_string())?;
+fn cold_plane(planes: &Planes, node: u32, kind: PlaneKind, bytes: u64) -> Result<Vec<u8>, String> {
+    let Planes { forest, shown } = planes;
+    let planes = shown.read(forest, node, &[kind]).map_err(|e| e.to_string())?;
     match planes.get(kind) {
         Some(plane) if plane.len() as u64 == bytes => Ok(plane.to_vec()),
         _ => {

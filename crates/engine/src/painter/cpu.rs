@@ -2,7 +2,7 @@
 //! rayon pool.
 
 use super::{GpuBytes, Image, Painter, Scene};
-use crate::drawing::{draw_node, frame};
+use crate::drawing::draw_node;
 use crate::slots::DrawingMemory;
 use crate::staging::{Landed, PlainRun, RUN_BYTES, Staging};
 use anyhow::{Context, Result};
@@ -80,7 +80,7 @@ impl Painter for CpuPainter {
     }
 
     fn draw(&mut self, scene: &Scene<'_>) -> Result<()> {
-        let Scene { file, view, cut, colouring, method } = *scene;
+        let Scene { file, view, cut, look } = *scene;
         let memory = &self.memory;
         let draws: Vec<_> = cut
             .nodes
@@ -89,10 +89,10 @@ impl Painter for CpuPainter {
             .map(|(entry, n)| {
                 let node = &file.table().nodes[n.node as usize];
                 let plane = |kind| n.slot(kind).map(|slot| memory.read(slot));
-                draw_node(node, entry, n.prefix, colouring, plane)
+                draw_node(node, entry, n.prefix, &look.colouring, plane)
             })
             .collect();
-        let frame = frame(file, view, &draws, &cut.octree, colouring, method);
+        let frame = look.frame(file, view, &draws, &cut.octree);
         self.renderer.render_into(&frame, &mut self.picture)?;
         self.drawn = Some(*view);
         Ok(())

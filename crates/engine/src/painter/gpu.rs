@@ -4,7 +4,7 @@
 
 use super::{GpuBytes, Image, Painter, Scene};
 use crate::budget::GpuShares;
-use crate::drawing::{draw_node, frame};
+use crate::drawing::draw_node;
 use crate::options::Options;
 use crate::staging::{GpuRun, Landed, RUN_BYTES, Staging};
 use anyhow::{Context, Result};
@@ -180,7 +180,7 @@ impl Painter for GpuPainter {
     fn draw(&mut self, scene: &Scene<'_>) -> Result<()> {
         self.make_room()?;
         self.look_at_shaders();
-        let Scene { file, view, cut, colouring, method } = *scene;
+        let Scene { file, view, cut, look } = *scene;
         let draws: Vec<_> = cut
             .nodes
             .iter()
@@ -190,10 +190,10 @@ impl Painter for GpuPainter {
                 let at = |kind| {
                     n.slot(kind).map(|slot| PlaneAt { offset: slot.offset, bytes: slot.bytes })
                 };
-                draw_node(node, entry, n.prefix, colouring, at)
+                draw_node(node, entry, n.prefix, &look.colouring, at)
             })
             .collect();
-        let frame = frame(file, view, &draws, &cut.octree, colouring, method);
+        let frame = look.frame(file, view, &draws, &cut.octree);
         let commands = self.commands.take();
         let commands =
             commands.unwrap_or_else(|| self.gpu.device.create_command_encoder(&Default::default()));

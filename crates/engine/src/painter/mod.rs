@@ -7,12 +7,12 @@ mod gpu;
 pub(crate) use cpu::CpuPainter;
 pub(crate) use gpu::GpuPainter;
 
-use crate::colour::Colouring;
+use crate::drawing::Look;
 use anyhow::Result;
 use esker_format::Forest;
 use esker_lod::{DepthFeedback, View};
 use esker_render::gpu::wgpu;
-use esker_render::{Method, Picture, Stats};
+use esker_render::{Picture, Stats};
 use esker_stream::{Cut, Needs, StreamError, Streamer};
 use std::sync::Arc;
 
@@ -52,8 +52,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) file: &'a Forest,
     pub(crate) view: &'a View,
     pub(crate) cut: &'a Cut,
-    pub(crate) colouring: &'a Colouring,
-    pub(crate) method: Method,
+    pub(crate) look: &'a Look,
 }
 
 /// Memory for planes and a renderer. All but what loaders do in the landing is done by the render thread.

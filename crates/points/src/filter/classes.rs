@@ -35,6 +35,11 @@ const NAMES: [&str; 23] = [
 pub struct Classes([u64; 4]);
 
 impl Classes {
+    /// The name of a class in LAS 1.4 R15; `None` for those that are reserved or left to users.
+    pub fn name(class: u8) -> Option<&'static str> {
+        NAMES.get(usize::from(class)).copied()
+    }
+
     /// Whether a class is in it.
     pub fn has(&self, class: u8) -> bool {
         self.0[usize::from(class >> 6)] >> (class & 63) & 1 == 1

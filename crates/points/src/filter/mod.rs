@@ -114,7 +114,7 @@ impl Filter {
 }
 
 /// What is wanted, on a lattice.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LatticeFilter {
     /// Least and greatest coordinates; the least is above the greatest where nothing is inside.
     region: Option<[[u32; 3]; 2]>,
@@ -158,6 +158,11 @@ impl LatticeFilter {
             (Some(_), None) => Side::Outside,
             (Some(wanted), Some(bits)) => wanted.side_of(bits),
         }
+    }
+
+    /// Whether points of a class may be wanted.
+    pub fn wants_class(&self, class: u8) -> bool {
+        self.classes.is_none_or(|wanted| wanted.has(class))
     }
 
     /// Whether it asks for classes.

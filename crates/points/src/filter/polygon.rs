@@ -78,7 +78,7 @@ impl FromStr for Polygon {
 }
 
 /// A polygon's edges on a lattice, in parts of a step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LatticePolygon {
     edges: Vec<[[i64; 2]; 2]>,
 }

@@ -4,30 +4,12 @@
 
 use super::device::{Counted, Gpu};
 use super::error::GpuError;
-use crate::colour::{ColourBy, ENCODE_ENTRIES, Encoder, MapTable, class_colour, hue};
+use crate::colour::{ColourBy, ENCODE_ENTRIES, Encoder, MapTable, hue};
 use esker_points::Lattice;
 use glam::Vec3;
 
 /// Runs of values at most.
 pub const RUNS_MAX: usize = 256;
-
-/// What gives points their colour, as the shaders number it.
-pub fn kind(by: &ColourBy) -> u32 {
-    match by {
-        ColourBy::Plain => 0,
-        ColourBy::Rgb => 1,
-        ColourBy::Scalar(_) | ColourBy::Classification => 2,
-        ColourBy::Elevation(_) => 3,
-        ColourBy::EyeDepth(_) => 4,
-        ColourBy::Cell => 5,
-        ColourBy::Normal => 6,
-    }
-}
-
-/// Whether the colour plane is read.
-pub fn reads_plane(by: &ColourBy) -> bool {
-    matches!(by, ColourBy::Rgb | ColourBy::Scalar(_) | ColourBy::Classification)
-}
 
 /// All doubles that are numbers, in runs of one colour.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,9 +34,8 @@ impl Runs {
                 let low = lattice.steps_axis(2, map.low);
                 Some(Self::found(entry, low, table.colours(), MapTable::NO_NUMBER))
             }
-            ColourBy::Classification => {
-                let colours = std::array::from_fn::<_, 256, _>(|class| class_colour(class as u8));
-                Some(Self::found(|v| usize::from(v as u8), 0.0, &colours, 0))
+            ColourBy::Codes(book) => {
+                Some(Self::found(|v| usize::from(v as u8), 0.0, &book.colours(), 0))
             }
             ColourBy::Cell => {
                 let hues = std::array::from_fn::<_, 256, _>(|log2| hue(log2 as u32));
@@ -119,7 +100,7 @@ pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::colour::{ColourMap, Palette};
+    use crate::colour::{Codebook, ColourMap, Palette};
 
     fn looked_up(runs: &Runs, value: f64) -> Vec3 {
         if value.is_nan() {
@@ -154,11 +135,13 @@ mod tests {
     }
 
     #[test]
-    fn runs_colour_every_class() {
+    fn runs_colour_every_code() {
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
-        let runs = Runs::of(&ColourBy::Classification, &lattice).unwrap();
-        for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 18.0, 254.0, 255.0, 300.0, f64::NAN] {
-            assert_eq!(looked_up(&runs, v), class_colour(v as u8), "{v}");
+        for book in [Codebook::Classes, Codebook::Labels, Codebook::Along(Palette::Viridis)] {
+            let (runs, colours) = (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
+            for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {
+                assert_eq!(looked_up(&runs, v), colours[usize::from(v as u8)], "{v} of {book:?}");
+            }
         }
     }
 }

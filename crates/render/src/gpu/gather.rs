@@ -7,6 +7,7 @@ use super::lookup::{GpuLookup, Won};
 use super::pyramid::GpuPyramid;
 use super::shader::sources;
 use super::variants::Variants;
+use crate::plan::FramePlan;
 use wgpu::ComputePass;
 
 /// The pass.
@@ -30,15 +31,14 @@ impl Gather {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
         lookup: &mut GpuLookup,
         won: &Won<'_>,
         pyramid: &GpuPyramid,
     ) -> Result<(), GpuError> {
         let Some(level) = pyramid.levels.first() else { return Ok(()) };
-        let wanted = lookup.wanted(true, pyramid.has_normals);
-        lookup.fetch(gpu, pass, won, wanted, [&level.front, &level.tint])?;
-        let variant = [u32::from(pyramid.has_normals), lookup.colour_kind()];
-        let kernel = self.kernels.get(gpu, variant)?;
+        lookup.fetch(gpu, pass, won, plan, [&level.front, &level.tint])?;
+        let kernel = self.kernels.get(gpu, plan.colour_constants().map(|(_, value)| value))?;
         let buffers = [
             (0, won.uniform),
             (1, lookup.uniform()),

@@ -2,7 +2,7 @@
 //! the cut, and the pass that fetches the words of the points that won (`shaders/gather/fetch.wgsl`). Gather
 //! and resolve go on from there.
 
-use super::colour::{Runs, kind, reads_plane};
+use super::colour::Runs;
 use super::device::{Counted, Gpu};
 use super::error::GpuError;
 use super::kernel::groups_of;
@@ -11,7 +11,7 @@ use super::shader::sources;
 use super::variants::Variants;
 use crate::colour::{ColourBy, PLAIN, linear};
 use crate::frame::Frame;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Lattice;
@@ -52,14 +52,6 @@ impl Won<'_> {
     pub(super) fn groups(&self) -> [u32; 3] {
         groups_of(u64::from(self.size[0]) * u64::from(self.size[1]))
     }
-}
-
-/// Which words of a point are fetched.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
-    pub geometry: bool,
-    pub colours: bool,
-    pub normals: bool,
 }
 
 /// The uniform of the tables.
@@ -140,27 +132,6 @@ impl GpuLookup {
         Ok(())
     }
 
-    /// What gives points their colour, as the shaders number it.
-    pub(super) fn colour_kind(&self) -> u32 {
-        kind(&self.colour)
-    }
-
-    /// Words wanted for the colours, and for surfaces as well where `geometry`.
-    pub(super) fn wanted(&self, geometry: bool, normals: bool) -> Wanted {
-        Wanted {
-            geometry: geometry || matches!(self.colour, ColourBy::Elevation(_)),
-            colours: reads_plane(&self.colour),
-            normals: normals || self.colour == ColourBy::Normal,
-        }
-    }
-
-    /// Which planes the pass after projection reads: positions, colours, normals.
-    pub fn planes_read(&self, plan: &FramePlan) -> [bool; 3] {
-        let has_surface = plan.passes.contains(&Pass::Gather);
-        let wanted = self.wanted(has_surface, plan.carries_normals);
-        [wanted.geometry, wanted.colours, wanted.normals]
-    }
-
     pub(super) fn uniform(&self) -> &Buffer {
         &self.uniform
     }
@@ -176,11 +147,11 @@ impl GpuLookup {
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         won: &Won<'_>,
-        wanted: Wanted,
+        plan: &FramePlan,
         [geometry, paint]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
-        let values = [wanted.geometry, wanted.colours, wanted.normals].map(u32::from);
-        let kernel = self.kernels.get(gpu, values)?;
+        let constants = plan.fetch_constants();
+        let kernel = self.kernels.get(gpu, constants.map(|(_, value)| value))?;
         if self.pages.len() > PAGES_KEPT {
             self.pages.clear();
         }

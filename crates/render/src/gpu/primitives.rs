@@ -25,9 +25,10 @@ const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Side of a group of the packing kernel.
 const PACK_SIDE: u32 = 16;
 
-/// The pass: without and with the test of normals.
+/// The pass.
 pub struct Primitives {
-    pipelines: [wgpu::RenderPipeline; 2],
+    /// By whether points are dropped by their normals, and by a filter's marks.
+    pipelines: [[wgpu::RenderPipeline; 2]; 2],
     changed: Option<SystemTime>,
     pack: Kernel,
     target: Option<Target>,
@@ -104,7 +105,8 @@ impl Primitives {
         timing: &mut Timing,
     ) {
         let (Some(to), Some(target)) = (hits.buffer(), &self.target) else { return };
-        let pipeline = &self.pipelines[usize::from(plan.culls_back_faces)];
+        let [culls, hides] = plan.project_constants().map(|(_, value)| value as usize);
+        let pipeline = &self.pipelines[culls][hides];
         let layout = pipeline.get_bind_group_layout(0);
         let mut pass = begin(encoder, target, timing);
         pass.set_pipeline(pipeline);
@@ -186,22 +188,31 @@ fn begin<'e>(
     })
 }
 
-fn pipelines(gpu: &Gpu, source: Source, wgsl: &str) -> Result<[wgpu::RenderPipeline; 2], GpuError> {
+fn pipelines(
+    gpu: &Gpu,
+    source: Source,
+    wgsl: &str,
+) -> Result<[[wgpu::RenderPipeline; 2]; 2], GpuError> {
     let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(source.file),
         source: wgpu::ShaderSource::Wgsl(wgsl.into()),
     });
-    let made = [0.0, 1.0].map(|culls| pipeline(gpu, &module, culls));
+    let made = [0.0, 1.0].map(|culls| [0.0, 1.0].map(|hides| pipeline(gpu, &module, culls, hides)));
     match pollster::block_on(scope.pop()) {
         Some(e) => Err(GpuError::Shader(format!("{}: {e}", source.file))),
         None => Ok(made),
     }
 }
 
-fn pipeline(gpu: &Gpu, module: &wgpu::ShaderModule, culls: f64) -> wgpu::RenderPipeline {
+fn pipeline(
+    gpu: &Gpu,
+    module: &wgpu::ShaderModule,
+    culls: f64,
+    hides: f64,
+) -> wgpu::RenderPipeline {
     let is_gl = gpu.device.adapter_info().backend == wgpu::Backend::Gl;
-    let constants = [("CULLS_BACK_FACES", culls)];
+    let constants = [("CULLS_BACK_FACES", culls), ("HIDES_POINTS", hides)];
     let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("points"),

@@ -5,20 +5,23 @@ use super::cut::GpuCut;
 use super::device::Gpu;
 use super::error::GpuError;
 use super::hits::Hits;
-use super::kernel::{Kernel, groups_of};
+use super::kernel::groups_of;
 use super::pool::NodePool;
 use super::runs::Bounds;
 use super::shader::sources;
 use super::timing::Timing;
+use super::variants::Variants;
 use crate::plan::{FramePlan, Pass};
 
 /// Threads of a group.
 const THREADS: u64 = 256;
 
-/// The pass: without and with the test of normals.
+/// The pass.
 pub struct Project {
-    kernels: [Kernel; 2],
+    /// By the tests that points pass, and what is measured.
+    kernels: Variants<4>,
     touches_pixels: bool,
+    skips_runs: bool,
     bounds: Bounds,
 }
 
@@ -49,17 +52,16 @@ impl Project {
     }
 
     fn with(gpu: &Gpu, touches_pixels: bool, skips_runs: bool) -> Result<Self, GpuError> {
-        let flag = |flag: bool| f64::from(u8::from(flag));
-        let kernel = |culls: bool| {
-            let constants = [
-                ("CULLS_BACK_FACES", flag(culls)),
-                ("TOUCHES_PIXELS", flag(touches_pixels)),
-                ("SKIPS_RUNS", flag(skips_runs)),
-            ];
-            Kernel::new(gpu, sources::PROJECT_ATOMICS, "main", &constants)
-        };
-        let kernels = [kernel(false)?, kernel(true)?];
-        Ok(Self { kernels, touches_pixels, bounds: Bounds::new(gpu)? })
+        let constants = ["CULLS_BACK_FACES", "HIDES_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
+        let kernels = Variants::new(sources::PROJECT_ATOMICS, constants);
+        let mut pass = Self { kernels, touches_pixels, skips_runs, bounds: Bounds::new(gpu)? };
+        // A driver that refuses the shader does so before anything is drawn.
+        pass.kernels.get(gpu, pass.variant([0, 0]))?;
+        Ok(pass)
+    }
+
+    fn variant(&self, [culls, hides]: [u32; 2]) -> [u32; 4] {
+        [culls, hides, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
     }
 
     /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
@@ -78,7 +80,8 @@ impl Project {
         hits: &Hits,
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
-        let kernel = &self.kernels[usize::from(plan.culls_back_faces)];
+        let variant = self.variant(plan.project_constants().map(|(_, value)| value));
+        let kernel = self.kernels.get(gpu, variant)?;
         let layout = kernel.pipeline().get_bind_group_layout(0);
         let mut pass = timing.compute(encoder, Pass::Project);
         self.bounds.encode(gpu, &mut pass, pool)?;
@@ -107,6 +110,6 @@ impl Project {
     /// Where the changed shader does not build; the old one goes on.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let bounds = self.bounds.reload(gpu)?;
-        self.kernels.iter_mut().try_fold(bounds, |any, k| Ok(k.reload(gpu)? || any))
+        Ok(self.kernels.reload(gpu)? || bounds)
     }
 }

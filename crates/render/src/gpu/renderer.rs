@@ -137,7 +137,7 @@ impl GpuRenderer {
         let [width, height] = size;
         let is_new =
             self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
-        let has_surface = plan.passes.contains(&Pass::Pull);
+        let has_surface = plan.passes.contains(&Pass::Gather);
         if is_new || !has_surface || self.pyramid.has_normals != plan.carries_normals {
             // The old ones go first, so that never both are there; and none is kept that is not needed.
             self.surface.release();
@@ -189,20 +189,20 @@ impl GpuRenderer {
         }
         let Some(hits) = hits.buffer() else { return Ok(()) };
         let (draws, chunks, counts) = (cut.draws(), cut.chunks(), &*feedback.counts);
-        let pages = cut.pages(pool, lookup.planes_read(plan));
+        let pages = cut.pages(pool, plan.fetches);
         let won = Won { uniform, size, hits, draws, chunks, pages: &pages, counts };
         match frame.method {
             Method::Points => {
                 let mut pass = timing.compute(encoder, Pass::Resolve);
-                self.resolve.encode(gpu, &mut pass, lookup, &won, picture)?;
+                self.resolve.encode(gpu, &mut pass, plan, lookup, &won, picture)?;
                 self.store.dispatch(gpu, uniform, picture).run(&mut pass);
             }
             Method::PullPush => {
                 let pyramid = &self.pyramid;
                 let mut pass = timing.compute(encoder, Pass::Gather);
-                self.gather.encode(gpu, &mut pass, lookup, &won, pyramid)?;
+                self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
                 drop(pass);
-                self.surface.encode(gpu, encoder, uniform, pyramid, picture, timing)?;
+                self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
             }
         }
         let stats = Stats {

@@ -8,6 +8,7 @@ use super::lookup::{GpuLookup, Won};
 use super::picture::GpuPicture;
 use super::shader::sources;
 use super::variants::Variants;
+use crate::plan::FramePlan;
 use wgpu::{BufferUsages, ComputePass};
 
 /// Bytes of the words fetched for a pixel, a buffer.
@@ -46,18 +47,18 @@ impl Resolve {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
         lookup: &mut GpuLookup,
         won: &Won<'_>,
         picture: &GpuPicture,
     ) -> Result<(), GpuError> {
-        let wanted = lookup.wanted(false, false);
         let pixels = u64::from(won.size[0]) * u64::from(won.size[1]);
         fit(gpu, &mut self.paint, pixels)?;
         // Where heights are not coloured one pixel stands for all, since something must be bound.
-        fit(gpu, &mut self.geometry, if wanted.geometry { pixels } else { 1 })?;
+        fit(gpu, &mut self.geometry, if plan.fetches[0] { pixels } else { 1 })?;
         let [geometry, paint] = [&*self.geometry, &*self.paint];
-        lookup.fetch(gpu, pass, won, wanted, [geometry, paint])?;
-        let kernel = self.kernels.get(gpu, [lookup.colour_kind()])?;
+        lookup.fetch(gpu, pass, won, plan, [geometry, paint])?;
+        let kernel = self.kernels.get(gpu, [plan.colour_constants()[1].1])?;
         let buffers = [
             (0, won.uniform),
             (1, lookup.uniform()),

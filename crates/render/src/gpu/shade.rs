@@ -8,11 +8,14 @@ use super::kernel::Kernel;
 use super::picture::GpuPicture;
 use super::shader::sources;
 use super::surface::Target;
+use super::variants::Variants;
 use wgpu::BindingResource;
 
 /// Lighting.
 pub struct Shade {
-    kernel: Kernel,
+    /// By whether pixels carry normals, and whether there are highlights.
+    kernels: Variants<2>,
+    has_normals: bool,
 }
 
 impl Shade {
@@ -21,12 +24,21 @@ impl Shade {
     /// # Errors
     /// Where the shader is refused.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let constants = [("NORMALS", f64::from(has_normals))];
-        Ok(Self { kernel: Kernel::new(gpu, sources::SHADE_SHADE, "main", &constants)? })
+        let mut kernels = Variants::new(sources::SHADE_SHADE, ["NORMALS", "SHINES"]);
+        kernels.get(gpu, [u32::from(has_normals), 1])?;
+        Ok(Self { kernels, has_normals })
     }
 
-    /// What lights level 0 into [`Target::shaded`].
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// What lights level 0 into [`Target::shaded`], with highlights or without.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn dispatches(
+        &mut self,
+        gpu: &Gpu,
+        target: &Target<'_>,
+        shines: bool,
+    ) -> Result<Vec<Dispatch>, GpuError> {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
         let has_normals = target.pyramid.has_normals;
@@ -34,11 +46,12 @@ impl Shade {
         let (tint, normal, coarse) = (&base.tint, &base.normal, &coarse.normal);
         let &Target { relief, sources, shaded, .. } = target;
         let buffers = [relief, depth, tint, normal, coarse, sources, shaded];
-        vec![target.dispatch(gpu, &self.kernel, &buffers)]
+        let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
+        Ok(vec![target.dispatch(gpu, kernel, &buffers)])
     }
 
     pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
-        vec![&mut self.kernel]
+        self.kernels.all().collect()
     }
 }
 

@@ -14,7 +14,7 @@ use super::relief::Relief;
 use super::shade::{Shade, Soften};
 use super::timing::Timing;
 use super::trim::{Trim, Turns};
-use crate::plan::Pass;
+use crate::plan::{FramePlan, Pass};
 use wgpu::{BufferUsages, CommandEncoder};
 
 /// The passes, and the memory that they keep from frame to frame.
@@ -40,6 +40,8 @@ struct Kernels {
 struct Bound {
     /// What they are bound to: the uniform, a plane of the pyramid, one of the picture.
     to: [wgpu::Buffer; 3],
+    /// Whether there are highlights.
+    shines: bool,
     stages: Vec<Stage>,
     /// Bind groups keep memory alive; this counts it, and tests look at it.
     scratch: Scratch,
@@ -165,7 +167,12 @@ impl Kernels {
         })
     }
 
-    fn stages(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Stage> {
+    fn stages(
+        &mut self,
+        gpu: &Gpu,
+        target: &Target<'_>,
+        shines: bool,
+    ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
         let mut stages = vec![
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, target.pyramid)),
@@ -175,17 +182,16 @@ impl Kernels {
         ];
         let relief = self.relief.iter();
         stages.extend(relief.map(|r| stage("relief", Pass::Shade, r.dispatches(gpu, target))));
-        stages.push(stage("shade", Pass::Shade, self.shade.dispatches(gpu, target)));
+        stages.push(stage("shade", Pass::Shade, self.shade.dispatches(gpu, target, shines)?));
         stages.push(stage("soften", Pass::Soften, self.soften.dispatches(gpu, target)));
-        stages
+        Ok(stages)
     }
 
     fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
         let Self { pull, push, mend, trim, relief, shade, soften } = self;
         let some = [pull.kernels(), push.kernels(), mend.kernels(), trim.kernels()];
         let relief = relief.iter_mut().flat_map(Relief::kernels);
-        let last = [shade.kernels(), soften.kernels()];
-        some.into_iter().flatten().chain(last.into_iter().flatten()).chain(relief)
+        some.into_iter().flatten().chain(shade.kernels()).chain(soften.kernels()).chain(relief)
     }
 }
 
@@ -199,18 +205,20 @@ impl Surface {
         &mut self,
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
+        plan: &FramePlan,
         uniform: &wgpu::Buffer,
         pyramid: &GpuPyramid,
         picture: &GpuPicture,
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
-        for stage in self.stages(gpu, uniform, pyramid, picture)? {
+        let stages = self.stages(gpu, uniform, pyramid, picture, plan.shines)?;
+        for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
             stage.encode(encoder, timing);
         }
         Ok(())
     }
 
-    /// The passes one by one, as [`Surface::encode`] runs them.
+    /// The passes one by one, of which [`Surface::encode`] runs those of a plan; `shines` for highlights.
     ///
     /// # Errors
     /// Where a shader or memory is refused.
@@ -220,9 +228,10 @@ impl Surface {
         uniform: &wgpu::Buffer,
         pyramid: &GpuPyramid,
         picture: &GpuPicture,
+        shines: bool,
     ) -> Result<&[Stage], GpuError> {
         let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
-        if self.bound.as_ref().is_none_or(|b| b.to != to) {
+        if self.bound.as_ref().is_none_or(|b| b.to != to || b.shines != shines) {
             // The old memory goes first, so that never both are there.
             self.release();
             let has_normals = pyramid.has_normals;
@@ -231,8 +240,8 @@ impl Surface {
                 none => none.insert(Kernels::new(gpu, has_normals)?),
             };
             let scratch = Scratch::new(gpu, [picture.width, picture.height])?;
-            let stages = kernels.stages(gpu, &scratch.target(uniform, pyramid, picture));
-            self.bound = Some(Bound { to, stages, scratch });
+            let stages = kernels.stages(gpu, &scratch.target(uniform, pyramid, picture), shines)?;
+            self.bound = Some(Bound { to, shines, stages, scratch });
         }
         Ok(self.bound.as_ref().map_or(&[], |b| &b.stages))
     }

@@ -40,6 +40,11 @@ impl<const N: usize> Variants<N> {
         }
     }
 
+    /// All that there are.
+    pub fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
+        self.kernels.values_mut()
+    }
+
     /// [`Kernel::reload`] for all that there are.
     ///
     /// # Errors

@@ -100,6 +100,8 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         method: frame.method,
         colour: frame.colour,
         cull_back_faces: frame.cull_back_faces,
+        hides_points: frame.hides_points,
+        shines: frame.shines,
         background: frame.background,
     }
 }

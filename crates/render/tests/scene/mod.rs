@@ -86,6 +86,8 @@ impl Scene {
             method: Method::PullPush,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
+            hides_points: false,
+            shines: true,
             background: Background::default(),
         }
     }

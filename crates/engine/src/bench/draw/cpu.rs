@@ -109,6 +109,8 @@ pub fn frame_of<'a, P>(
         method: Method::Points,
         colour: ColourBy::Plain,
         cull_back_faces: false,
-        background: Background::default(),
+        hides_points: false,
+            shines: true,
+            background: Background::default(),
     }
 }

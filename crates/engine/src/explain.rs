@@ -1,0 +1,113 @@
+//! The plan of a picture in words (`esker render --explain`): the passes, the planes that are read, the pipelines
+//! and their constants, and what is left out and why. Nothing but the node table and statistics is read for it.
+
+use crate::quantity::{grouped, readable_bytes};
+use crate::render::{Request, Scene};
+use anyhow::Result;
+use esker_format::{Forest, PlaneKind};
+use esker_lod::needs_residual;
+use esker_render::Pass;
+use serde_json::{Value, json};
+
+/// What a picture of a file would take.
+pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
+    let scene = Scene::choose(file, request)?;
+    let plan = &scene.plan;
+    let (lattice, view) = (file.lattice(), &scene.view);
+    let planes: Vec<Value> = scene
+        .kinds
+        .iter()
+        .map(|&kind| {
+            let drawn = scene.selection.drawn.iter().map(|d| d.node);
+            let has = |node: &u32| {
+                file.has_plane(*node, kind)
+                    && (kind != PlaneKind::Residual
+                        || needs_residual(file.record(*node), lattice, view))
+            };
+            let bytes = |node: u32| match file.plane_range(node, kind) {
+                Some(range) if !scene.look.shown.changes(node, kind) => range.end - range.start,
+                _ => {
+                    let each = scene.look.shown.value_bytes(kind);
+                    let each = each.unwrap_or_else(|| file.value_bytes(node, kind));
+                    each * file.record(node).points() as u64
+                }
+            };
+            let nodes: Vec<u32> = drawn.filter(has).collect();
+            let bytes = nodes.iter().map(|&node| bytes(node)).sum::<u64>();
+            json!({ "plane": kind.name(), "nodes": nodes.len(), "bytes_resident": bytes })
+        })
+        .collect();
+    let variants: Vec<Value> = plan
+        .variants()
+        .into_iter()
+        .map(|v| {
+            let constants = v.constants.iter().map(|&(name, value)| (name.to_owned(), json!(value)));
+            json!({ "shader": v.shader, "constants": constants.collect::<serde_json::Map<_, _>>() })
+        })
+        .collect();
+    Ok(json!({
+        "nodes": scene.selection.drawn.len(),
+        "points": scene.selection.counters.points,
+        "nodes_filtered": scene.selection.counters.filtered,
+        "passes": plan.passes.iter().map(|p| p.name()).collect::<Vec<_>>(),
+        "planes": planes,
+        "variants": variants,
+        "left_out": left_out(file, &scene),
+        "colour": scene.look.colouring.legend.json(),
+        "legend": scene.look.colouring.legend.text(),
+    }))
+}
+
+/// What the frame does without, and why.
+fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
+    let plan = &scene.plan;
+    let has_surface = plan.passes.contains(&Pass::Gather);
+    let mut out = Vec::new();
+    let mut say = |is_out: bool, what: &str| {
+        if is_out {
+            out.push(what.to_owned());
+        }
+    };
+    let has_normals = file.has(PlaneKind::Normal);
+    say(!has_normals, "normal plane, normal target: the file has no normals");
+    say(has_normals && !plan.reads_normals, "normal plane: points alone are not lit");
+    say(has_normals && !plan.carries_normals && has_surface, "normal target: nothing is lit");
+    say(!plan.culls_back_faces, match (has_normals, has_surface) {
+        (false, _) => "back-face test: no normals",
+        (true, false) => "back-face test: points alone are drawn from both sides",
+        (true, true) => "back-face test: the normals do not tell front from back",
+    });
+    say(!plan.reads_colours, "colour plane: colours come from elsewhere");
+    say(!plan.hides_points, "filter's test of points: no node lies across its border");
+    say(!plan.shines && has_surface, "direction to the eye: no highlights");
+    say(!has_surface, "pyramid, lighting, antialiasing: points alone");
+    say(has_surface && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");
+    out
+}
+
+/// [`explain`]'s report for people.
+pub fn text(report: &Value) -> String {
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let word = |value: &Value| value.as_str().unwrap_or("?").to_owned();
+    let number = |value: &Value| grouped(value.as_u64().unwrap_or(0));
+    let mut lines = vec![
+        format!("{} points of {} nodes", number(&report["points"]), number(&report["nodes"])),
+        format!("colour: {}", word(&report["legend"])),
+        format!("passes: {}", list(&report["passes"]).iter().map(word).collect::<Vec<_>>().join(", ")),
+    ];
+    for plane in list(&report["planes"]) {
+        lines.push(format!(
+            "plane: {}, {} nodes, {}",
+            word(&plane["plane"]),
+            number(&plane["nodes"]),
+            readable_bytes(plane["bytes_resident"].as_u64().unwrap_or(0))
+        ));
+    }
+    for variant in list(&report["variants"]) {
+        let constants = variant["constants"].as_object().into_iter().flatten();
+        let constants: Vec<_> = constants.map(|(name, value)| format!("{name}={value}")).collect();
+        lines.push(format!("pipeline: {} {}", word(&variant["shader"]), constants.join(" ")));
+    }
+    lines.extend(list(&report["left_out"]).iter().map(|what| format!("left out: {}", word(what))));
+    lines.join("\n")
+}

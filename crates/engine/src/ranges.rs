@@ -1,0 +1,121 @@
+//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
+//! neither a few strays take all colours nor what a filter leaves out takes any.
+
+use anyhow::Result;
+use esker_format::{EskerFile, Forest, Shown};
+use esker_points::Node;
+
+/// Share of the values that may lie outside a range on either side.
+const STRAYS: f64 = 0.01;
+/// Bins of heights.
+const BINS: usize = 1024;
+
+/// The range of an attribute of the forest, in stored values, over all trees that have it.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn of_attribute(forest: &Forest, attribute: usize, shown: &Shown) -> Result<(f64, f64)> {
+    let attribute = &forest.schema().attributes[attribute];
+    let (mut range, mut first) = (None, 0);
+    for file in forest.files() {
+        let nodes = file.table().nodes.len() as u32;
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        if let Some(index) = index.filter(|_| file.footer().points > 0) {
+            range = joined(range, within(file, index, shown, first)?);
+        }
+        first += nodes;
+    }
+    Ok(range.unwrap_or((0.0, 0.0)))
+}
+
+fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The range in one file, whose nodes begin at `first` in the forest's table.
+fn within(
+    file: &EskerFile,
+    attribute: usize,
+    shown: &Shown,
+    first: u32,
+) -> Result<Option<(f64, f64)>> {
+    let statistics = file.statistics()?;
+    let histograms = statistics.histograms();
+    let whole = histograms.ranges().of(attribute);
+    if whole.0 > whole.1 {
+        return Ok(None);
+    }
+    let counts = histograms.counts(attribute);
+    let (low, high) = central(whole, counts);
+    if !shown.is_filtered() {
+        return Ok(Some((low, high)));
+    }
+    let nodes = 0..file.table().nodes.len() as u32;
+    let wanted = nodes.filter(|&node| shown.points_max(first + node) > 0);
+    let kept = wanted.filter_map(|node| statistics.own(node, attribute));
+    let kept = kept.fold(None, |all, of| joined(all, Some(of)));
+    // What is kept may all be strays of the whole.
+    let clamped = kept.map(|(a, b)| (a.max(low), b.min(high)));
+    Ok(clamped.filter(|(a, b)| a <= b).or(kept))
+}
+
+/// The part of a range without its strays; `counts` are of bins of equal width.
+fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
+    let total: u64 = counts.iter().sum();
+    if total == 0 || low >= high {
+        return (low, high);
+    }
+    let strays = (total as f64 * STRAYS) as u64;
+    let beyond = |bins: &mut dyn Iterator<Item = &u64>| {
+        let mut sum = 0;
+        bins.take_while(|&&n| {
+            sum += n;
+            sum <= strays
+        })
+        .count()
+    };
+    let bin = (high - low) / counts.len() as f64;
+    let (below, above) = (beyond(&mut counts.iter()), beyond(&mut counts.iter().rev()));
+    (low + bin * below as f64, high - bin * above as f64)
+}
+
+/// The range of heights, from the nodes' contours: no point is read. `bounds` are of all points.
+pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> (f64, f64) {
+    let (low, high) = (bounds[0][2], bounds[1][2]);
+    let mut counts = [0u64; BINS];
+    let bin = |z: f64| (((z - low) / (high - low) * BINS as f64).max(0.0) as usize).min(BINS - 1);
+    for (index, node) in (0u32..).zip(&forest.table().nodes) {
+        let points = node.points().min(shown.points_max(index)) as u64;
+        let [from, to] = heights(forest, node).map(bin);
+        // The points are taken to be spread evenly over the heights of their box.
+        for count in &mut counts[from..=to.max(from)] {
+            *count += points * 1024 / (to.max(from) - from + 1) as u64;
+        }
+    }
+    central((low, high), &counts)
+}
+
+/// Least and greatest height of a node's contour.
+fn heights(forest: &Forest, node: &Node) -> [f64; 2] {
+    let contour = node.contour();
+    let reach = (0..3).map(|i| contour.half[i] * contour.axes[i][2].abs()).sum::<f64>();
+    let middle = forest.lattice().world_axis(2, f64::from(node.corner[2])) + contour.centre[2];
+    [middle - reach, middle + reach]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strays_take_no_colours() {
+        let mut counts = [0; 256];
+        (counts[0], counts[100], counts[101], counts[255]) = (3, 500, 496, 1);
+        assert_eq!(central((0.0, 256.0), &counts), (100.0, 102.0));
+        assert_eq!(central((5.0, 5.0), &counts), (5.0, 5.0));
+        assert_eq!(central((0.0, 1.0), &[0; 4]), (0.0, 1.0));
+    }
+}

@@ -1,0 +1,231 @@
+//! What of a forest is shown: the points that a filter wants, and of one attribute no more than codes of a byte.
+//! Nodes are judged by the node table and the statistics alone, so that of what is not wanted nothing is read;
+//! points of nodes that lie across a border are judged one by one while their positions are read, and those
+//! that are not wanted are marked in the byte that files leave zero.
+
+use crate::error::FormatError;
+use crate::forest::Forest;
+use crate::layout::PlaneKind;
+use crate::reader::Planes;
+use esker_points::attribute::names;
+use esker_points::filter::{LatticeFilter, Side};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::{AttrType, Codes, Node};
+
+/// What is shown. By default all of it, as it lies in the files.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shown {
+    filter: Option<Filtered>,
+    codes: Option<(PlaneKind, Codes)>,
+}
+
+/// A filter and what it says of each node.
+#[derive(Clone, Debug, PartialEq)]
+struct Filtered {
+    filter: LatticeFilter,
+    /// In the order of the forest's table.
+    verdicts: Vec<Verdict>,
+}
+
+/// What a filter says of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Verdict {
+    /// Of its own points so many are wanted, from the first on.
+    points: u32,
+    /// Whether its points must be asked one by one.
+    is_across: bool,
+    /// Whether of it and of all below it no point is wanted.
+    is_barren: bool,
+}
+
+impl Shown {
+    /// What is shown of a forest: the points of a filter, and a plane as codes.
+    ///
+    /// # Errors
+    /// Where statistics that the filter asks for cannot be read.
+    pub fn of(
+        forest: &Forest,
+        filter: Option<LatticeFilter>,
+        codes: Option<(PlaneKind, Codes)>,
+    ) -> Result<Self, FormatError> {
+        let filter = filter.map(|filter| Filtered::new(forest, filter)).transpose()?;
+        Ok(Self { filter, codes })
+    }
+
+    /// The same points, and a plane as codes.
+    pub fn coded(self, codes: Option<(PlaneKind, Codes)>) -> Self {
+        Self { codes, ..self }
+    }
+
+    /// Whether some points may not be wanted.
+    pub fn is_filtered(&self) -> bool {
+        self.filter.is_some()
+    }
+
+    /// Whether a node's points must be asked one by one.
+    pub fn hides_points(&self, node: u32) -> bool {
+        self.verdict(node).is_some_and(|v| v.is_across)
+    }
+
+    /// How many of a node's own points are wanted at most, from the first on.
+    pub fn points_max(&self, node: u32) -> usize {
+        self.verdict(node).map_or(usize::MAX, |v| v.points as usize)
+    }
+
+    /// Whether points of a class may be wanted.
+    pub fn wants_class(&self, class: u8) -> bool {
+        self.filter.as_ref().is_none_or(|f| f.filter.wants_class(class))
+    }
+
+    /// Whether any node's points must be asked one by one.
+    pub fn hides_any(&self) -> bool {
+        self.filter.as_ref().is_some_and(|f| f.verdicts.iter().any(|v| v.is_across))
+    }
+
+    /// Whether of a node and of all below it no point is wanted.
+    pub fn is_barren(&self, node: u32) -> bool {
+        self.verdict(node).is_some_and(|v| v.is_barren)
+    }
+
+    /// Whether a node's plane is shown otherwise than it lies in the file.
+    pub fn changes(&self, node: u32, kind: PlaneKind) -> bool {
+        self.codes.is_some_and(|(coded, _)| coded == kind)
+            || (kind == PlaneKind::Position && self.hides_points(node))
+    }
+
+    /// Bytes of one value of a plane that is shown otherwise than it lies in the file, where they are others.
+    pub fn value_bytes(&self, kind: PlaneKind) -> Option<u64> {
+        self.codes.is_some_and(|(coded, _)| coded == kind).then_some(1)
+    }
+
+    /// Reads these planes of a node as they are shown. Planes that it does not have are left out.
+    ///
+    /// # Errors
+    /// Where they cannot be read or are damaged.
+    pub fn read(
+        &self,
+        forest: &Forest,
+        node: u32,
+        kinds: &[PlaneKind],
+    ) -> Result<Planes, FormatError> {
+        let asks = self.hides_points(node) && kinds.contains(&PlaneKind::Position);
+        let test = self.filter.as_ref().filter(|_| asks);
+        let mut wanted = kinds.to_vec();
+        for kind in test.iter().flat_map(|f| f.asked(forest, node)) {
+            if !wanted.contains(&kind) {
+                wanted.push(kind);
+            }
+        }
+        let mut planes = forest.read_planes(node, &wanted)?;
+        if let Some(test) = test {
+            test.hide(forest, node, &mut planes);
+        }
+        if let Some((kind, codes)) = self.codes
+            && let Some(values) = planes.get_mut(kind)
+        {
+            *values = codes.of(values);
+        }
+        planes.retain(|kind| kinds.contains(&kind));
+        Ok(planes)
+    }
+
+    fn verdict(&self, node: u32) -> Option<&Verdict> {
+        self.filter.as_ref()?.verdicts.get(node as usize)
+    }
+}
+
+impl Filtered {
+    fn new(forest: &Forest, filter: LatticeFilter) -> Result<Self, FormatError> {
+        let nodes = &forest.table().nodes;
+        let mut verdicts = Vec::with_capacity(nodes.len());
+        for file in forest.files() {
+            let statistics = filter.asks_classes().then(|| file.statistics()).transpose()?;
+            let first = verdicts.len();
+            for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
+                let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
+                    let bits = statistics.as_ref().map(|s| of(s, index));
+                    bits.map_or(Side::Inside, |bits| filter.side_of_classes(bits))
+                };
+                let own = classes(crate::Statistics::own_classes);
+                let below = classes(crate::Statistics::subtree_classes);
+                verdicts.push(verdict(&filter, nodes, node, own, below));
+            }
+        }
+        Ok(Self { filter, verdicts })
+    }
+
+    /// The planes that points are asked by.
+    fn asked(&self, forest: &Forest, node: u32) -> Vec<PlaneKind> {
+        let mut kinds = vec![PlaneKind::Residual];
+        if self.filter.asks_classes() {
+            kinds.push(PlaneKind::Class);
+            kinds.extend(classification(forest));
+        }
+        kinds.retain(|&kind| forest.has_plane(node, kind));
+        kinds
+    }
+
+    /// Marks the points of a node that are not wanted.
+    fn hide(&self, forest: &Forest, node: u32, planes: &mut Planes) {
+        let record = forest.record(node);
+        let [min, max] = record.own_box();
+        let test = self.filter.in_box(min, max);
+        let copy = |kind| planes.get(kind).unwrap_or_default().to_vec();
+        let (residual, of_source) = (copy(PlaneKind::Residual), copy(PlaneKind::Class));
+        let kind = classification(forest).filter(|_| self.filter.asks_classes());
+        let classes = kind.map(copy).unwrap_or_default();
+        let file = forest.file_of(node);
+        let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);
+        let has_class = |point: usize| {
+            let source = of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
+            own.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
+        };
+        let Some(positions) = planes.get_mut(PlaneKind::Position) else { return };
+        let shift = record.hot_shift;
+        let points = positions.as_chunks_mut::<HOT_POSITION_BYTES>().0;
+        for (i, point) in points.iter_mut().enumerate() {
+            let low = read_residual(&residual, i, shift);
+            let p = [0, 1, 2].map(|axis| {
+                let hot = u16::from_le_bytes([point[axis * 2], point[axis * 2 + 1]]);
+                exact(hot, low[axis], min[axis], shift)
+            });
+            let class = classes.get(i).copied().filter(|_| has_class(i));
+            point[HIDDEN_AT] = u8::from(!test.keeps(p, class));
+        }
+    }
+}
+
+/// What a filter says of a node, whose own points' classes and all below it lie on these sides.
+fn verdict(
+    filter: &LatticeFilter,
+    nodes: &[Node],
+    node: &Node,
+    own_classes: Side,
+    subtree_classes: Side,
+) -> Verdict {
+    let none = Verdict { points: 0, is_across: false, is_barren: true };
+    let prefix = filter.prefix(node, nodes.get(node.parent as usize));
+    let cell = node.cell();
+    if prefix == 0
+        || subtree_classes == Side::Outside
+        || filter.side_of_box(cell.corner, cell.last()) == Side::Outside
+    {
+        return none;
+    }
+    let [min, max] = node.own_box();
+    let by_box = filter.side_of_box(min, max);
+    if by_box == Side::Outside || own_classes == Side::Outside {
+        return Verdict { is_barren: false, ..none };
+    }
+    Verdict {
+        points: u32::try_from(prefix).unwrap_or(u32::MAX),
+        is_across: by_box == Side::Across || own_classes == Side::Across,
+        is_barren: false,
+    }
+}
+
+/// The plane of the classes.
+fn classification(forest: &Forest) -> Option<PlaneKind> {
+    let index = forest.schema().find_typed(names::CLASSIFICATION, AttrType::U8)?;
+    Some(PlaneKind::Attribute(u16::try_from(index).ok()?))
+}

@@ -1,0 +1,112 @@
+//! Values of an attribute as codes of one byte, which is all that a colour map needs of them: an eighth of the
+//! bytes of a GPS time are resident and drawn. Codes are made while a plane is loaded.
+
+use crate::attribute::AttrType;
+
+/// The code of what is no number, where values are coded along a range.
+pub const NO_NUMBER: u8 = 255;
+/// The greatest code of a value along a range.
+pub const LAST: u8 = 254;
+/// Numbers that labels are told apart by: values that differ by a multiple of it have one code.
+pub const LABELS: u64 = 251;
+
+/// How values become codes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coding {
+    /// From 0 at `low` to [`LAST`] at `high`, rounded; what lies outside has the code of the nearer end, what
+    /// is no number [`NO_NUMBER`].
+    Along {
+        /// Value of code 0.
+        low: f64,
+        /// Value of code [`LAST`].
+        high: f64,
+    },
+    /// Some bits of a whole number.
+    Bits {
+        /// Those below that are dropped.
+        shift: u8,
+        /// Those that are kept after that.
+        mask: u8,
+    },
+    /// Whole numbers that name something: modulo [`LABELS`].
+    Labels,
+}
+
+/// Codes of values of one type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Codes {
+    /// Type of the values.
+    pub ty: AttrType,
+    /// How they become codes.
+    pub coding: Coding,
+}
+
+impl Codes {
+    /// A code for each little-endian value.
+    pub fn of(&self, values: &[u8]) -> Vec<u8> {
+        match self.coding {
+            Coding::Along { low, high } => {
+                // A range without extent maps to its first code.
+                let per_unit = f64::from(LAST) / (high - low);
+                let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
+                self.each(values, |value| along((value - low) * per_unit))
+            }
+            Coding::Bits { shift, mask } => {
+                self.each(values, |value| (value as u64 >> (shift & 63)) as u8 & mask)
+            }
+            Coding::Labels => self.each(values, |value| (value as u64 % LABELS) as u8),
+        }
+    }
+
+    fn each(&self, values: &[u8], code: impl Fn(f64) -> u8) -> Vec<u8> {
+        values.chunks_exact(self.ty.size()).map(|value| code(self.ty.to_f64(value))).collect()
+    }
+}
+
+fn along(at: f64) -> u8 {
+    if at.is_nan() { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn codes(coding: Coding, values: &[f64]) -> Vec<u8> {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        Codes { ty: AttrType::F64, coding }.of(&bytes)
+    }
+
+    #[test]
+    fn ranges_end_at_their_ends_and_strays_have_the_nearer() {
+        let coding = Coding::Along { low: 10.0, high: 20.0 };
+        let values = [10.0, 15.0, 20.0, -1e300, f64::INFINITY, f64::NAN];
+        assert_eq!(codes(coding, &values), [0, 127, LAST, 0, LAST, NO_NUMBER]);
+        let down = Coding::Along { low: 20.0, high: 10.0 };
+        assert_eq!(codes(down, &[20.0, 10.0]), [0, LAST]);
+        let flat = Coding::Along { low: 3.0, high: 3.0 };
+        assert_eq!(codes(flat, &[2.0, 3.0, 4.0]), [0; 3]);
+    }
+
+    #[test]
+    fn bits_and_labels_are_of_whole_numbers() {
+        let codes = |ty, coding, bytes: &[u8]| Codes { ty, coding }.of(bytes);
+        let number = Coding::Bits { shift: 0, mask: 15 };
+        let count = Coding::Bits { shift: 4, mask: 15 };
+        assert_eq!(codes(AttrType::U8, number, &[0x21, 0x53]), [1, 3]);
+        assert_eq!(codes(AttrType::U8, count, &[0x21, 0x53]), [2, 5]);
+        assert_eq!(codes(AttrType::U16, Coding::Labels, &[7, 0, 252, 0]), [7, 1]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_code_is_the_value_to_half_a_step(
+            low in -1e6f64..1e6, extent in 1e-3f64..1e6, share in 0.0f64..1.0,
+        ) {
+            let value = low + extent * share;
+            let code = codes(Coding::Along { low, high: low + extent }, &[value])[0];
+            let back = low + extent * f64::from(code) / f64::from(LAST);
+            prop_assert!((back - value).abs() <= extent * (0.5 / f64::from(LAST) + 1e-6));
+        }
+    }
+}
