@@ -58,12 +58,12 @@ fn every_attribute() {
     let has_colours = names.contains(&"red");
     // The channels are drawn together.
     names.retain(|name| !["red", "green", "blue"].contains(name));
-    names.extend(["elevation", "level", "depth", "normal", "plain"]);
+    names.extend(["elevation", "level", "depth", "plain"]);
     names.extend(has_colours.then_some("rgb"));
     let mut seen = std::collections::HashSet::new();
     for name in &names {
         let (_, pixels, covered) =
-            picture(&folder, &file, &["--size", "160x120", "--colour-by", name]);
+            picture(&folder, &file, &["--size", "160x120", "--colour", name]);
         assert!(covered > 1000, "{name}: {covered} pixels");
         seen.insert(pixels);
     }

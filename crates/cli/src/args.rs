@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::bench::{BenchRender, LeaveOut};
 use crate::export::FilterArgs;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
@@ -74,6 +75,11 @@ pub enum Benchmark {
     /// Draw points that lie in memory and measure how many a second become pixels, by every path of the GPU
     /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
     Draw(Box<Draw>),
+    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does: project, pull-push, shade and
+    /// total milliseconds, beside the time in which the same bytes are copied.
+    Render(Box<BenchRender>),
+    /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident, milliseconds.
+    LeaveOut(Box<LeaveOut>),
     /// Build scans beside a rival program, turn by turn: seconds, CPU time, memory, scratch space, bytes out, and
     /// what decoding alone takes.
     Build(BenchBuild),
@@ -551,7 +557,7 @@ impl From<ColourBits> for ColourDepth {
     }
 }
 
-fn parse_camera(text: &str) -> Result<Camera, String> {
+pub fn parse_camera(text: &str) -> Result<Camera, String> {
     Camera::parse(text).map_err(|e| format!("{e:#}"))
 }
 
@@ -559,7 +565,7 @@ fn parse_against(text: &str) -> Result<Against, String> {
     Against::parse(text).map_err(|e| format!("{e:#}"))
 }
 
-fn parse_points(text: &str) -> Result<u64, String> {
+pub fn parse_points(text: &str) -> Result<u64, String> {
     let (digits, unit) = match text.as_bytes().last() {
         Some(b'k') => (&text[..text.len() - 1], 1_000),
         Some(b'M') => (&text[..text.len() - 1], 1_000_000),

@@ -7,7 +7,8 @@ use crate::{export, view};
 use anyhow::{Context, Result, bail};
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{
-    BuildOptions, Resume, Value, bench, build, demo, devices, explain, info, quantity, render, verify,
+    BuildOptions, Resume, Value, bench, build, demo, devices, explain, info, quantity, render,
+    verify,
 };
 use std::io::Write;
 use std::path::Path;
@@ -39,6 +40,12 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Bench { benchmark: Some(Benchmark::Stream(args)) } => run_stream(*args, stop),
         Command::Bench { benchmark: Some(Benchmark::Draw(args)) } => run_draw(*args, stop),
+        Command::Bench { benchmark: Some(Benchmark::Render(args)) } => {
+            crate::bench::render(*args, stop)
+        }
+        Command::Bench { benchmark: Some(Benchmark::LeaveOut(args)) } => {
+            crate::bench::leave_out(*args, stop)
+        }
         Command::Bench { benchmark: Some(Benchmark::Build(args)) } => run_bench_build(args, stop),
         Command::Bench { benchmark: Some(Benchmark::Decode(args)) } => run_decode(args, stop),
         Command::Bench { benchmark: None } => {
@@ -101,6 +108,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         with: (&args.with).into(),
         threads: args.how.threads,
         build: options(&args.how),
+        ..render::Request::default()
     };
     let progress = Progress::new(args.progress.into(), stop);
     let Some(out) = args.out.filter(|_| !args.explain) else {

@@ -2,6 +2,7 @@
 //! means that all of it worked. With `--json` the last line of standard output is one object.
 
 mod args;
+mod bench;
 mod commands;
 mod export;
 mod view;

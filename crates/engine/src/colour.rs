@@ -52,8 +52,9 @@ impl Legend {
             text += &format!(" ({})", palette.name());
         }
         let entries = self.entries.iter();
-        let entries: Vec<_> =
-            entries.map(|(n, what, [r, g, b])| format!("{n} {what} #{r:02x}{g:02x}{b:02x}")).collect();
+        let entries: Vec<_> = entries
+            .map(|(n, what, [r, g, b])| format!("{n} {what} #{r:02x}{g:02x}{b:02x}"))
+            .collect();
         if !entries.is_empty() {
             text += &format!(": {}", entries.join(", "));
         }
@@ -63,9 +64,8 @@ impl Legend {
     /// For machines.
     pub fn json(&self) -> Value {
         let entries = self.entries.iter();
-        let entries: Vec<_> = entries
-            .map(|(n, what, rgb)| json!({ "value": n, "name": what, "rgb": rgb }))
-            .collect();
+        let entries: Vec<_> =
+            entries.map(|(n, what, rgb)| json!({ "value": n, "name": what, "rgb": rgb })).collect();
         json!({
             "name": self.name, "range": self.range, "palette": self.palette.map(Palette::name),
             "entries": entries,
@@ -170,6 +170,12 @@ pub fn colouring_of(
             Ok(mapped(ColourBy::Elevation, "elevation", range, Palette::Terrain))
         }
         "level" | "cell" | "node" => without_range(plain(ColourBy::Cell, "level")),
+        "normal" | "normals" if !file.has(PlaneKind::Normal) => {
+            bail!(
+                "{}: has no normals; build it with --normals estimate, or try --colour elevation",
+                file.path().display()
+            )
+        }
         "normal" | "normals" => without_range(plain(ColourBy::Normal, "normal")),
         "depth" => {
             let extent = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum::<f64>();
@@ -253,7 +259,11 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         }
         if name == names::RETURNS && is_number {
             let entry = |n: u8| (n, "return".to_owned(), bytes(hue(u32::from(n))));
-            return coded(Codebook::Labels, Coding::Bits { shift: 0, mask: 15 }, (1..=5).map(entry).collect());
+            return coded(
+                Codebook::Labels,
+                Coding::Bits { shift: 0, mask: 15 },
+                (1..=5).map(entry).collect(),
+            );
         }
     }
     if name == names::POINT_SOURCE_ID && !wish.has_range() {

@@ -6,9 +6,10 @@ use crate::info;
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_lod::{CompactOctree, View};
-use esker_points::{Filter, Node};
+use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::{
-    Asked, Background, ColourPlane, DrawNode, Frame, FramePlan, Method, SceneHas,
+    Asked, Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan,
+    Method, SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -44,6 +45,20 @@ impl Look {
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
         Ok(Self { colouring, shown, method, shines })
+    }
+
+    /// The same with values as they lie in the file where they are mapped along a range.
+    pub fn with_values(mut self) -> Self {
+        let Colouring { by, plane, codes, .. } = &mut self.colouring;
+        if let (ColourBy::Codes(Codebook::Along(palette)), Some(Codes { ty, coding })) =
+            (*by, *codes)
+            && let (Coding::Along { low, high }, Some((_, stored))) = (coding, plane)
+        {
+            *by = ColourBy::Scalar(ColourMap { low, high, palette });
+            (*stored, *codes) = (Some(ty), None);
+            self.shown = Arc::new(Shown::clone(&self.shown).coded(None));
+        }
+        self
     }
 
     /// The plan of its frames; `is_dense` where points are dense in the whole view.
@@ -124,6 +139,7 @@ pub fn frame<'a, P>(
         cull_back_faces: file.has_oriented_normals() && method == Method::PullPush,
         hides_points: false,
         shines: true,
+        skips_push: true,
         background: Background::default(),
     }
 }

@@ -34,14 +34,15 @@ pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
             };
             let nodes: Vec<u32> = drawn.filter(has).collect();
             let bytes = nodes.iter().map(|&node| bytes(node)).sum::<u64>();
-            json!({ "plane": kind.name(), "nodes": nodes.len(), "bytes_resident": bytes })
+            json!({ "plane": plane_name(file, kind), "nodes": nodes.len(), "bytes_resident": bytes })
         })
         .collect();
     let variants: Vec<Value> = plan
         .variants()
         .into_iter()
         .map(|v| {
-            let constants = v.constants.iter().map(|&(name, value)| (name.to_owned(), json!(value)));
+            let constants =
+                v.constants.iter().map(|&(name, value)| (name.to_owned(), json!(value)));
             json!({ "shader": v.shader, "constants": constants.collect::<serde_json::Map<_, _>>() })
         })
         .collect();
@@ -58,6 +59,12 @@ pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
     }))
 }
 
+/// The name of a plane; that of its attribute, where it is one's.
+fn plane_name(file: &Forest, kind: PlaneKind) -> String {
+    let index = usize::from(kind.attribute());
+    file.schema().attributes.get(index).map_or_else(|| kind.name(), |a| a.name.clone())
+}
+
 /// What the frame does without, and why.
 fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     let plan = &scene.plan;
@@ -72,11 +79,14 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     say(!has_normals, "normal plane, normal target: the file has no normals");
     say(has_normals && !plan.reads_normals, "normal plane: points alone are not lit");
     say(has_normals && !plan.carries_normals && has_surface, "normal target: nothing is lit");
-    say(!plan.culls_back_faces, match (has_normals, has_surface) {
-        (false, _) => "back-face test: no normals",
-        (true, false) => "back-face test: points alone are drawn from both sides",
-        (true, true) => "back-face test: the normals do not tell front from back",
-    });
+    say(
+        !plan.culls_back_faces,
+        match (has_normals, has_surface) {
+            (false, _) => "back-face test: no normals",
+            (true, false) => "back-face test: points alone are drawn from both sides",
+            (true, true) => "back-face test: the normals do not tell front from back",
+        },
+    );
     say(!plan.reads_colours, "colour plane: colours come from elsewhere");
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");
@@ -93,7 +103,10 @@ pub fn text(report: &Value) -> String {
     let mut lines = vec![
         format!("{} points of {} nodes", number(&report["points"]), number(&report["nodes"])),
         format!("colour: {}", word(&report["legend"])),
-        format!("passes: {}", list(&report["passes"]).iter().map(word).collect::<Vec<_>>().join(", ")),
+        format!(
+            "passes: {}",
+            list(&report["passes"]).iter().map(word).collect::<Vec<_>>().join(", ")
+        ),
     ];
     for plane in list(&report["planes"]) {
         lines.push(format!(

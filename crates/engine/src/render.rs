@@ -37,6 +37,8 @@ pub struct Request {
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
+    pub keeps_values: bool,
     /// What draws.
     pub with: DrawWith,
     /// Threads; 0 is one a core.
@@ -57,6 +59,7 @@ impl Default for Request {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
+            keeps_values: false,
             with: DrawWith::default(),
             threads: 0,
             build: esker_build::Options::default(),
@@ -117,7 +120,7 @@ pub fn explain(inputs: &[PathBuf], request: &Request, task: &dyn Task) -> Result
 }
 
 /// Opens the file, or builds scans into one in a temporary folder, which goes with the second value.
-fn open(
+pub(crate) fn open(
     inputs: &[PathBuf],
     request: &Request,
     task: &dyn Task,
@@ -157,7 +160,7 @@ pub struct Scene {
     /// The kinds of planes that any node has been read for.
     pub(crate) kinds: Vec<PlaneKind>,
     /// Bytes that were read for it.
-    pub(crate) read_bytes: u64,
+    pub read_bytes: u64,
     select_ms: f64,
     read_ms: f64,
 }
@@ -171,8 +174,7 @@ impl Scene {
         let mut scene = Self::choose(file, request)?;
         let start = Instant::now();
         let before = file.read_bytes();
-        scene.planes =
-            read(file, &scene.view, &scene.selection, &scene.look, &scene.kinds, task)?;
+        scene.planes = read(file, &scene.view, &scene.selection, &scene.look, &scene.kinds, task)?;
         scene.read_bytes += file.read_bytes() - before;
         scene.read_ms = ms(start);
         Ok(scene)
@@ -184,10 +186,11 @@ impl Scene {
     /// Where these cannot be read, or the file has not what is asked for.
     pub fn choose(file: &Forest, request: &Request) -> Result<Self> {
         let start = Instant::now();
-        let view = request.camera.view(info::bounds(file), request.size);
+        let view = request.camera.view(bounds_of(file, &request.filter), request.size);
         let Request { colour_by, filter, method, shines, .. } = request;
         let before = file.read_bytes();
         let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
+        let look = if request.keeps_values { look.with_values() } else { look };
         let options = Options {
             points_budget: request.budget_points,
             target_spacing_px: request.target_spacing_px,
@@ -251,6 +254,15 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
     report["drawn_by"] = drawer.report();
     report["stages_ms"]["all_drawing"] = json!(ms(start));
     Ok((picture, report))
+}
+
+/// The bounds of what is fitted: of the points, within the box that is asked for.
+fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
+    let [low, high] = info::bounds(file);
+    let Some(wanted) = filter.bounds else { return [low, high] };
+    let least = [0, 1, 2].map(|i| low[i].max(wanted.min[i]));
+    let greatest = [0, 1, 2].map(|i| high[i].min(wanted.max[i]));
+    if (0..3).all(|i| least[i] <= greatest[i]) { [least, greatest] } else { [low, high] }
 }
 
 /// Everything is at hand; a filter says what may be shown.

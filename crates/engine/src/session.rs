@@ -89,16 +89,8 @@ impl Session {
         let Options { colour_by, filter, method, shines, .. } = &options;
         let look = Look::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
-        let mut session = Self {
-            file,
-            options,
-            look,
-            shares,
-            drawer,
-            running: None,
-            depth: None,
-            stalls: 0,
-        };
+        let mut session =
+            Self { file, options, look, shares, drawer, running: None, depth: None, stalls: 0 };
         let started = match gpu {
             Some(gpu) => GpuPainter::new(gpu, &session.file, &session.options)
                 .and_then(|painter| session.start(Box::new(painter))),

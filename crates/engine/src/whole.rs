@@ -6,7 +6,7 @@ use crate::render::Scene;
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::CompactOctree;
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
-use esker_render::Picture;
+use esker_render::{Frame, Picture, Stats};
 use std::collections::HashMap;
 
 /// What places are multiples of: what GPUs ask of bound ranges.
@@ -22,6 +22,73 @@ struct Places {
     end: u64,
 }
 
+/// A scene in the memory of a GPU.
+pub(crate) struct OnGpu {
+    renderer: GpuRenderer,
+    pool: NodePool,
+    places: Places,
+}
+
+impl OnGpu {
+    /// Sends the planes of a scene.
+    ///
+    /// # Errors
+    /// Where the GPU refuses memory or a shader, or fails.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
+        let renderer = GpuRenderer::new(gpu)?;
+        let places = Places::of(scene, gpu.tier.page_bytes_max)?;
+        let mut pool = NodePool::new(gpu, places.end);
+        let mut sent = 0;
+        for ((index, kind), at) in &places.at {
+            let bytes = bytes_of(&scene.planes[*index], *kind);
+            pool.write(gpu, at.offset, bytes)?;
+            sent += at.bytes;
+            if sent > SENT_MAX {
+                gpu.queue.submit([]);
+                sent = 0;
+            }
+        }
+        Ok(Self { renderer, pool, places })
+    }
+
+    /// Submits a frame; `change` has the last word on it.
+    ///
+    /// # Errors
+    /// Where the GPU refuses memory, or fails.
+    pub(crate) fn draw(
+        &mut self,
+        file: &Forest,
+        scene: &Scene,
+        octree: &CompactOctree,
+        change: impl Fn(&mut Frame<'_, PlaneAt>),
+    ) -> Result<(), GpuError> {
+        let nodes = scene.selection.drawn.iter().enumerate();
+        let draws: Vec<_> = nodes
+            .map(|(entry, drawn)| {
+                let node = &file.table().nodes[drawn.node as usize];
+                let at = |kind| self.places.at.get(&(entry, kind)).copied();
+                draw_node(node, entry, drawn.prefix, &scene.look.colouring, at)
+            })
+            .collect();
+        let mut frame = scene.look.frame(file, &scene.view, &draws, octree);
+        change(&mut frame);
+        self.renderer.render(&frame, &self.pool)
+    }
+
+    /// The picture of the last frame; waits for it.
+    ///
+    /// # Errors
+    /// Where the GPU fails.
+    pub(crate) fn picture(&mut self) -> Result<Picture, GpuError> {
+        self.renderer.read()
+    }
+
+    /// What the newest finished frame did.
+    pub(crate) fn stats(&mut self) -> Option<Stats> {
+        self.renderer.stats()
+    }
+}
+
 /// Draws a scene.
 ///
 /// # Errors
@@ -32,30 +99,9 @@ pub(crate) fn draw(
     scene: &Scene,
     octree: &CompactOctree,
 ) -> Result<Picture, GpuError> {
-    let mut renderer = GpuRenderer::new(gpu)?;
-    let places = Places::of(scene, gpu.tier.page_bytes_max)?;
-    let mut pool = NodePool::new(gpu, places.end);
-    let mut sent = 0;
-    for ((index, kind), at) in &places.at {
-        let bytes = bytes_of(&scene.planes[*index], *kind);
-        pool.write(gpu, at.offset, bytes)?;
-        sent += at.bytes;
-        if sent > SENT_MAX {
-            gpu.queue.submit([]);
-            sent = 0;
-        }
-    }
-    let nodes = scene.selection.drawn.iter().enumerate();
-    let draws: Vec<_> = nodes
-        .map(|(entry, drawn)| {
-            let node = &file.table().nodes[drawn.node as usize];
-            let at = |kind| places.at.get(&(entry, kind)).copied();
-            draw_node(node, entry, drawn.prefix, &scene.look.colouring, at)
-        })
-        .collect();
-    let frame = scene.look.frame(file, &scene.view, &draws, octree);
-    renderer.render(&frame, &pool)?;
-    renderer.read()
+    let mut on_gpu = OnGpu::new(gpu, scene)?;
+    on_gpu.draw(file, scene, octree, |_| ())?;
+    on_gpu.picture()
 }
 
 fn bytes_of(planes: &Planes, kind: PlaneKind) -> &[u8] {

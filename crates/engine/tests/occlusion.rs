@@ -74,6 +74,7 @@ impl Scan {
             cull_back_faces: false,
             hides_points: false,
             shines: true,
+            skips_push: true,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

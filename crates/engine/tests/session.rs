@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
+#[path = "../../render/tests/gpu/flip.rs"]
+mod flip;
+mod look;
 
 use creek::{SIZE, Wanderer, overview, sample};
 use esker_engine::backend::Backend;

@@ -15,8 +15,12 @@ use crate::table;
 use esker_points::{Node, NodeTable};
 use std::fmt;
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Bytes between two planes that are read along with them rather than skipped.
+const GAP_BYTES_MAX: u64 = 32 << 10;
 
 /// An opened .esker file. Reading takes `&self`, from any thread.
 pub struct EskerFile {
@@ -279,22 +283,34 @@ impl EskerFile {
     pub fn read_planes(&self, node: u32, kinds: &[PlaneKind]) -> Result<Planes, FormatError> {
         let record = self.node(node)?;
         let points = record.points();
-        // One read from the page's start serves the directory and all hot planes that are wanted.
-        let hot_end = kinds
-            .iter()
-            .filter_map(|&kind| self.layout.plane_range(kind, points, record.hot_shift))
-            .map(|range| range.end)
-            .fold(self.layout.directory_bytes() as u64, u64::max);
-        let mut head = vec![0; hot_end as usize];
-        self.read_exact_at(&mut head, record.page_offset)?;
-        let directory =
-            self.directory_of(record, &head, record.page_bytes).map_err(self.in_node(node))?;
+        // What lies close together is read at once.
+        let hot =
+            kinds.iter().filter_map(|&k| self.layout.plane_range(k, points, record.hot_shift));
+        let mut places: Vec<_> = hot.chain([0..self.layout.directory_bytes() as u64]).collect();
+        places.sort_by_key(|place| place.start);
+        let mut pieces: Vec<(u64, Vec<u8>)> = Vec::with_capacity(places.len());
+        for place in places.chunk_by(|a, b| b.start <= a.end + GAP_BYTES_MAX) {
+            let start = place[0].start;
+            let end = place.iter().map(|place| place.end).fold(start, u64::max);
+            let mut piece = vec![0; (end - start) as usize];
+            self.read_exact_at(&mut piece, record.page_offset + start)?;
+            pieces.push((start, piece));
+        }
+        let directory = self
+            .directory_of(record, &pieces[0].1, record.page_bytes)
+            .map_err(self.in_node(node))?;
+        let read_already = |range: Range<usize>| {
+            pieces.iter().find_map(|(start, piece)| {
+                let first = range.start.checked_sub(*start as usize)?;
+                piece.get(first..first + range.len()).map(<[u8]>::to_vec)
+            })
+        };
         let mut planes = Planes::default();
         for &kind in kinds {
             let Some(index) = self.layout.plane_index(kind) else { continue };
             let entry = directory.entries[index];
-            let stored = match head.get(entry.range()) {
-                Some(stored) => stored.to_vec(),
+            let stored = match read_already(entry.range()) {
+                Some(stored) => stored,
                 None => {
                     let mut stored = vec![0; entry.bytes as usize];
                     let offset = record.page_offset + u64::from(entry.offset);

@@ -177,7 +177,8 @@ impl Filtered {
         let file = forest.file_of(node);
         let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);
         let has_class = |point: usize| {
-            let source = of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
+            let source =
+                of_source.as_chunks::<2>().0.get(point).map_or(0, |c| u16::from_le_bytes(*c));
             own.is_some_and(|a| file.layout().has_attribute(usize::from(source), a))
         };
         let Some(positions) = planes.get_mut(PlaneKind::Position) else { return };

@@ -97,6 +97,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     pub hides_points: bool,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether views that are dense everywhere are drawn without pull and push
+    /// ([`crate::plan::DENSE_PX`]).
+    pub skips_push: bool,
     /// What lies behind the points.
     pub background: Background,
 }

@@ -122,8 +122,7 @@ impl FramePlan {
         };
         let carries_normals = has.normals && has_surface;
         let culls_back_faces = has.oriented_normals && has.normals;
-        let fetches_normals =
-            carries_normals || (has.normals && asked.colour == ColourBy::Normal);
+        let fetches_normals = carries_normals || (has.normals && asked.colour == ColourBy::Normal);
         Self {
             passes,
             reads_colours: has.colour_plane && asked.colour.reads_plane(),
@@ -154,6 +153,7 @@ impl FramePlan {
         let (method, colour) = (frame.method, frame.colour);
         let nodes = || frame.draws.iter().map(|draw| (draw.entry, draw.node));
         let is_dense = method == Method::PullPush
+            && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
         Self::of(&has, &Asked { method, colour, shines: frame.shines, is_dense })
     }
@@ -243,5 +243,66 @@ impl Stages {
             Pass::Shade | Pass::Resolve => &mut self.shade_ms,
             Pass::Soften => &mut self.soften_ms,
         } += ms;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::colour::{Codebook, Palette};
+
+    const ALL: SceneHas = SceneHas {
+        normals: true,
+        oriented_normals: true,
+        colour_plane: true,
+        hidden_points: false,
+    };
+    const ASKED: Asked =
+        Asked { method: Method::PullPush, colour: ColourBy::Rgb, shines: true, is_dense: false };
+
+    #[test]
+    fn without_normals_none_is_read_carried_or_tested() {
+        let plan = FramePlan::of(&SceneHas { normals: false, ..ALL }, &ASKED);
+        assert!(!plan.reads_normals && !plan.carries_normals && !plan.culls_back_faces);
+        let constants = plan.variants().into_iter().flat_map(|v| v.constants);
+        let flags = ["NORMALS", "CULLS_BACK_FACES"];
+        assert!(constants.into_iter().all(|(name, value)| !flags.contains(&name) || value == 0));
+    }
+
+    #[test]
+    fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
+        let points = Asked { method: Method::Points, ..ASKED };
+        let has = SceneHas { oriented_normals: false, ..ALL };
+        let reads = |colour| {
+            let plan = FramePlan::of(&has, &Asked { colour, ..points });
+            assert!(!plan.carries_normals && !plan.has_pyramid && !plan.shines);
+            (plan.reads_colours, plan.reads_normals, plan.fetches)
+        };
+        assert_eq!(reads(ColourBy::Rgb), (true, false, [false, true, false]));
+        assert_eq!(reads(ColourBy::Plain), (false, false, [false; 3]));
+        assert_eq!(reads(ColourBy::Normal), (false, true, [false, false, true]));
+        let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
+        assert_eq!(reads(codes), (true, false, [false, true, false]));
+        assert_eq!(FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
+    }
+
+    #[test]
+    fn dense_views_are_neither_pulled_nor_pushed() {
+        let plan = FramePlan::of(&ALL, &Asked { is_dense: true, ..ASKED });
+        assert!(!plan.has_pyramid);
+        assert!(!plan.passes.contains(&Pass::Pull) && !plan.passes.contains(&Pass::Push));
+        assert!(FramePlan::of(&ALL, &ASKED).has_pyramid);
+    }
+
+    #[test]
+    fn a_plan_names_a_pipeline_for_every_pass() {
+        let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &ASKED);
+        let variants = plan.variants();
+        assert!(variants.len() > plan.passes.len());
+        assert_eq!(variants[0].constants, [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1)]);
+        let shade = variants.iter().find(|v| v.shader == "shade").map(|v| v.constants.clone());
+        assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1)]));
+        let matt = FramePlan::of(&ALL, &Asked { shines: false, ..ASKED });
+        assert!(matt.variants().iter().any(|v| v.constants.contains(&("SHINES", 0))));
     }
 }

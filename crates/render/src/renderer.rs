@@ -116,7 +116,8 @@ impl Renderer {
                     edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
                 }
                 Pass::Shade => {
-                    let shaded = shade(&camera, pyramid, frame.background, plan.shines, scratch, picture);
+                    let shaded =
+                        shade(&camera, pyramid, frame.background, plan.shines, scratch, picture);
                     (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
                 }
                 Pass::Soften => {

@@ -12,8 +12,7 @@ use esker_lod::{CompactOctree, Drawn, View, tiles_of};
 use esker_points::{AttrType, Cell, Node, NodeTable};
 use esker_render::gpu::pyramid::GpuPyramid;
 use esker_render::{
-    Codebook,
-    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
+    Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
 };
 use glam::{DVec3, Vec4};
 use rig::{Rig, gpus};
@@ -282,7 +281,8 @@ fn values_of_every_type_have_the_twins_colour_bit_by_bit() {
             let narrow = map(wide.low, wide.low + (wide.high - wide.low) * 1e-3);
             let denormal = map(-1e-38, 1e-38);
             let maps = [wide, narrow, map(wide.high, wide.low), map(0.0, 0.0), denormal];
-            let ways = maps.map(ColourBy::Scalar).into_iter().chain([ColourBy::Codes(Codebook::Classes)]);
+            let ways =
+                maps.map(ColourBy::Scalar).into_iter().chain([ColourBy::Codes(Codebook::Classes)]);
             for colour in ways {
                 let mut frame = scene.frame(&view, &draws);
                 frame.colour = colour;

@@ -7,6 +7,7 @@ mod gpu;
 mod scene;
 
 use esker_lod::{Occlusion, OrientedBox, View};
+use esker_points::quant::HIDDEN_AT;
 use esker_render::gpu::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
 use esker_render::{Background, ColourBy, Frame, Method, Picture, render};
@@ -86,8 +87,17 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let nothing = Frame { draws: &[], ..surface };
     let bunny = Bunny::new();
     let bunny_draws = bunny.as_ref().map(|b| b.scene.draws(true, true, true));
+    let mut marked = ball_and_floor();
+    for point in marked.nodes.iter_mut().flat_map(|n| n.position.chunks_mut(8)).step_by(3) {
+        point[HIDDEN_AT] = 1;
+    }
+    let marked_draws = marked.draws(true, true, true);
+    let filtered = Frame { hides_points: true, ..marked.frame(&small, &marked_draws) };
     let mut frames = vec![
         ("surface", surface),
+        ("surface without highlights", Frame { shines: false, ..surface }),
+        ("surface of a part of the points", filtered),
+        ("a part of the points", Frame { method: Method::Points, ..filtered }),
         ("surface of another size", scene.frame(&wide, &with)),
         ("surface without normals", scene.frame(&small, &without)),
         ("points", points),

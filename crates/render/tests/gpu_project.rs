@@ -262,6 +262,7 @@ fn any_bits_are_a_harmless_picture() {
             cull_back_faces: true,
             hides_points: false,
             shines: true,
+            skips_push: true,
             background: Background::default(),
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {

@@ -95,7 +95,8 @@ fn twins(input: &Input<'_>) -> Twins {
     let mended = depth.clone();
     found.extend(trim::trim(level, depth, &found, camera.focal_px));
     let mut scratch = ReliefScratch::default();
-    let shaded = shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);
+    let shaded =
+        shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);
     let (depth, rgba) = (&picture.depth, &mut picture.rgba);
     soften::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
     Twins { pulled, pushed, mended, picture }

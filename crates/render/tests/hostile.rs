@@ -9,9 +9,8 @@ use esker_lod::View;
 use esker_points::{AttrType, Lattice, Node};
 use esker_render::pyramid::Pyramid;
 use esker_render::{
-    Codebook,
-    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, RenderError,
-    Renderer, pull, push,
+    Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
+    RenderError, Renderer, pull, push,
 };
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -83,6 +82,7 @@ proptest! {
             view: &view, lattice: &lattice, draws: &draws, octree: None, method, colour, cull_back_faces,
             hides_points: false,
             shines: true,
+            skips_push: true,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();

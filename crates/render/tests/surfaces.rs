@@ -230,8 +230,9 @@ fn radii_follow_the_finest_drawn_cell() {
         colour: ColourBy::Plain,
         cull_back_faces: true,
         hides_points: false,
-            shines: true,
-            background: Background::default(),
+        shines: true,
+        skips_push: true,
+        background: Background::default(),
     };
     let mut pyramid = Pyramid::default();
     assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 2);

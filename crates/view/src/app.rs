@@ -78,7 +78,9 @@ impl App {
     pub fn new(args: Args, start: Instant) -> Result<Self> {
         let wanted = Settings {
             method: args.method.into(),
-            colour_by: args.colour_by.clone(),
+            colour_by: args.colour.clone(),
+            filter: args.filter(),
+            shines: !args.no_highlights,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
             target_spacing_px: args.target_spacing,
             budget_gpu_bytes: args.budget_gpu,
@@ -278,6 +280,7 @@ impl App {
         faults.extend(self.counters.status.fault.clone());
         faults.dedup();
         let mut is_coarser = looking.is_coarser_moving();
+        let legend = looking.legend();
         let facts = Facts {
             name: looking.name(),
             about: looking.about(),
@@ -286,6 +289,7 @@ impl App {
             anon_bytes: self.anon_bytes.1,
             backend: &looking.drawn_by(&self.shown_by),
             sources: looking.sources(),
+            legend: legend.as_deref(),
             picture: looking.picture_size(),
             speed: looking.camera().speed() * looking.camera().distance(),
             is_frozen: looking.is_frozen(),

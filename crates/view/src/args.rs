@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use esker_engine::camera::Camera;
-use esker_engine::{Method, quantity};
+use esker_engine::{Bounds, Classes, Filter, Method, Polygon, export, quantity};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or a scan, in a window.
@@ -27,9 +27,26 @@ pub struct Args {
     /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
     #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
     pub camera: Camera,
-    /// rgb, intensity, elevation, classification, normal, level, depth, plain, or any attribute's name.
-    #[arg(long, value_name = "WHAT")]
-    pub colour_by: Option<String>,
+    /// rgb, intensity, elevation, classification, return_number, source_id, time, normal, level, depth, plain, or any
+    /// attribute's name; where it has a range of values, that may follow, with either end open.
+    #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
+    pub colour: Option<String>,
+    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen from above.
+    #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
+    pub bounds: Option<Bounds>,
+    /// Points over this polygon, its edges included: corners as "x,y x,y x,y", or a file of such lines or of
+    /// GeoJSON.
+    #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
+    pub polygon: Option<Polygon>,
+    /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
+    #[arg(long, value_name = "CLASSES")]
+    pub classes: Option<Classes>,
+    /// An even sample whose points are about this far apart, in the scan's unit.
+    #[arg(long, value_name = "S")]
+    pub max_spacing: Option<f64>,
+    /// Light surfaces without highlights.
+    #[arg(long)]
+    pub no_highlights: bool,
     /// Drawing memory.
     #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,
@@ -57,6 +74,18 @@ pub struct Args {
     /// Start without the panel.
     #[arg(long)]
     pub no_panel: bool,
+}
+
+impl Args {
+    /// Which points are wanted.
+    pub fn filter(&self) -> Filter {
+        Filter {
+            bounds: self.bounds,
+            polygon: self.polygon.clone(),
+            classes: self.classes,
+            max_spacing: self.max_spacing,
+        }
+    }
 }
 
 /// What draws the scene.
@@ -106,6 +135,10 @@ impl From<MethodArg> for Method {
 
 fn parse_camera(text: &str) -> Result<Camera, String> {
     Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+fn parse_polygon(word: &str) -> Result<Polygon, String> {
+    export::polygon(word).map_err(|e| format!("{e:#}"))
 }
 
 fn parse_spacing(text: &str) -> Result<f64, String> {

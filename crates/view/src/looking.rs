@@ -8,7 +8,7 @@ use crate::depth::{Depths, typical};
 use crate::device::{Device, ShownBy};
 use crate::gestures::Gestures;
 use crate::scene::{Look, Scene, Shown};
-use crate::settings::{Settings, colour_sources};
+use crate::settings::Settings;
 use crate::sharpness::Sharpness;
 use crate::shots::Shots;
 use crate::source::Opened;
@@ -16,7 +16,7 @@ use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::quantity::grouped;
 use esker_engine::session::Image;
-use esker_engine::{Forest, View, info};
+use esker_engine::{Forest, View, colour, info};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 use std::time::Instant;
@@ -71,7 +71,7 @@ impl Looking {
             device: shown.device(args.backend),
             sharpness: Sharpness::new(is_coarser_moving),
             frozen: None,
-            sources: colour_sources(file),
+            sources: colour::choices(file),
             name: name.unwrap_or_else(|| "scan".into()),
             about: format!("{points} points in {nodes} nodes{built}"),
             place: None,
@@ -110,6 +110,11 @@ impl Looking {
     /// Where colours can come from.
     pub fn sources(&self) -> &[String] {
         &self.sources
+    }
+
+    /// What the colours mean, once a session draws.
+    pub fn legend(&self) -> Option<String> {
+        self.scene.as_ref()?.legend()
     }
 
     /// Size of the picture that is shown, pixels.

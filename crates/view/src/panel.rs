@@ -2,6 +2,7 @@
 //! Shows what it is given and says what the user asks for; does nothing itself.
 
 use crate::counters::Counters;
+use crate::filters;
 use crate::plot;
 use crate::settings::Settings;
 use crate::theme;
@@ -36,6 +37,8 @@ pub struct Facts<'a> {
     pub backend: &'a str,
     /// Where colours can come from.
     pub sources: &'a [String],
+    /// What the colours mean.
+    pub legend: Option<&'a str>,
     /// Size of the picture, pixels.
     pub picture: [u32; 2],
     /// Speed of the camera in the file's unit a second.
@@ -185,6 +188,11 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
             }
         });
     });
+    if let Some(legend) = facts.legend {
+        ui.add(Label::new(RichText::new(legend).small().color(theme::FAINT)).wrap());
+    }
+    filters::show(ui, wanted);
+    ui.checkbox(&mut wanted.shines, "highlights");
     ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
     ui.checkbox(is_coarser_moving, "coarser while moving");
 }

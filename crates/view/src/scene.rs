@@ -83,6 +83,14 @@ impl Scene {
         &self.settings
     }
 
+    /// What the colours mean; `None` where no session runs.
+    pub fn legend(&self) -> Option<String> {
+        match &self.state {
+            State::Running(session) => Some(session.look().colouring.legend.text()),
+            _ => None,
+        }
+    }
+
     /// What streaming is at.
     pub fn status(&self) -> Status {
         match &self.state {
@@ -159,12 +167,15 @@ impl Scene {
         if settings == self.settings {
             return;
         }
-        let is_method_alone =
-            Settings { method: settings.method, ..self.settings.clone() } == settings;
+        let Settings { method, shines, .. } = settings;
+        let is_method_alone = Settings { method, shines, ..self.settings.clone() } == settings;
         self.settings = settings;
         self.at_rest = None;
         match &mut self.state {
-            State::Running(session) if is_method_alone => session.set_method(self.settings.method),
+            State::Running(session) if is_method_alone => {
+                session.set_method(method);
+                session.set_shine(shines);
+            }
             _ => self.reopen(),
         }
     }

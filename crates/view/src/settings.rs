@@ -2,7 +2,7 @@
 //! session cannot change is reopened.
 
 use esker_engine::options::Options;
-use esker_engine::{Forest, Method};
+use esker_engine::{Filter, Method};
 
 /// What a session costs and how it draws.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,6 +11,10 @@ pub struct Settings {
     pub method: Method,
     /// Where colours come from; the best there is where not said.
     pub colour_by: Option<String>,
+    /// Which points are shown.
+    pub filter: Filter,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -29,6 +33,8 @@ impl Default for Settings {
         Self {
             method: options.method,
             colour_by: options.colour_by,
+            filter: options.filter,
+            shines: options.shines,
             points_budget: options.points_budget,
             target_spacing_px: options.target_spacing_px,
             budget_gpu_bytes: options.budget_gpu_bytes,
@@ -47,6 +53,8 @@ impl Settings {
             size,
             method: self.method,
             colour_by: self.colour_by.clone(),
+            filter: self.filter.clone(),
+            shines: self.shines,
             points_budget: self.points_budget,
             target_spacing_px: self.target_spacing_px,
             occlusion: self.occlusion,
@@ -62,29 +70,4 @@ impl Settings {
         let next = self.colour_by.as_ref().and_then(at).map_or(0, |i| i + 1);
         self.colour_by = sources.get(next % sources.len().max(1)).cloned();
     }
-}
-
-/// What colours can come from in this file, as [`Settings::colour_by`] names it: its own colours first, then what
-/// every file has, then its attributes.
-pub fn colour_sources(file: &Forest) -> Vec<String> {
-    let attributes = &file.schema().attributes;
-    let has = |name: &str| attributes.iter().any(|a| a.name == name);
-    let channels = ["red", "green", "blue"];
-    let mut sources = Vec::new();
-    if channels.iter().all(|c| has(c)) {
-        sources.push("rgb".to_owned());
-    }
-    for name in ["intensity", "classification"] {
-        if has(name) {
-            sources.push(name.to_owned());
-        }
-    }
-    sources.extend(["elevation", "normal", "level", "depth", "plain"].map(str::to_owned));
-    for attribute in attributes {
-        let is_new = !sources.contains(&attribute.name);
-        if is_new && !channels.contains(&attribute.name.as_str()) {
-            sources.push(attribute.name.clone());
-        }
-    }
-    sources
 }

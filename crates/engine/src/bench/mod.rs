@@ -5,13 +5,15 @@ pub mod build;
 pub mod disk;
 pub mod draw;
 pub mod flight;
+pub mod leave_out;
 pub mod path;
 pub mod process;
+pub mod render;
 pub mod report;
 pub mod stream;
 
 /// The benchmarks that there are, with what each measures.
-pub const BENCHMARKS: [(&str, &str); 4] = [
+pub const BENCHMARKS: [(&str, &str); 6] = [
     (
         "build",
         "builds scans, beside a rival program: seconds, CPU time, memory, scratch space, bytes out",
@@ -24,5 +26,13 @@ pub const BENCHMARKS: [(&str, &str); 4] = [
     (
         "draw",
         "draws points that lie in memory: million points a second, and the share of memory bandwidth",
+    ),
+    (
+        "render",
+        "draws models whole, by every method and backend: table 1 of marroquim2007, and the floor of copying",
+    ),
+    (
+        "leave-out",
+        "draws a scene with and without each thing that it can do without: bytes and times",
     ),
 ];

@@ -138,7 +138,8 @@ mod tests {
     fn runs_colour_every_code() {
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
         for book in [Codebook::Classes, Codebook::Labels, Codebook::Along(Palette::Viridis)] {
-            let (runs, colours) = (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
+            let (runs, colours) =
+                (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
             for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {
                 assert_eq!(looked_up(&runs, v), colours[usize::from(v as u8)], "{v} of {book:?}");
             }

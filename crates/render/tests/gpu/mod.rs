@@ -102,6 +102,7 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         cull_back_faces: frame.cull_back_faces,
         hides_points: frame.hides_points,
         shines: frame.shines,
+        skips_push: frame.skips_push,
         background: frame.background,
     }
 }

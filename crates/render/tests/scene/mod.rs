@@ -88,6 +88,7 @@ impl Scene {
             cull_back_faces: true,
             hides_points: false,
             shines: true,
+            skips_push: true,
             background: Background::default(),
         }
     }

@@ -110,7 +110,8 @@ pub fn frame_of<'a, P>(
         colour: ColourBy::Plain,
         cull_back_faces: false,
         hides_points: false,
-            shines: true,
-            background: Background::default(),
+        shines: true,
+        skips_push: true,
+        background: Background::default(),
     }
 }

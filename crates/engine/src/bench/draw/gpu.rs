@@ -215,7 +215,7 @@ fn send(gpu: &Gpu) -> Result<(), GpuError> {
 }
 
 /// Waits for all that was submitted.
-fn wait(gpu: &Gpu) -> Result<(), GpuError> {
+pub fn wait(gpu: &Gpu) -> Result<(), GpuError> {
     let waited = gpu.device.poll(PollType::wait_indefinitely());
     waited.map_err(|e| gpu.fault().unwrap_or(GpuError::Lost(e.to_string())))?;
     gpu.fault().map_or(Ok(()), Err)

@@ -26,6 +26,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use cloud::POINTS_MAX;
+pub(in crate::bench) use gpu::{copy_rate, wait};
 pub use report::text;
 
 /// Points where there is no real GPU and nobody says how many.
@@ -183,7 +184,7 @@ impl Bench<'_> {
             resident.cpu = Some((OnCpu::new(cloud), cpu::copy_rate()));
         }
         if let Some(gpu) = self.gpu.as_ref().filter(|_| fits(budget_gpu_bytes, "budget-gpu")) {
-            let rate = gpu::copy_rate(gpu)?;
+            let rate = copy_rate(gpu)?;
             let GpuRequest { path, .. } = self.request.with.gpu;
             resident.gpu = Some((OnGpu::new(gpu, path, cloud)?, rate));
         }

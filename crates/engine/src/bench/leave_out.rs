@@ -1,0 +1,243 @@
+//! What leaving out saves: each thing that a frame can do without is drawn with and without it, in turns, in one
+//! run; bytes read from the file, bytes of planes in drawing memory, milliseconds a frame.
+
+use crate::backend::DrawWith;
+use crate::bench::flight::quantile;
+use crate::bench::render::stand::{Changes, Stand};
+use crate::camera::Camera;
+use crate::colour;
+use crate::pool;
+use crate::quantity::readable_bytes;
+use crate::render::{self, Request as Picture};
+use anyhow::Result;
+use esker_format::{Forest, PlaneKind};
+use esker_points::attribute::names;
+use esker_points::{Filter, Task};
+use esker_render::gpu::Gpu;
+use esker_render::{Method, Stages};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Frames at least and at most, and how long they may take before the least is enough.
+const FRAMES: [usize; 2] = [3, 9];
+const PATIENCE: Duration = Duration::from_secs(2);
+/// A target spacing with which views are dense.
+const DENSE: f64 = 0.3;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// `.esker` files or scans.
+    pub files: Vec<PathBuf>,
+    /// Width and height of the picture, pixels.
+    pub size: [u32; 2],
+    /// The camera.
+    pub camera: Camera,
+    /// The GPU; the CPU is always measured as well.
+    pub with: DrawWith,
+    /// Threads; 0 is one a core.
+    pub threads: usize,
+}
+
+/// One thing that can be left out: what is drawn with it, and without.
+struct Omission {
+    name: &'static str,
+    with: (Picture, Changes),
+    without: (Picture, Changes),
+}
+
+/// Measures; the report.
+///
+/// # Errors
+/// Where a file cannot be read, a GPU is asked for and there is none, or it fails; on request.
+pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
+    let (gpu, drawer) = request.with.choose(None)?;
+    pool::run(request.threads, || {
+        let mut rows = Vec::new();
+        for path in &request.files {
+            let (file, _folder) = render::open(&[path.clone()], &Picture::default(), task)?;
+            for omission in omissions(&file, request) {
+                task.phase(omission.name, None, "frames");
+                let mut row = omission.measure(&file, gpu.as_ref(), task)?;
+                row["file"] = json!(path.display().to_string());
+                rows.push(row);
+            }
+        }
+        Ok(json!({
+            "adapter": gpu.as_ref().map(|gpu| &gpu.name),
+            "note": drawer.note,
+            "threads": rayon::current_num_threads(),
+            "rows": rows,
+        }))
+    })
+}
+
+/// What can be left out of pictures of a file.
+fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
+    let base = Picture {
+        size: request.size,
+        camera: request.camera.clone(),
+        colour_by: Some("plain".into()),
+        ..Picture::default()
+    };
+    let same = Changes::default();
+    let mut all = vec![Omission {
+        name: "highlights",
+        with: (base.clone(), same),
+        without: (Picture { shines: false, ..base.clone() }, same),
+    }];
+    if let Some(colour) =
+        [PlaneKind::Colour, PlaneKind::Intensity].into_iter().find(|&k| file.has(k))
+    {
+        let name = if colour == PlaneKind::Colour { "rgb" } else { names::INTENSITY };
+        all.push(Omission {
+            name: "colour plane",
+            with: (Picture { colour_by: Some(name.into()), ..base.clone() }, same),
+            without: (base.clone(), same),
+        });
+    }
+    if file.has(PlaneKind::Normal) {
+        let points = Picture { method: Method::Points, ..base.clone() };
+        all.push(Omission {
+            name: "normal plane of points alone",
+            with: (Picture { colour_by: Some("normal".into()), ..points.clone() }, same),
+            without: (points, same),
+        });
+    }
+    if file.has_oriented_normals() {
+        all.push(Omission {
+            name: "back faces",
+            with: (base.clone(), Changes { keeps_back_faces: true, ..same }),
+            without: (base.clone(), same),
+        });
+    }
+    if colour::colouring(file, Some(names::GPS_TIME), crate::info::bounds(file)).is_ok() {
+        let coded = Picture { colour_by: Some(names::GPS_TIME.into()), ..base.clone() };
+        all.push(Omission {
+            name: "values beyond a byte of code",
+            with: (Picture { keeps_values: true, ..coded.clone() }, same),
+            without: (coded, same),
+        });
+    }
+    let dense = Picture { target_spacing_px: DENSE, budget_points: u64::MAX, ..base.clone() };
+    all.push(Omission {
+        name: "pull and push of a dense view",
+        with: (dense.clone(), Changes { always_pushes: true, ..same }),
+        without: (dense, same),
+    });
+    all.push(Omission {
+        name: "surfaces: points alone",
+        with: (base.clone(), same),
+        without: (Picture { method: Method::Points, ..base.clone() }, same),
+    });
+    if let Some(bounds) = quarter(file) {
+        let filter = Filter { bounds: Some(bounds), ..Filter::default() };
+        let camera = fixed(file, request);
+        let whole = Picture { camera, ..base };
+        all.push(Omission {
+            name: "what lies outside a box",
+            with: (whole.clone(), same),
+            without: (Picture { filter, ..whole }, same),
+        });
+    }
+    all
+}
+
+/// The camera that shows the whole file, whatever a filter leaves of it.
+fn fixed(file: &Forest, request: &Request) -> Camera {
+    let view = request.camera.view(crate::info::bounds(file), request.size);
+    Camera {
+        eye: Some(view.eye),
+        target: Some(view.eye + view.forward()),
+        ..request.camera.clone()
+    }
+}
+
+/// The middle quarter of a file, seen from above.
+fn quarter(file: &Forest) -> Option<esker_points::filter::Bounds> {
+    let [low, high] = crate::info::bounds(file);
+    let at = |axis: usize, share: f64| low[axis] + (high[axis] - low[axis]) * share;
+    let bounds = esker_points::filter::Bounds {
+        min: [at(0, 0.25), at(1, 0.25), f64::NEG_INFINITY],
+        max: [at(0, 0.75), at(1, 0.75), f64::INFINITY],
+    };
+    (0..2).all(|axis| bounds.min[axis] < bounds.max[axis]).then_some(bounds)
+}
+
+impl Omission {
+    fn measure(&self, file: &Forest, gpu: Option<&Gpu>, task: &dyn Task) -> Result<Value> {
+        let mut with = Stand::new(file, &self.with.0, gpu, task)?;
+        let mut without = Stand::new(file, &self.without.0, gpu, task)?;
+        let mut stands = [(&mut with, self.with.1), (&mut without, self.without.1)];
+        let mut frames = [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
+        let start = Instant::now();
+        // The first round pays for fresh memory and is left out.
+        for round in 0..=FRAMES[1] {
+            if round > FRAMES[0] && start.elapsed() > PATIENCE {
+                break;
+            }
+            for ((stand, changes), frames) in stands.iter_mut().zip(&mut frames) {
+                task.check()?;
+                let [cpu, on_gpu] = frames;
+                let took = stand.on_cpu(*changes)?;
+                let gpu_took = stand.has_gpu().then(|| stand.on_gpu(*changes)).transpose()?;
+                if round > 0 {
+                    cpu.push(took);
+                    on_gpu.extend(gpu_took);
+                }
+            }
+        }
+        let ms = |frames: &[Stages]| {
+            let all: Vec<f64> = frames.iter().map(|s| s.total_ms).collect();
+            (!all.is_empty()).then(|| quantile(&all, 0.5))
+        };
+        let side = |stand: &Stand<'_>, frames: &[Vec<Stages>; 2]| {
+            json!({
+                "bytes_read": stand.scene.read_bytes,
+                "bytes_resident": stand.plane_bytes(),
+                "points": stand.points(),
+                "cpu_ms": ms(&frames[0]),
+                "gpu_ms": ms(&frames[1]),
+            })
+        };
+        Ok(json!({
+            "left_out": self.name,
+            "with": side(&with, &frames[0]),
+            "without": side(&without, &frames[1]),
+        }))
+    }
+}
+
+/// The report for people.
+pub fn text(report: &Value) -> String {
+    let rows = report["rows"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut lines = Vec::new();
+    let mut file = "";
+    for row in rows {
+        if let Some(name) = row["file"].as_str().filter(|name| *name != file) {
+            file = name;
+            lines.push(format!("{name}: with it and without"));
+        }
+        let pair = |name: &str| [&row["with"][name], &row["without"][name]];
+        let bytes = |name: &str| {
+            let [with, without] = pair(name).map(|v| readable_bytes(v.as_u64().unwrap_or(0)));
+            format!("{with:>10} {without:>10}")
+        };
+        let ms = |name: &str| match pair(name).map(Value::as_f64) {
+            [Some(with), Some(without)] => format!("{with:>8.2} {without:>8.2} ms"),
+            _ => String::new(),
+        };
+        lines.push(format!(
+            "  {:<30} read {}  resident {}  cpu {}{}{}",
+            row["left_out"].as_str().unwrap_or("?"),
+            bytes("bytes_read"),
+            bytes("bytes_resident"),
+            ms("cpu_ms"),
+            if row["with"]["gpu_ms"].is_null() { "" } else { "  gpu " },
+            ms("gpu_ms"),
+        ));
+    }
+    lines.extend(report["adapter"].as_str().map(|name| format!("gpu: {name}")));
+    lines.join("\n")
+}

@@ -1,0 +1,213 @@
+//! Table 1 of marroquim2007: the time of a frame for models of several sizes and pictures of two, by every method
+//! and backend; beside each row the time in which the same bytes are copied once. All points are drawn, as in
+//! the paper. Frames of the backends take turns, so that they share what else the machine does.
+
+mod models;
+mod report;
+pub(in crate::bench) mod stand;
+
+use crate::backend::DrawWith;
+use crate::bench::draw::copy_rate;
+use crate::bench::flight::quantile;
+use crate::pool;
+use crate::render::{self, Request as Picture};
+use anyhow::Result;
+use esker_format::Forest;
+use esker_points::Task;
+use esker_render::gpu::Gpu;
+use esker_render::{Method, Stages};
+use models::{TABLE_1, write_pebble};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use stand::{Changes, Stand};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+pub use report::text;
+
+/// The methods that are measured, by the names of the command line.
+const METHODS: [(Method, &str); 2] = [(Method::PullPush, "pull-push"), (Method::Points, "points")];
+/// Frames at least and at most, and how long they may take before the least is enough.
+const FRAMES: [usize; 2] = [3, 15];
+const PATIENCE: Duration = Duration::from_secs(4);
+/// Bytes that a frame writes and reads of each pixel at least, by the method: what projection leaves, and the picture.
+const POINT_PIXEL_BYTES: u64 = 8 + 8;
+/// The pyramid's planes, with normals, and a third more for the levels above.
+const SURFACE_PIXEL_BYTES: u64 = (16 + 16 + 4 + 16) * 4 / 3;
+/// Bytes that a thread copies at once.
+const COPY_PIECE: usize = 1 << 18;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// `.esker` files or scans; generated models of the sizes of the paper's where there are none.
+    pub models: Vec<PathBuf>,
+    /// Numbers of points of generated models; the paper's where not said.
+    pub points: Vec<u64>,
+    /// Widths and heights of pictures, pixels.
+    pub sizes: Vec<[u32; 2]>,
+    /// The GPU; the CPU is always measured as well.
+    pub with: DrawWith,
+    /// Threads; 0 is one a core.
+    pub threads: usize,
+}
+
+/// A model and what the paper measured of the like.
+struct Model {
+    name: String,
+    file: Forest,
+    /// For pictures of 512 x 512 and of 1024 x 1024, milliseconds.
+    paper_ms: Option<[f64; 2]>,
+    _folder: Option<tempfile::TempDir>,
+}
+
+/// Measures; the report.
+///
+/// # Errors
+/// Where a model cannot be read or built, a GPU is asked for and there is none, or it fails; on request.
+pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
+    let (gpu, drawer) = request.with.choose(None)?;
+    pool::run(request.threads, || {
+        let mut rows = Vec::new();
+        for index in 0..request.count() {
+            let model = request.model(index, task)?;
+            for &size in &request.sizes {
+                for (method, name) in METHODS {
+                    let picture = Picture {
+                        size,
+                        method,
+                        target_spacing_px: 0.0,
+                        budget_points: u64::MAX,
+                        colour_by: Some("plain".into()),
+                        ..Picture::default()
+                    };
+                    let mut stand = Stand::new(&model.file, &picture, gpu.as_ref(), task)?;
+                    rows.extend(rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?);
+                }
+            }
+        }
+        Ok(json!({
+            "adapter": gpu.as_ref().map(|gpu| &gpu.name),
+            "is_software": gpu.as_ref().map(|gpu| gpu.tier.is_software),
+            "note": drawer.note,
+            "threads": rayon::current_num_threads(),
+            "rows": rows,
+        }))
+    })
+}
+
+impl Request {
+    fn count(&self) -> usize {
+        match (self.models.len(), self.points.len()) {
+            (0, 0) => TABLE_1.len(),
+            (0, points) => points,
+            (models, _) => models,
+        }
+    }
+
+    fn model(&self, index: usize, task: &dyn Task) -> Result<Model> {
+        if let Some(path) = self.models.get(index) {
+            let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+            let (file, folder) = render::open(&[path.clone()], &Picture::default(), task)?;
+            return Ok(Model { name, file, paper_ms: None, _folder: folder });
+        }
+        let row = TABLE_1.get(index).filter(|_| self.points.is_empty());
+        let (name, points) = match (row, self.points.get(index)) {
+            (Some(&(name, points, _)), _) => (format!("like-{name}"), points),
+            (None, points) => {
+                let points = points.copied().unwrap_or(1);
+                (format!("pebble-{points}"), points)
+            }
+        };
+        let folder = tempfile::tempdir()?;
+        let scan = folder.path().join("pebble.ply");
+        task.phase(&format!("making {name}"), None, "points");
+        write_pebble(&scan, points)?;
+        let (file, built) = render::open(&[scan], &Picture::default(), task)?;
+        let paper_ms = row.map(|&(.., paper_ms)| paper_ms);
+        Ok(Model { name, file, paper_ms, _folder: built })
+    }
+}
+
+/// The rows of a model at one size by one method: one a backend.
+fn rows_of(
+    model: &Model,
+    stand: &mut Stand<'_>,
+    size: [u32; 2],
+    method: &str,
+    gpu: Option<&Gpu>,
+    task: &dyn Task,
+) -> Result<Vec<Value>> {
+    task.phase(&format!("{} {}x{} {method}", model.name, size[0], size[1]), None, "frames");
+    let mut frames = [Vec::new(), Vec::new()];
+    // The first frames pay for fresh memory and for pipelines.
+    stand.on_cpu(Changes::default())?;
+    stand.on_gpu(Changes::default())?;
+    let start = Instant::now();
+    for round in 0..FRAMES[1] {
+        if round >= FRAMES[0] && start.elapsed() > PATIENCE {
+            break;
+        }
+        task.check()?;
+        frames[0].push(stand.on_cpu(Changes::default())?);
+        if stand.has_gpu() {
+            frames[1].push(stand.on_gpu(Changes::default())?);
+        }
+    }
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let surface = if method == "points" { 0 } else { SURFACE_PIXEL_BYTES };
+    let bytes = stand.plane_bytes() + pixels * (POINT_PIXEL_BYTES + surface);
+    let floors = [Some(copy_ms(bytes)), gpu.map(|gpu| gpu_copy_ms(gpu, bytes)).transpose()?];
+    let paper = model.paper_ms.filter(|_| method == "pull-push").and_then(|ms| match size {
+        [512, 512] => Some(ms[0]),
+        [1024, 1024] => Some(ms[1]),
+        _ => None,
+    });
+    let mut rows = Vec::new();
+    for (backend, (frames, floor)) in ["cpu", "gpu"].into_iter().zip(frames.iter().zip(floors)) {
+        let Some(floor) = floor.filter(|_| !frames.is_empty()) else { continue };
+        let median =
+            |of: fn(&Stages) -> f64| quantile(&frames.iter().map(of).collect::<Vec<_>>(), 0.5);
+        let total_ms = median(|s| s.total_ms);
+        rows.push(json!({
+            "model": model.name,
+            "points": stand.points(),
+            "width": size[0],
+            "height": size[1],
+            "backend": backend,
+            "method": method,
+            "project_ms": median(|s| s.project_ms + s.gather_ms),
+            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms),
+            "shade_ms": median(|s| s.shade_ms + s.soften_ms),
+            "total_ms": total_ms,
+            "copy_floor_ms": floor,
+            "mpoints_per_s": stand.points() as f64 / total_ms.max(1e-9) * 1e-3,
+            "frames": frames.len(),
+            "paper_total_ms": paper,
+        }));
+    }
+    Ok(rows)
+}
+
+/// Milliseconds in which all threads copy so many bytes in main memory: a median.
+fn copy_ms(bytes: u64) -> f64 {
+    let source = vec![1u8; bytes as usize];
+    let mut target = vec![0u8; bytes as usize];
+    let mut copy = || {
+        let start = Instant::now();
+        let pieces = target.par_chunks_mut(COPY_PIECE).zip(source.par_chunks(COPY_PIECE));
+        pieces.for_each(|(to, from)| to.copy_from_slice(from));
+        std::hint::black_box(&mut target);
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    // The first one pays for fresh memory.
+    copy();
+    let copies: Vec<f64> = (0..5).map(|_| copy()).collect();
+    quantile(&copies, 0.5)
+}
+
+/// Milliseconds in which a GPU copies so many bytes, by the rate of its plain copies.
+fn gpu_copy_ms(gpu: &Gpu, bytes: u64) -> Result<f64> {
+    // The rate counts bytes read and bytes written.
+    Ok(2.0 * bytes as f64 / copy_rate(gpu)?.max(1.0) * 1e3)
+}

@@ -1,0 +1,59 @@
+//! Table 1 for people.
+
+use crate::quantity::grouped;
+use serde_json::Value;
+
+/// A line for each model, size, method and backend.
+pub fn text(report: &Value) -> String {
+    let rows = report["rows"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut lines = vec![format!(
+        "{:<18} {:>11} {:>10} {:<10} {:<7} {:>9} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9}",
+        "model",
+        "points",
+        "size",
+        "method",
+        "backend",
+        "project",
+        "pull-push",
+        "shade",
+        "total ms",
+        "copy",
+        "Mpoints/s",
+        "paper ms"
+    )];
+    lines.extend(rows.iter().map(row));
+    lines.extend(report["adapter"].as_str().map(|name| format!("gpu: {name}")));
+    lines.extend(report["note"].as_str().map(|note| format!("the CPU alone is measured: {note}")));
+    lines.join("\n")
+}
+
+fn row(row: &Value) -> String {
+    let number = |name: &str| row[name].as_f64().unwrap_or(0.0);
+    let word = |name: &str| row[name].as_str().unwrap_or("?");
+    format!(
+        "{:<18} {:>11} {:>10} {:<10} {:<7} {:>9.2} {:>9.2} {:>8.2} {:>9.2} {:>9.2} {:>10.1} {:>9}",
+        word("model"),
+        grouped(row["points"].as_u64().unwrap_or(0)),
+        format!("{}x{}", row["width"], row["height"]),
+        word("method"),
+        word("backend"),
+        number("project_ms"),
+        number("pull_push_ms"),
+        number("shade_ms"),
+        number("total_ms"),
+        number("copy_floor_ms"),
+        number("mpoints_per_s"),
+        row["paper_total_ms"].as_f64().map_or("-".into(), |ms| ms.to_string()),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_object_without_fields_is_no_reason_to_panic() {
+        assert_eq!(text(&serde_json::json!({})).lines().count(), 1);
+        assert_eq!(text(&serde_json::json!({"rows": [{}], "note": "a"})).lines().count(), 3);
+    }
+}

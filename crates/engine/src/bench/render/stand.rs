@@ -1,0 +1,105 @@
+//! A scene that lies in memory and is drawn again and again: by the CPU, and by a GPU where there is one.
+
+use crate::bench::draw::wait;
+use crate::render::{Request, Scene};
+use crate::whole::OnGpu;
+use anyhow::Result;
+use esker_format::{Forest, Planes};
+use esker_lod::CompactOctree;
+use esker_points::Task;
+use esker_render::gpu::{Gpu, PlaneAt};
+use esker_render::{Frame, Picture, Renderer, Stages};
+use std::time::Instant;
+
+/// A scene in main memory, and in a GPU's.
+pub struct Stand<'a> {
+    file: &'a Forest,
+    /// What is drawn.
+    pub scene: Scene,
+    octree: CompactOctree,
+    renderer: Renderer,
+    picture: Picture,
+    gpu: Option<(Gpu, OnGpu)>,
+}
+
+/// What may be changed of a frame before it is drawn, wherever its planes lie.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Changes {
+    /// Pulled and pushed though it is dense.
+    pub always_pushes: bool,
+    /// Drawn from both sides.
+    pub keeps_back_faces: bool,
+    /// Without highlights.
+    pub is_matt: bool,
+}
+
+impl Changes {
+    fn apply<P>(self, frame: &mut Frame<'_, P>) {
+        frame.skips_push &= !self.always_pushes;
+        frame.cull_back_faces &= !self.keeps_back_faces;
+        frame.shines &= !self.is_matt;
+    }
+}
+
+impl<'a> Stand<'a> {
+    /// Chooses and reads what a request asks for.
+    ///
+    /// # Errors
+    /// Where planes cannot be read, or the GPU refuses memory.
+    pub fn new(
+        file: &'a Forest,
+        request: &Request,
+        gpu: Option<&Gpu>,
+        task: &dyn Task,
+    ) -> Result<Self> {
+        let scene = Scene::read(file, request, task)?;
+        let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+        let on_gpu = |gpu: &Gpu| OnGpu::new(gpu, &scene).map(|on| (gpu.clone(), on));
+        let gpu = gpu.map(on_gpu).transpose()?;
+        let (renderer, picture) = (Renderer::default(), Picture::default());
+        Ok(Self { file, scene, octree, renderer, picture, gpu })
+    }
+
+    /// Whether a GPU draws it as well.
+    pub fn has_gpu(&self) -> bool {
+        self.gpu.is_some()
+    }
+
+    /// Points that it draws.
+    pub fn points(&self) -> u64 {
+        self.scene.selection.counters.points
+    }
+
+    /// Bytes of its planes.
+    pub fn plane_bytes(&self) -> u64 {
+        self.scene.planes.iter().map(Planes::bytes).sum()
+    }
+
+    /// A frame on the CPU: its stages.
+    ///
+    /// # Errors
+    /// Where the view is no usable camera.
+    pub fn on_cpu(&mut self, changes: Changes) -> Result<Stages> {
+        let draws = self.scene.draws(self.file);
+        let mut frame = self.scene.look.frame(self.file, &self.scene.view, &draws, &self.octree);
+        changes.apply(&mut frame);
+        self.renderer.render_into(&frame, &mut self.picture)?;
+        Ok(self.picture.stats.stages)
+    }
+
+    /// A frame on the GPU: its stages by the GPU's clock, where it has one; and the time until it was there.
+    ///
+    /// # Errors
+    /// Where the GPU fails.
+    pub fn on_gpu(&mut self, changes: Changes) -> Result<Stages> {
+        let Some((gpu, on_gpu)) = &mut self.gpu else { return Ok(Stages::default()) };
+        let start = Instant::now();
+        let change = |frame: &mut Frame<'_, PlaneAt>| changes.apply(frame);
+        on_gpu.draw(self.file, &self.scene, &self.octree, change)?;
+        wait(gpu)?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let stages = on_gpu.stats().map_or(Stages::default(), |stats| stats.stages);
+        let total_ms = if gpu.tier.is_software { wall_ms } else { stages.total_ms.max(1e-6) };
+        Ok(Stages { total_ms, ..stages })
+    }
+}

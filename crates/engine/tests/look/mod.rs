@@ -1,0 +1,260 @@
+//! What is shown, and how: filters show what export writes and read nothing else, attributes that are not shown
+//! are neither read nor resident, sessions draw what pictures show, and each map and method has its golden picture.
+
+use super::flip::mean_flip;
+use esker_engine::backend::{Backend, DrawWith};
+use esker_engine::colour::choices;
+use esker_engine::render::{Request, Scene, draw};
+use esker_engine::session::{Options, Session};
+use esker_engine::{Filter, Method, NormalsMode, Picture, picture};
+use esker_format::{Forest, PlaneKind, Shown};
+use esker_lod::CompactOctree;
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
+use esker_points::task::Silent;
+use esker_render::{Frame, Pass, Renderer};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+/// Width and height of the golden pictures.
+const SIZE: [u32; 2] = [128, 96];
+
+/// A generated scan with all attributes of LAS and normals, in small nodes; built once for all tests.
+fn terrain() -> &'static Path {
+    static TERRAIN: OnceLock<PathBuf> = OnceLock::new();
+    TERRAIN.get_or_init(|| {
+        let name = format!("{}-terrain.esker", env!("CARGO_CRATE_NAME"));
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let normals = NormalsMode::Estimate;
+        let options = esker_build::Options { node_capacity: 4096, normals, ..Default::default() };
+        let scan = PathBuf::from("synthetic:terrain:60000:5");
+        esker_build::build(&[scan], &out, &options, &Silent).unwrap();
+        out
+    })
+}
+
+fn request() -> Request {
+    let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
+    Request { size: SIZE, with, ..Request::default() }
+}
+
+/// Filters of every kind: a box over a quarter of the scan, classes, a spacing, and all at once.
+fn filters(file: &Forest) -> Vec<Filter> {
+    let [low, high] = esker_engine::info::bounds(file);
+    let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;
+    let text = format!("{},{},{},{}", low[0], low[1], middle(0), middle(1));
+    let bounds = Some(text.parse().unwrap());
+    let classes = Some("2,5".parse().unwrap());
+    let max_spacing = Some(f64::from(file.table().nodes[0].spacing) / 3.0);
+    let none = Filter::default();
+    vec![
+        Filter { bounds, ..none.clone() },
+        Filter { classes, ..none.clone() },
+        Filter { max_spacing, ..none.clone() },
+        Filter { bounds, classes, max_spacing, ..none },
+    ]
+}
+
+/// Points that are shown: those of each node's prefix that are not marked.
+fn shown_points(file: &Forest, filter: &Filter) -> u64 {
+    let shown = Shown::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let nodes = 0..file.table().nodes.len() as u32;
+    let count = |node: u32| {
+        let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();
+        let points = planes.get(PlaneKind::Position).unwrap().chunks(HOT_POSITION_BYTES);
+        let prefix = points.take(shown.points_max(node));
+        prefix.filter(|point| point[HIDDEN_AT] == 0).count() as u64
+    };
+    nodes.filter(|&node| !shown.is_barren(node)).map(count).sum()
+}
+
+#[test]
+fn a_filter_shows_what_export_writes() {
+    let file = Forest::open(terrain()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for (i, filter) in filters(&file).iter().enumerate() {
+        let out = folder.path().join(format!("{i}.las"));
+        let tree = esker_format::EskerFile::open(terrain()).unwrap();
+        let written = esker_build::export(&tree, &out, filter, &Silent).unwrap().points_out;
+        assert!(written > 100 && written < file.points() / 2, "{filter:?}: {written}");
+        assert_eq!(shown_points(&file, filter), written, "{filter:?}");
+    }
+}
+
+#[test]
+fn what_is_filtered_away_is_neither_read_nor_resident() {
+    let file = Arc::new(Forest::open(terrain()).unwrap());
+    let all = Request { target_spacing_px: 0.0, ..request() };
+    let whole = Scene::read(&file, &all, &Silent).unwrap();
+    let camera = camera_of(&whole);
+    for filter in filters(&file) {
+        let mut asked = Request { filter: filter.clone(), camera: camera.clone(), ..all.clone() };
+        let scene = Scene::read(&file, &asked, &Silent).unwrap();
+        let shown = &scene.look.shown;
+        let drawn = |node| scene.selection.drawn.iter().any(|d| d.node == node);
+        assert!(scene.selection.counters.filtered > 0 || filter.max_spacing.is_some());
+        assert!((0..file.table().nodes.len() as u32).all(|n| shown.points_max(n) > 0 || !drawn(n)));
+        if filter.bounds.is_some() {
+            let (few, many) = (scene.read_bytes, whole.read_bytes);
+            assert!(few < many * 3 / 4, "{few} of {many} bytes are read of a quarter");
+            let mut bytes = [filter.clone(), Filter::default()].map(|filter| {
+                let mut session = session(&file, Options { filter, ..Options::default() });
+                session.settle(&scene.view, Duration::from_secs(60)).unwrap();
+                let status = session.status();
+                (status.drawing_bytes, status.read_bytes)
+            });
+            bytes.sort_unstable();
+            assert!(
+                bytes[0].0 < bytes[1].0 * 3 / 4 && bytes[0].1 < bytes[1].1 * 3 / 4,
+                "{bytes:?}"
+            );
+        }
+        // No point has this class: of the pages nothing is read.
+        asked.filter.classes = Some("250".parse().unwrap());
+        assert!(Scene::read(&file, &asked, &Silent).unwrap().planes.is_empty());
+    }
+}
+
+/// The camera of a scene, to be kept whatever a filter leaves.
+fn camera_of(scene: &Scene) -> esker_engine::camera::Camera {
+    let (eye, forward) = (scene.view.eye, scene.view.forward());
+    let mut camera = esker_engine::camera::Camera::default();
+    (camera.eye, camera.target) = (Some(eye), Some(eye + forward));
+    camera
+}
+
+fn session(file: &Arc<Forest>, options: Options) -> Session {
+    let options = Options { backend: Backend::Cpu, occlusion: false, size: SIZE, ..options };
+    Session::open(file.clone(), options).unwrap()
+}
+
+/// Share of the pixels that are off by more than 8 of 255 in any channel.
+fn off(a: &Picture, b: &Picture) -> f64 {
+    let differs = |(a, b): (&[u8], &[u8])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
+    let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
+    pairs.filter(|&pair| differs(pair)).count() as f64 / (a.rgba.len() / 4) as f64
+}
+
+#[test]
+fn a_session_draws_what_a_picture_shows() {
+    let file = Arc::new(Forest::open(terrain()).unwrap());
+    let none = Filter::default();
+    let mut looks = vec![("gps_time", none.clone()), ("return_number", none)];
+    looks.extend(filters(&file).into_iter().map(|filter| ("classification", filter)));
+    for (colour, filter) in looks {
+        let colour_by = Some(colour.to_owned());
+        let asked = Request { colour_by: colour_by.clone(), filter: filter.clone(), ..request() };
+        let view = Scene::choose(&file, &asked).unwrap().view;
+        let (expected, _) = draw(&file, &asked, &Silent).unwrap();
+        let mut session = session(&file, Options { colour_by, filter, ..Options::default() });
+        session.settle(&view, Duration::from_secs(60)).unwrap();
+        assert!(session.frame(&view).unwrap().cut.complete);
+        let off = off(&session.picture().unwrap(), &expected);
+        assert!(off <= 0.001, "{colour} {:?}: {off} of the pixels differ", asked.filter);
+    }
+}
+
+#[test]
+fn only_what_is_shown_is_resident() {
+    let file = Arc::new(Forest::open(terrain()).unwrap());
+    let view = Scene::choose(&file, &request()).unwrap().view;
+    let bytes = |colour: &str, method| {
+        let colour_by = Some(colour.to_owned());
+        let mut session = session(&file, Options { colour_by, method, ..Options::default() });
+        let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
+        let of = |kind| {
+            let slots = cut.nodes.iter().filter_map(|n| n.slot(kind));
+            slots.map(|slot| slot.bytes).sum::<u64>()
+        };
+        let time = file.schema().find("gps_time").unwrap() as u16;
+        [PlaneKind::Position, PlaneKind::Normal, PlaneKind::Attribute(time)].map(of)
+    };
+    let [positions, normals, values] = bytes("gps_time", Method::PullPush);
+    assert_eq!((normals, values), (positions / 2, positions / 8), "a byte for each of its eight");
+    assert_eq!(bytes("plain", Method::PullPush), [positions, positions / 2, 0]);
+    assert_eq!(bytes("plain", Method::Points), [positions, 0, 0]);
+    assert_eq!(bytes("normal", Method::Points), [positions, positions / 2, 0]);
+}
+
+#[test]
+fn normals_come_when_a_session_begins_to_draw_surfaces() {
+    let file = Arc::new(Forest::open(terrain()).unwrap());
+    let view = Scene::choose(&file, &request()).unwrap().view;
+    let options = || Options { colour_by: Some("plain".into()), ..Options::default() };
+    let mut fresh = session(&file, options());
+    fresh.settle(&view, Duration::from_secs(60)).unwrap();
+    fresh.frame(&view).unwrap();
+    let expected = fresh.picture().unwrap();
+    let mut session = session(&file, Options { method: Method::Points, ..options() });
+    session.settle(&view, Duration::from_secs(60)).unwrap();
+    session.frame(&view).unwrap();
+    session.set_method(Method::PullPush);
+    let has_normals = |session: &mut Session| {
+        let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
+        cut.complete && cut.nodes.iter().all(|n| n.slot(PlaneKind::Normal).is_some())
+    };
+    let came = (0..1000).any(|_| {
+        std::thread::sleep(Duration::from_millis(2));
+        has_normals(&mut session)
+    });
+    assert!(came, "{:?}", session.status());
+    session.frame(&view).unwrap();
+    assert!(off(&session.picture().unwrap(), &expected) <= 0.001);
+}
+
+#[test]
+fn a_dense_view_needs_no_push() {
+    let file = Forest::open(terrain()).unwrap();
+    let asked = Request { target_spacing_px: 0.0, size: [40, 30], ..request() };
+    let scene = Scene::read(&file, &asked, &Silent).unwrap();
+    assert!(!scene.plan.passes.contains(&Pass::Push), "{:?}", scene.plan);
+    let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
+    let draws = scene.draws(&file);
+    let frame = scene.look.frame(&file, &scene.view, &draws, &octree);
+    let without = Renderer::default().render(&frame).unwrap();
+    let with = Renderer::default().render(&Frame { skips_push: false, ..frame }).unwrap();
+    assert_eq!((without.stats.stages.push_ms, without.stats.stages.pull_ms), (0.0, 0.0));
+    let flip = mean_flip(&without.rgba, &with.rgba, 40);
+    assert!(flip <= 0.05, "FLIP {flip}");
+    let near = Scene::choose(&file, &request()).unwrap();
+    assert!(near.plan.passes.contains(&Pass::Push));
+}
+
+/// Pictures that are kept in `tests/golden`: every map as points, and every method. `ESKER_BLESS=1` writes them.
+#[test]
+fn every_map_and_method_has_its_golden_picture() {
+    let file = Forest::open(terrain()).unwrap();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let bless = std::env::var_os("ESKER_BLESS").is_some();
+    let mut looks: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
+    looks.push((Method::Points, "elevation:530..540".into()));
+    looks.extend(["rgb", "plain", "classification"].map(|c| (Method::PullPush, c.to_owned())));
+    for (method, colour) in looks {
+        let name = match method {
+            Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
+            _ => format!("surface-{colour}.png"),
+        };
+        let colour_by = Some(colour);
+        let (drawn, _) = draw(&file, &Request { method, colour_by, ..request() }, &Silent).unwrap();
+        let path = folder.join(&name);
+        if bless {
+            picture::write_png(&drawn, &path).unwrap();
+        }
+        let golden = read_png(&path);
+        let flip = mean_flip(&drawn.rgba, &golden, SIZE[0] as usize);
+        assert!(
+            flip <= 0.01,
+            "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look"
+        );
+    }
+}
+
+/// Four bytes a pixel.
+fn read_png(path: &Path) -> Vec<u8> {
+    let file = std::fs::File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    bytes.truncate(info.buffer_size());
+    bytes
+}

@@ -1,0 +1,117 @@
+//! The fields of the panel that say which points are shown: classes, a box, a spacing. A field is taken when it is
+//! left, where it makes sense; else it says what is wrong.
+
+use crate::settings::Settings;
+use crate::theme;
+use eframe::egui::{Id, Label, RichText, TextEdit, Ui};
+use esker_engine::{Bounds, Classes, Filter};
+
+/// Width of a field.
+const WIDTH: f32 = 150.0;
+
+/// What stands in the fields.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Words {
+    classes: String,
+    bounds: String,
+    spacing: String,
+    fault: Option<String>,
+}
+
+impl Words {
+    fn of(filter: &Filter) -> Self {
+        let classes = filter.classes.map(|wanted| {
+            let numbers = (0..=u8::MAX).filter(|&class| wanted.has(class));
+            numbers.map(|class| class.to_string()).collect::<Vec<_>>().join(",")
+        });
+        let bounds = filter.bounds.map(|Bounds { min, max }| {
+            let axes = if min[2].is_finite() { 3 } else { 2 };
+            let numbers = min[..axes].iter().chain(&max[..axes]);
+            numbers.map(f64::to_string).collect::<Vec<_>>().join(",")
+        });
+        Self {
+            classes: classes.unwrap_or_default(),
+            bounds: bounds.unwrap_or_default(),
+            spacing: filter.max_spacing.map(|s| s.to_string()).unwrap_or_default(),
+            fault: None,
+        }
+    }
+
+    /// The filter that they ask for; a polygon stays as it is.
+    fn filter(&self, before: &Filter) -> Result<Filter, String> {
+        fn read<T>(
+            word: &str,
+            read: impl Fn(&str) -> Result<T, String>,
+        ) -> Result<Option<T>, String> {
+            let word = word.trim();
+            if word.is_empty() { Ok(None) } else { read(word).map(Some) }
+        }
+        let spacing = |word: &str| {
+            let value = word.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
+            value.ok_or_else(|| format!("`{word}` is no distance"))
+        };
+        Ok(Filter {
+            classes: read(&self.classes, |w| w.parse::<Classes>().map_err(|e| e.to_string()))?,
+            bounds: read(&self.bounds, |w| w.parse::<Bounds>().map_err(|e| e.to_string()))?,
+            max_spacing: read(&self.spacing, spacing)?,
+            polygon: before.polygon.clone(),
+        })
+    }
+}
+
+/// Shows the fields; changes what is wanted when one is left.
+pub fn show(ui: &mut Ui, wanted: &mut Settings) {
+    let id = Id::unique("filter words");
+    let known = ui.data_mut(|data| data.get_temp::<Words>(id));
+    let mut words = known.unwrap_or_else(|| Words::of(&wanted.filter));
+    let mut is_left = false;
+    let Words { classes, bounds, spacing, fault } = &mut words;
+    for (name, word, hint) in [
+        ("classes", classes, "2,6 or ground"),
+        ("box", bounds, "x0,y0,x1,y1"),
+        ("spacing", spacing, "at most, such as 0.5"),
+    ] {
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(name).color(theme::FAINT));
+            let field = TextEdit::singleline(word).hint_text(hint).desired_width(WIDTH);
+            is_left |= ui.add(field).lost_focus();
+        });
+    }
+    if let Some(fault) = fault {
+        ui.add(Label::new(RichText::new(fault.as_str()).small().color(theme::FAULT)).wrap());
+    }
+    if is_left {
+        match words.filter(&wanted.filter) {
+            Ok(filter) => (wanted.filter, words.fault) = (filter, None),
+            Err(fault) => words.fault = Some(fault),
+        }
+    }
+    ui.data_mut(|data| data.insert_temp(id, words));
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_become_a_filter_and_a_filter_words() {
+        let words = Words {
+            classes: "2,6".into(),
+            bounds: "1,2,3,4".into(),
+            spacing: "0.5".into(),
+            fault: None,
+        };
+        let filter = words.filter(&Filter::default()).unwrap();
+        assert!(filter.classes.unwrap().has(6) && filter.max_spacing == Some(0.5));
+        assert_eq!(Words::of(&filter), words);
+        assert_eq!(Words::default().filter(&filter).unwrap(), Filter::default());
+        for wrong in [
+            Words { classes: "trees".into(), ..words.clone() },
+            Words { bounds: "1,2".into(), ..words.clone() },
+            Words { spacing: "-1".into(), ..words.clone() },
+        ] {
+            assert!(wrong.filter(&filter).is_err(), "{wrong:?}");
+        }
+    }
+}
