@@ -224,7 +224,7 @@ fn a_dense_view_needs_no_push() {
 #[test]
 fn every_map_and_method_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let folder = std::path::absolute("tests/golden").unwrap();
     let bless = std::env::var_os("ESKER_BLESS").is_some();
     let mut looks: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
     looks.push((Method::Points, "elevation:530..540".into()));
