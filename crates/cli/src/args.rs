@@ -51,7 +51,7 @@ pub enum Command {
     /// the points, records and header of the scans that it was built from.
     Export(crate::export::Export),
     /// Draw a picture of an .esker file, or of scans (which are built first, into a temporary file).
-    Render(Render),
+    Render(Box<Render>),
     /// Fly through an .esker file, or scans, in a window.
     View(crate::view::View),
     /// Build, verify and draw the sample scan of the project.
@@ -485,6 +485,8 @@ pub enum MethodArg {
     /// Surfaces closed by pull-push interpolation.
     #[default]
     PullPush,
+    /// Splats of exact perspective shape, filtered and blended: for quality.
+    Ewa,
 }
 
 impl From<MethodArg> for Method {
@@ -492,6 +494,7 @@ impl From<MethodArg> for Method {
         match arg {
             MethodArg::Points => Self::Points,
             MethodArg::PullPush => Self::PullPush,
+            MethodArg::Ewa => Self::Ewa,
         }
     }
 }

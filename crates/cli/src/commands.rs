@@ -32,7 +32,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Verify(args) => run_verify(args, stop),
         Command::Export(args) => export::run(args, stop),
-        Command::Render(args) => run_render(args, stop),
+        Command::Render(args) => run_render(*args, stop),
         Command::View(args) => return view::run(&args),
         Command::Demo { out } => {
             let lines = demo::demo(project(), &out, &Progress::new(Style::Bar, stop))?;

@@ -136,7 +136,7 @@ pub fn frame<'a, P>(
         octree: Some(octree),
         method,
         colour: colouring.by,
-        cull_back_faces: file.has_oriented_normals() && method == Method::PullPush,
+        cull_back_faces: file.has_oriented_normals() && method != Method::Points,
         hides_points: false,
         shines: true,
         skips_push: true,

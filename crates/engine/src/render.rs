@@ -328,6 +328,8 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_drawn": stats.nodes_drawn,
         "pixels_covered": stats.pixels_covered,
         "pixels_projected": stats.pixels_projected,
+        "splats_drawn": stats.splats_drawn,
+        "splats_dropped": stats.splats_dropped,
         "width": picture.width,
         "height": picture.height,
         "camera": {
@@ -342,7 +344,8 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_filtered": counters.filtered,
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
-            "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "gather": stages.gather_ms,
+            "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
+            "blend": stages.blend_ms, "gather": stages.gather_ms,
             "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
             "soften": stages.soften_ms, "draw": stages.total_ms,
         },
@@ -355,7 +358,7 @@ pub fn text(report: &Value) -> String {
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     format!(
         "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
-         choose {:.1} ms, read {:.1}, project {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
+         choose {:.1} ms, read {:.1}, project {:.1}, place {:.1}, blend {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
          shade {:.1}, soften {:.1}",
         report["picture"].as_str().unwrap_or("?"),
         n("points_drawn"),
@@ -369,6 +372,8 @@ pub fn text(report: &Value) -> String {
         stage("select"),
         stage("read"),
         stage("project"),
+        stage("place"),
+        stage("blend"),
         stage("gather"),
         stage("pull"),
         stage("push"),

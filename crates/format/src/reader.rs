@@ -286,7 +286,8 @@ impl EskerFile {
         // What lies close together is read at once.
         let hot =
             kinds.iter().filter_map(|&k| self.layout.plane_range(k, points, record.hot_shift));
-        let mut places: Vec<_> = hot.chain([0..self.layout.directory_bytes() as u64]).collect();
+        let mut places: Vec<_> =
+            hot.chain(std::iter::once(0..self.layout.directory_bytes() as u64)).collect();
         places.sort_by_key(|place| place.start);
         let mut pieces: Vec<(u64, Vec<u8>)> = Vec::with_capacity(places.len());
         for place in places.chunk_by(|a, b| b.start <= a.end + GAP_BYTES_MAX) {

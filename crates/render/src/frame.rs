@@ -56,6 +56,8 @@ pub enum Method {
     /// Surfaces closed by pull-push interpolation and lit (marroquim2007).
     #[default]
     PullPush,
+    /// Splats of exact perspective shape, filtered and blended (zwicker2004).
+    Ewa,
 }
 
 /// What lies behind the points; sRGB, alpha last.
@@ -126,6 +128,10 @@ pub struct Stats {
     pub points_drawn: u64,
     /// Nodes with at least one such point.
     pub nodes_drawn: u32,
+    /// Splats in the picture, of EWA splatting.
+    pub splats_drawn: u64,
+    /// Splats that could not be drawn: the eye lies in their plane.
+    pub splats_dropped: u64,
     /// Pixels that a point itself won.
     pub pixels_projected: u64,
     /// Pixels that show a surface in the end.
@@ -139,6 +145,10 @@ pub struct Stats {
 pub struct Stages {
     /// Points to single pixels.
     pub project_ms: f64,
+    /// Points to splats, in tiles.
+    pub place_ms: f64,
+    /// Splats to pixels: visibility, attributes, normalisation.
+    pub blend_ms: f64,
     /// Attributes of the pixels won.
     pub gather_ms: f64,
     /// Averaging upwards.

@@ -120,6 +120,14 @@ impl<'a> Lookup<'a> {
         Hit { colour: self.colour(d, index, offset, depth), radius, normal }
     }
 
+    /// Drawn radius of a point, from its offset and its radius code.
+    #[inline]
+    pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
+        let spacing = self.spacing(&self.frame.draws[draw], offset);
+        let radius = spacing * self.radius_factors[usize::from(code)];
+        if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
+    }
+
     /// Effective spacing of the finest drawn cell that holds the point.
     fn spacing(&self, draw: &DrawNode<'_>, offset: [u32; 3]) -> f32 {
         let stored = draw.node.spacing;
@@ -143,7 +151,8 @@ impl<'a> Lookup<'a> {
         (if away { -n } else { n }).extend(n.z)
     }
 
-    fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
+    /// Colour of a point, linear light.
+    pub(crate) fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
         let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);
         match (self.frame.colour, draw.colour, &self.map) {
             (ColourBy::Rgb, ColourPlane::Rgba(plane), _) => {

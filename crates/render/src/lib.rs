@@ -13,6 +13,7 @@ pub mod colour;
 pub mod edges;
 pub mod ellipse;
 pub mod error;
+pub mod ewa;
 pub mod frame;
 pub mod gather;
 pub mod gpu;

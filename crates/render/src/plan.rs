@@ -29,6 +29,10 @@ pub enum Pass {
     Shade,
     /// Antialiasing.
     Soften,
+    /// Points to splats, in tiles of the picture.
+    Place,
+    /// Visibility, attributes and normalisation of splats, tile by tile.
+    Blend,
     /// Attributes of the pixels won, straight to the picture.
     Resolve,
 }
@@ -45,6 +49,8 @@ impl Pass {
             Self::Shade => "shade",
             Self::Soften => "soften",
             Self::Resolve => "resolve",
+            Self::Place => "place",
+            Self::Blend => "blend",
         }
     }
 }
@@ -112,13 +118,14 @@ pub struct Variant {
 impl FramePlan {
     /// The plan of a scene that is looked at.
     pub fn of(has: &SceneHas, asked: &Asked) -> Self {
-        use Pass::{Gather, Mend, Project, Pull, Push, Resolve, Shade, Soften};
-        let has_surface = asked.method == Method::PullPush;
-        let has_pyramid = has_surface && !asked.is_dense;
+        use Pass::{Blend, Gather, Mend, Place, Project, Pull, Push, Resolve, Shade, Soften};
+        let has_surface = asked.method != Method::Points;
+        let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
         let passes: &[Pass] = match asked.method {
             Method::Points => &[Project, Resolve],
             Method::PullPush if asked.is_dense => &[Project, Gather, Mend, Shade, Soften],
             Method::PullPush => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
+            Method::Ewa => &[Place, Blend, Shade, Soften],
         };
         let carries_normals = has.normals && has_surface;
         let culls_back_faces = has.oriented_normals && has.normals;
@@ -195,6 +202,8 @@ impl FramePlan {
             Pass::Shade => {
                 vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
             }
+            // On the CPU alone.
+            Pass::Place | Pass::Blend => Vec::new(),
             other => vec![variant(other.name(), &[normals])],
         };
         self.passes.iter().flat_map(of).collect()
@@ -237,6 +246,8 @@ impl Stages {
         *match pass {
             Pass::Project => &mut self.project_ms,
             Pass::Gather => &mut self.gather_ms,
+            Pass::Place => &mut self.place_ms,
+            Pass::Blend => &mut self.blend_ms,
             Pass::Pull => &mut self.pull_ms,
             Pass::Push => &mut self.push_ms,
             Pass::Mend => &mut self.mend_ms,

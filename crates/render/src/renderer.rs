@@ -4,6 +4,7 @@
 use crate::camera::Camera;
 use crate::edges::edges;
 use crate::error::RenderError;
+use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
 use crate::mend::mend;
@@ -20,12 +21,17 @@ use crate::trim::trim;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
+/// Depth over width beyond which a step is none of a surface's own.
+const STEP_PX: f32 = 2.0;
+
 /// Draws frames; keeps its buffers between them.
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
     pyramid: Pyramid,
     scratch: ReliefScratch,
+    /// EWA splatting, and how it is done.
+    pub ewa: Ewa,
 }
 
 /// Draws one frame. Who draws many keeps a [`Renderer`].
@@ -82,8 +88,6 @@ impl Renderer {
         (picture.width, picture.height) = (frame.view.width, frame.view.height);
         picture.rgba.resize(width * height * 4, 0);
         picture.depth.resize(width * height, 0.0);
-        self.target.resize_with(width * height, || AtomicU64::new(EMPTY));
-
         let list = DrawList::new(frame.draws);
         let mut stats = Stats {
             points_drawn: u64::from(list.points()),
@@ -91,9 +95,11 @@ impl Renderer {
             ..Stats::default()
         };
         let plan = FramePlan::new(frame);
+        let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
+        self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, pyramid, scratch } = self;
-        if plan.passes.contains(&Pass::Gather) {
+        let Self { target, pyramid, scratch, ewa } = self;
+        if plan.passes.contains(&Pass::Shade) {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
         }
@@ -108,6 +114,14 @@ impl Renderer {
                 }
                 Pass::Gather => {
                     stats.pixels_projected = gather(&lookup, target, &mut pyramid.levels[0]);
+                }
+                Pass::Place => {
+                    let counts = ewa.place(frame, &camera, &list, &lookup, plan.carries_normals);
+                    (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
+                }
+                Pass::Blend => {
+                    stats.pixels_projected = ewa.draw(&camera, pyramid, &mut picture.depth);
+                    edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
                 Pass::Push => push(pyramid),
@@ -136,8 +150,6 @@ impl Renderer {
 /// Closes gaps of the filled level and takes back what sticks out of its surfaces; fills `depth`. Returns the
 /// pixels that may lie at an edge.
 fn mend_outlines(base: &mut Level, depth: &mut [f32], focal_px: f32) -> Vec<usize> {
-    /// A slope of two: less is a surface's own.
-    const STEP_PX: f32 = 2.0;
     base.depth_image(depth);
     let mut edges = edges(depth, base.width, STEP_PX / focal_px);
     mend(base, depth, &edges, focal_px);

@@ -53,7 +53,7 @@ proptest! {
         colour in colour_by(),
         (width, height) in (1u32..40, 1u32..40),
         cull_back_faces: bool,
-        points: bool,
+        method in 0usize..3,
         scale in prop_oneof![Just(1e-3), Just(1e-300), Just(1e300), Just(2f64.powi(-30))],
     ) {
         let mut node: Node = bytemuck::pod_read_unaligned(&record.concat());
@@ -77,7 +77,7 @@ proptest! {
         let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);
         let view = View::look_at(target * 3.0, target, DVec3::Z, 1.0, width, height);
         let draws = [draw, draw];
-        let method = if points { Method::Points } else { Method::PullPush };
+        let method = [Method::Points, Method::PullPush, Method::Ewa][method];
         let frame = Frame {
             view: &view, lattice: &lattice, draws: &draws, octree: None, method, colour, cull_back_faces,
             hides_points: false,

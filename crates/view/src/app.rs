@@ -263,7 +263,8 @@ impl App {
             if i.key_pressed(Key::M) {
                 self.wanted.method = match self.wanted.method {
                     Method::Points => Method::PullPush,
-                    Method::PullPush => Method::Points,
+                    Method::PullPush => Method::Ewa,
+                    Method::Ewa => Method::Points,
                 };
             }
             if i.key_pressed(Key::C) {

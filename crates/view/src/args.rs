@@ -122,6 +122,8 @@ pub enum MethodArg {
     /// Surfaces closed by pull-push interpolation.
     #[default]
     PullPush,
+    /// Splats of exact perspective shape, filtered and blended: for quality.
+    Ewa,
 }
 
 impl From<MethodArg> for Method {
@@ -129,6 +131,7 @@ impl From<MethodArg> for Method {
         match arg {
             MethodArg::Points => Self::Points,
             MethodArg::PullPush => Self::PullPush,
+            MethodArg::Ewa => Self::Ewa,
         }
     }
 }

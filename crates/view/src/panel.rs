@@ -173,7 +173,9 @@ fn budget_bar(ui: &mut Ui, name: &str, bytes: u64, budget: u64) {
 
 fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_moving: &mut bool) {
     ui.horizontal(|ui| {
-        for (method, name) in [(Method::PullPush, "Surfaces"), (Method::Points, "Points")] {
+        let methods =
+            [(Method::PullPush, "Surfaces"), (Method::Ewa, "Splats"), (Method::Points, "Points")];
+        for (method, name) in methods {
             ui.selectable_value(&mut wanted.method, method, name);
         }
     });

@@ -194,13 +194,15 @@ pub type Passes = Vec<(&'static str, f64)>;
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
     type Pass = (&'static str, fn(&Stages) -> f64);
-    const PASSES: [Pass; 8] = [
+    const PASSES: [Pass; 10] = [
         ("project", |s| s.project_ms),
         ("gather", |s| s.gather_ms),
         ("pull", |s| s.pull_ms),
         ("push", |s| s.push_ms),
         ("mend", |s| s.mend_ms),
         ("shade", |s| s.shade_ms),
+        ("place", |s| s.place_ms),
+        ("blend", |s| s.blend_ms),
         ("soften", |s| s.soften_ms),
         ("all", |s| s.total_ms),
     ];

@@ -56,7 +56,8 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
     pool::run(request.threads, || {
         let mut rows = Vec::new();
         for path in &request.files {
-            let (file, _folder) = render::open(&[path.clone()], &Picture::default(), task)?;
+            let (file, _folder) =
+                render::open(std::slice::from_ref(path), &Picture::default(), task)?;
             for omission in omissions(&file, request) {
                 task.phase(omission.name, None, "frames");
                 let mut row = omission.measure(&file, gpu.as_ref(), task)?;
@@ -77,7 +78,7 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
 fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
     let base = Picture {
         size: request.size,
-        camera: request.camera.clone(),
+        camera: request.camera,
         colour_by: Some("plain".into()),
         ..Picture::default()
     };
@@ -147,11 +148,7 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
 /// The camera that shows the whole file, whatever a filter leaves of it.
 fn fixed(file: &Forest, request: &Request) -> Camera {
     let view = request.camera.view(crate::info::bounds(file), request.size);
-    Camera {
-        eye: Some(view.eye),
-        target: Some(view.eye + view.forward()),
-        ..request.camera.clone()
-    }
+    Camera { eye: Some(view.eye), target: Some(view.eye + view.forward()), ..request.camera }
 }
 
 /// The middle quarter of a file, seen from above.

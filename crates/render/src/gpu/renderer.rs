@@ -192,6 +192,11 @@ impl GpuRenderer {
         let pages = cut.pages(pool, plan.fetches);
         let won = Won { uniform, size, hits, draws, chunks, pages: &pages, counts };
         match frame.method {
+            Method::Ewa => {
+                return Err(GpuError::Path(
+                    "EWA splatting is drawn by the CPU: --backend cpu".into(),
+                ));
+            }
             Method::Points => {
                 let mut pass = timing.compute(encoder, Pass::Resolve);
                 self.resolve.encode(gpu, &mut pass, plan, lookup, &won, picture)?;

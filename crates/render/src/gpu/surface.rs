@@ -201,6 +201,7 @@ impl Surface {
     ///
     /// # Errors
     /// Where a shader or memory is refused.
+    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,

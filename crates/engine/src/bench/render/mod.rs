@@ -108,7 +108,8 @@ impl Request {
     fn model(&self, index: usize, task: &dyn Task) -> Result<Model> {
         if let Some(path) = self.models.get(index) {
             let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-            let (file, folder) = render::open(&[path.clone()], &Picture::default(), task)?;
+            let (file, folder) =
+                render::open(std::slice::from_ref(path), &Picture::default(), task)?;
             return Ok(Model { name, file, paper_ms: None, _folder: folder });
         }
         let row = TABLE_1.get(index).filter(|_| self.points.is_empty());

@@ -1,0 +1,112 @@
+//! Perspective-accurate EWA splatting (zwicker2004): each point is a disc on its tangent plane, drawn with the
+//! exact shape of its projection, filtered against aliasing, and blended with its neighbours by Gaussian
+//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`place`] sorts splats into tiles,
+//! [`blend`] draws these.
+//!
+//! Two remarks on the paper. It uses Q''' as the inverse of a variance (section 4.4) and as a variance
+//! (section 6); meant is R' = Q'''^-1, with the filter (Q'''^-1 + H)^-1. And equation 3 prints the inverse of
+//! its amplitude, which is |R'|^(1/2). Both follow from numerical convolution, in the tests.
+
+pub mod blend;
+pub mod gauss;
+pub mod mapping;
+pub mod place;
+pub mod splat;
+
+pub use blend::Passes;
+
+use crate::camera::Camera;
+use crate::frame::Frame;
+use crate::gather::Lookup;
+use crate::project::DrawList;
+use crate::pyramid::Pyramid;
+use blend::Blend;
+use glam::Vec2;
+use place::{Placing, Run, Tiles};
+use splat::Lens;
+
+/// How splats are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Standard deviations from a kernel's middle to its end; within [`gauss::CUTOFF`]. The end is where the
+    /// drawn radius says, so a greater cutoff makes narrower kernels, not larger ones.
+    pub cutoff: f32,
+    /// Cutoff radius over the drawn radius. That is the spacing of the points: discs on a square grid cover the
+    /// plane from 0.71 on.
+    pub radius_factor: f32,
+    /// Whether the low-pass filter is added (its variance is a square pixel).
+    pub lowpass: bool,
+    /// How many passes.
+    pub passes: Passes,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { cutoff: 1.5, radius_factor: 1.4, lowpass: true, passes: Passes::Three }
+    }
+}
+
+/// The method and the memory that it keeps from frame to frame.
+#[derive(Debug, Default)]
+pub struct Ewa {
+    /// How splats are drawn.
+    pub options: Options,
+    runs: Vec<Run>,
+}
+
+/// What a frame's splats came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Splats in the picture.
+    pub drawn: u64,
+    /// Splats that could not be evaluated: the eye lies in their plane.
+    pub dropped: u64,
+}
+
+impl Ewa {
+    /// Makes splats of the frame's points, in tiles.
+    pub fn place(
+        &mut self,
+        frame: &Frame<'_>,
+        camera: &Camera,
+        list: &DrawList,
+        lookup: &Lookup<'_>,
+        has_normals: bool,
+    ) -> Counts {
+        let [width, height] = camera.size.map(|s| s as usize);
+        let options = self.options.within_bounds();
+        let lens = Lens {
+            focal_px: camera.focal_px,
+            centre_px: Vec2::from_array(camera.centre_px),
+            size: Vec2::new(width as f32, height as f32),
+            near: camera.near,
+            lowpass: if options.lowpass { options.cutoff * options.cutoff } else { 0.0 },
+        };
+        let radius_factor = options.radius_factor;
+        let placing = Placing { frame, camera, list, lookup, lens, radius_factor, has_normals };
+        placing.place(Tiles::new(width, height), &mut self.runs);
+        Counts {
+            drawn: self.runs.iter().map(|r| r.splats.len() as u64).sum(),
+            dropped: self.runs.iter().map(|r| r.dropped).sum(),
+        }
+    }
+
+    /// Draws the splats placed to level 0 of the pyramid, and its depths to `depth`. Returns the number of pixels
+    /// covered.
+    pub fn draw(&self, camera: &Camera, pyramid: &mut Pyramid, depth: &mut [f32]) -> u64 {
+        let options = self.options.within_bounds();
+        let half_cutoff = 0.5 * options.cutoff * options.cutoff;
+        let has_normals = pyramid.has_normals();
+        let blend =
+            Blend { runs: &self.runs, half_cutoff, passes: options.passes, camera, has_normals };
+        pyramid.levels.first_mut().map_or(0, |base| blend.draw(base, depth))
+    }
+}
+
+impl Options {
+    /// The same, with a cutoff that the weights are made for.
+    fn within_bounds(self) -> Self {
+        let (least, greatest) = (*gauss::CUTOFF.start(), *gauss::CUTOFF.end());
+        Self { cutoff: self.cutoff.clamp(least, greatest), ..self }
+    }
+}

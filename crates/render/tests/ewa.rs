@@ -1,0 +1,16 @@
+//! EWA splatting (zwicker2004) against plain `f64` references, and what it promises a viewer: exact shapes, no
+//! holes, no moire, no harm from extreme splats.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "ewa/exact.rs"]
+mod exact;
+#[path = "ewa/holes.rs"]
+mod holes;
+#[path = "ewa/horizon.rs"]
+mod horizon;
+#[path = "ewa/numerics.rs"]
+mod numerics;
+#[path = "ewa/passes.rs"]
+mod passes;
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;

@@ -1,0 +1,139 @@
+//! The reference: zwicker2004's formulas as they are printed (with R' = Q'''^-1), in `f64`, without any care for
+//! rounding; and the exact projection of a disc, by intersecting rays.
+
+use esker_render::ewa::splat::{Disc, Lens};
+use glam::{DMat3, DVec2, DVec3, Vec2};
+
+/// A disc in `f64`: exactly that of the `f32` numbers.
+#[derive(Clone, Copy)]
+pub struct Exact {
+    pub p: DVec3,
+    pub a: DVec3,
+    pub b: DVec3,
+    pub focal: f64,
+    /// The picture's middle.
+    pub centre: DVec2,
+}
+
+/// A central conic with its middle in the picture: `(x - middle) q (x - middle) <= 1`.
+#[derive(Clone, Copy)]
+pub struct Ellipse {
+    pub middle: DVec2,
+    /// A, B, C.
+    pub q: [f64; 3],
+}
+
+impl Exact {
+    pub fn new(disc: &Disc, lens: &Lens) -> Self {
+        let [a, b] = disc.tangents.map(|t| t.as_dvec3());
+        let centre = lens.centre_px.as_dvec2();
+        Self { p: disc.centre.as_dvec3(), a, b, focal: f64::from(lens.focal_px), centre }
+    }
+
+    /// Where the centre is projected to, from the picture's middle.
+    fn projected(&self) -> DVec2 {
+        self.p.truncate() * (self.focal / self.p.z)
+    }
+
+    /// Equation 4, transposed (columns are rows there), the image plane at the focal length. The picture is moved
+    /// to the projected centre: unmoved, the printed formulas cancel all digits of `f64` as well.
+    fn mapping(&self) -> DMat3 {
+        let at = self.projected();
+        let row = |v: DVec3| (v.truncate() * self.focal - at * v.z).extend(v.z);
+        DMat3::from_cols(row(self.a), row(self.b), DVec3::Z * self.p.z)
+    }
+
+    /// Equations 6 to 11: the projected isocontour, where it is an ellipse.
+    pub fn isocontour(&self) -> Option<Ellipse> {
+        let inverse = self.mapping().inverse();
+        let q_h = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+        let q = inverse.transpose() * q_h * inverse;
+        let (a, b, c) = (q.x_axis.x, q.y_axis.x, q.y_axis.y);
+        let (d, e, f) = (q.z_axis.x, q.z_axis.y, -q.z_axis.z);
+        let discriminant = a * c - b * b;
+        if !(discriminant > 0.0) {
+            return None;
+        }
+        let at = DVec2::new(b * e - c * d, b * d - a * e) / discriminant;
+        let level = f - d * at.x - e * at.y;
+        let q = [a / level, b / level, c / level];
+        Some(Ellipse { middle: at + self.projected() + self.centre, q })
+    }
+
+    /// Middle of the projected isocontour, and squares of half its width and height, by the lines that touch it: of
+    /// thin ones the conic's inverse cancels in `f64` too.
+    pub fn extents(&self) -> (DVec2, DVec2) {
+        let m = self.mapping();
+        let dual = |i: usize, j: usize| {
+            m.x_axis[i] * m.x_axis[j] + m.y_axis[i] * m.y_axis[j] - m.z_axis[i] * m.z_axis[j]
+        };
+        let middle = DVec2::new(dual(0, 2), dual(1, 2)) / dual(2, 2);
+        let squares = middle * middle - DVec2::new(dual(0, 0), dual(1, 1)) / dual(2, 2);
+        (middle + self.projected() + self.centre, squares)
+    }
+
+    /// Where the ray of a place in the picture meets the plane: its coordinates in tangents, and its depth.
+    pub fn meets(&self, at: DVec2) -> (DVec2, f64) {
+        let ray = ((at - self.centre) / self.focal).extend(1.0);
+        let normal = self.a.cross(self.b);
+        let depth = normal.dot(self.p) / normal.dot(ray);
+        let on = ray * depth - self.p;
+        let (aa, ab, bb) = (self.a.dot(self.a), self.a.dot(self.b), self.b.dot(self.b));
+        let (oa, ob) = (on.dot(self.a), on.dot(self.b));
+        let d = aa * bb - ab * ab;
+        (DVec2::new(oa * bb - ob * ab, ob * aa - oa * ab) / d, depth)
+    }
+
+    /// Whether the ray meets the disc behind the near plane.
+    pub fn is_seen(&self, at: DVec2, near: f64) -> bool {
+        let (u, depth) = self.meets(at);
+        depth >= near && u.length_squared() <= 1.0
+    }
+}
+
+impl Ellipse {
+    /// Its shape R' (times the square of the cutoff).
+    pub fn shape(&self) -> [f64; 3] {
+        let [a, b, c] = self.q;
+        let d = a * c - b * b;
+        [c / d, -b / d, a / d]
+    }
+
+    /// With the low-pass added.
+    pub fn filtered(&self, h: f64) -> Self {
+        let [xx, xy, yy] = self.shape();
+        let (xx, yy) = (xx + h, yy + h);
+        let d = xx * yy - xy * xy;
+        Self { middle: self.middle, q: [yy / d, -xy / d, xx / d] }
+    }
+
+    pub fn at(&self, place: DVec2) -> f64 {
+        let [a, b, c] = self.q;
+        let d = place - self.middle;
+        a * d.x * d.x + 2.0 * b * d.x * d.y + c * d.y * d.y
+    }
+
+    /// Signed distance to the isocontour, to first order, pixels; positive outside.
+    pub fn distance(&self, place: DVec2) -> f64 {
+        let [a, b, c] = self.q;
+        let d = place - self.middle;
+        let slope = 2.0 * DVec2::new(a * d.x + b * d.y, b * d.x + c * d.y);
+        (self.at(place) - 1.0) / slope.length().max(1e-300)
+    }
+
+    /// A place on it.
+    pub fn place(&self, angle: f64) -> DVec2 {
+        let [xx, xy, yy] = self.shape();
+        // A root of the shape: x = L (cos, sin).
+        let l = xx.sqrt();
+        let low = DVec2::new(l, xy / l);
+        let rest = (yy - low.y * low.y).max(0.0).sqrt();
+        self.middle + low * angle.cos() + DVec2::new(0.0, rest) * angle.sin()
+    }
+}
+
+/// A lens of a picture.
+pub fn lens(width: u32, height: u32, focal_px: f32, near: f32, lowpass: f32) -> Lens {
+    let size = Vec2::new(width as f32, height as f32);
+    Lens { focal_px, centre_px: size * 0.5, size, near, lowpass }
+}
