@@ -231,11 +231,7 @@ fn for_each_run(splat: &Splat, window: &Window, near: f32, mut work: impl FnMut(
     for y in rows(my, half_height, window) {
         let dy = (window.top + y) as f32 + 0.5 - my;
         let v = along * dy;
-        let left = 1.0 - v * v;
-        if left <= 0.0 || left.is_nan() {
-            continue;
-        }
-        let half = left.sqrt() / across;
+        let half = (1.0 - v * v).max(0.0).sqrt() / across;
         let middle = mx + shear * dy / across;
         let columns = cells(middle - half, middle + half, window.left, window.width);
         for x in columns.clone().step_by(LANES) {

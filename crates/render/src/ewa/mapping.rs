@@ -171,17 +171,6 @@ impl Conic {
         let (u, v) = (self.across * x - self.shear * y, self.along * y);
         u * u + v * v
     }
-
-    /// The x between which a row `y` lies inside; `None` where none does.
-    #[inline(always)]
-    pub fn span(&self, y: f32) -> Option<[f32; 2]> {
-        let v = self.along * y;
-        let left = 1.0 - v * v;
-        (left > 0.0).then(|| {
-            let (half, middle) = (left.sqrt() / self.across, self.shear * y / self.across);
-            [middle - half, middle + half]
-        })
-    }
 }
 
 /// The mapping from the picture back to the tangent plane, for splats whose isocontour is no ellipse or that
@@ -206,9 +195,8 @@ pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Optio
     let [a, b] = tangents;
     let normal = a.cross(b);
     let seen = normal.dot(p);
-    // What is not a number is refused too.
-    let is_seen = seen.abs() > SINE_MIN * normal.length() * p.length();
-    if !is_seen {
+    // What is not a number is in no range.
+    if !(SINE_MIN..2.0).contains(&(seen.abs() / (normal.length() * p.length()))) {
         return None;
     }
     let row = |n: Vec3| {

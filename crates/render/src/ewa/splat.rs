@@ -99,8 +99,8 @@ impl Disc {
     #[inline(always)]
     pub fn place(&self, lens: &Lens) -> Placed {
         let (depth, extent) = (self.centre.z, self.depth_extent());
-        // Written so that what is not a number is outside.
-        if !(depth + extent >= lens.near && depth + extent < f32::INFINITY) {
+        // What is not a number is in no range.
+        if !(lens.near..f32::INFINITY).contains(&(depth + extent)) {
             return Placed::Outside;
         }
         if depth - extent >= lens.near && extent <= REACH_MAX * depth {
@@ -127,8 +127,8 @@ impl Disc {
         // What rounding may take from wide ones.
         let half = filter.bounds() * 1.000_002;
         let Some(bounds) = lens.clip(origin - half, origin + half) else { return Placed::Outside };
-        let is_sound = m.condition() < CONDITION_MAX;
-        if !is_sound {
+        // What is not a number is in no range.
+        if !(0.0..CONDITION_MAX).contains(&m.condition()) {
             return Placed::Dropped;
         }
         let conic = filter.conic();
@@ -249,10 +249,8 @@ impl Splat {
         let [squared, inverse_depth] = if self.is_by_rays() {
             let [ux, uy, u, vx, vy, v] = self.form;
             let (u, v) = ((ux * d.x + (u + uy * d.y)) / plane, (vx * d.x + (v + vy * d.y)) / plane);
-            if !(plane > 0.0 && plane <= 1.0 / near) {
-                return None;
-            }
-            [u * u + v * v, plane]
+            let is_seen = plane > 0.0 && plane <= 1.0 / near;
+            [if is_seen { u * u + v * v } else { f32::INFINITY }, plane]
         } else {
             let [across, shear, along, _, least, greatest] = self.form;
             [Conic { across, shear, along }.at(d.x, d.y), plane.clamp(least, greatest)]

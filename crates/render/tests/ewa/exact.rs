@@ -51,7 +51,7 @@ impl Exact {
         let (a, b, c) = (q.x_axis.x, q.y_axis.x, q.y_axis.y);
         let (d, e, f) = (q.z_axis.x, q.z_axis.y, -q.z_axis.z);
         let discriminant = a * c - b * b;
-        if !(discriminant > 0.0) {
+        if discriminant <= 0.0 {
             return None;
         }
         let at = DVec2::new(b * e - c * d, b * d - a * e) / discriminant;

@@ -49,10 +49,10 @@ fn splats_that_touch_in_the_plane_touch_in_the_picture() {
         let slope = Vec2::new(dice.unit() as f32 - 0.5, dice.unit() as f32 - 0.5) * 6.0;
         let depth = 1.0 + 9.0 * dice.unit() as f32;
         let contact = Vec3::new(slope.x, slope.y, 1.0) * depth;
-        let along = contact.cross(Vec3::new(0.3, 0.9, 0.2)).normalize();
+        let along = contact.cross(Vec3::new(0.3, 0.9, 0.2)).normalize_or_zero();
         let tilt = 0.01 + 0.6 * dice.unit() as f32;
-        let across = along.cross(contact).normalize();
-        let normal = across * (1.0 - tilt * tilt).sqrt() + contact.normalize() * tilt;
+        let across = along.cross(contact).normalize_or_zero();
+        let normal = across * (1.0 - tilt * tilt).sqrt() + contact.normalize_or_zero() * tilt;
         let turn = Vec2::from_angle(dice.unit() as f32 * 6.3);
         let other = normal.cross(along);
         let to_centre = along * turn.x + other * turn.y;
@@ -83,7 +83,7 @@ fn discs(points: &[ScenePoint], view: &View, radius: f64) -> Vec<Exact> {
     facing
         .map(|p| {
             let code = oct_encode(p.normal.as_vec3().to_array());
-            let n = Vec3::from_array(oct_decode(code)).as_dvec3().normalize();
+            let n = Vec3::from_array(oct_decode(code)).as_dvec3().normalize_or_zero();
             let (p, n) = (flip(to_view * (p.at - view.eye)), flip(to_view * n));
             let (a, b) = n.any_orthonormal_pair();
             Exact { p, a: a * radius, b: b * radius, focal, centre: lens.centre_px.as_dvec2() }

@@ -20,7 +20,7 @@ fn direction(dice: &mut Dice) -> Vec3 {
     loop {
         let v = Vec3::from_array([0; 3].map(|_| (dice.unit() * 2.0 - 1.0) as f32));
         if v.length_squared() <= 1.0 && v.length_squared() > 1e-4 {
-            return v.normalize();
+            return v.normalize_or_zero();
         }
     }
 }
@@ -43,14 +43,17 @@ fn case(dice: &mut Dice) -> (Disc, Lens) {
         0 | 1 => {
             let edge = normal - centre * (normal.dot(centre) / centre.length_squared());
             let tilt = log_even(dice, 1e-5, 0.3) as f32;
-            normal = (edge.normalize_or(Vec3::X) + centre.normalize() * tilt).normalize();
+            normal = (edge.normalize_or(Vec3::X) + centre.normalize_or_zero() * tilt)
+                .normalize_or_zero();
         }
         // Around the camera's plane, and behind it.
-        2 if dice.bits() % 8 == 0 => centre.z = (dice.unit() * 2.0 - 1.0) as f32 * radius * 2.0,
+        2 if dice.bits().is_multiple_of(8) => {
+            centre.z = (dice.unit() * 2.0 - 1.0) as f32 * radius * 2.0
+        }
         _ => {}
     }
     let mut disc = Disc::round(centre, normal, radius);
-    if dice.bits() % 2 == 0 {
+    if dice.bits().is_multiple_of(2) {
         let [a, b] = disc.tangents;
         let turn = Vec2::from_angle(dice.unit() as f32 * 6.3);
         let thin = log_even(dice, 0.03, 1.0) as f32;
