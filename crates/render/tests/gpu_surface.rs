@@ -17,7 +17,7 @@ use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
 use esker_render::pyramid::{INVALID, Level, Pyramid};
 use esker_render::relief::ReliefScratch;
-use esker_render::{Background, Frame, Picture, Renderer};
+use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use esker_render::{edges, mend, pull, push, shade, soften, trim};
 use glam::{DVec3, Vec2, Vec4};
 use scene::{Dice, Scene, sheet, sphere};
@@ -396,8 +396,11 @@ fn another_picture_takes_the_memory_of_the_last() {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let Rig { uniform, pyramid, picture, .. } = &rig;
             let timing = &mut Timing::default();
+            let plan = FramePlan::new(&scene.frame(&view, &draws));
             for _ in 0..2 {
-                surface.encode(&gpu, &mut encoder, uniform, pyramid, picture, timing).unwrap();
+                surface
+                    .encode(&gpu, &mut encoder, &plan, uniform, pyramid, picture, timing)
+                    .unwrap();
             }
             gpu.queue.submit([encoder.finish()]);
             bytes.push(gpu.bytes());

@@ -88,7 +88,7 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
     let whole = Scene::read(&file, &all, &Silent).unwrap();
     let camera = camera_of(&whole);
     for filter in filters(&file) {
-        let mut asked = Request { filter: filter.clone(), camera: camera.clone(), ..all.clone() };
+        let mut asked = Request { filter: filter.clone(), camera, ..all.clone() };
         let scene = Scene::read(&file, &asked, &Silent).unwrap();
         let shown = &scene.look.shown;
         let drawn = |node| scene.selection.drawn.iter().any(|d| d.node == node);
