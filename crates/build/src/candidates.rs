@@ -16,6 +16,8 @@ pub struct Candidates {
     /// Log2 of the edge, in steps, of the smallest octree cell that a point shares with the one before it;
     /// [`Candidates::ALONE`] for the first.
     pub shared_log2: Vec<u8>,
+    /// How many points are the first in their octree cell, by the log2 of its edge.
+    pub firsts: [u32; Self::ALONE as usize],
     /// Length of a step, in the file's unit.
     pub step: f64,
 }
@@ -66,7 +68,15 @@ impl Candidates {
 
     fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64) -> Self {
         let shared_log2 = shared_log2(q.iter().copied());
-        Self { q, offer, shared_log2, step }
+        let mut firsts = [0; Self::ALONE as usize];
+        let mut counts = [0u32; Self::ALONE as usize + 1];
+        shared_log2.iter().for_each(|&log2| counts[usize::from(log2)] += 1);
+        let mut above = 0;
+        for log2 in (0..firsts.len()).rev() {
+            above += counts[log2 + 1];
+            firsts[log2] = above;
+        }
+        Self { q, offer, shared_log2, firsts, step }
     }
 
     /// Turns by offered point, brought along the curve; none stay none.

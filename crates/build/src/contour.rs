@@ -4,25 +4,24 @@
 //! drawn depends on the cut, so who draws splats whose centres are out of view grows the box then.
 
 use crate::shape::{Moments, Shape};
-use esker_points::Node;
 use esker_points::node::{SHAPE_ORIENTED, pack_rotation};
+use esker_points::{Cell, Node};
 
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
 /// each of which is drawn at most `reach`, in the file's unit, off its place.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
-    let mut moments = Moments::default();
-    positions.iter().for_each(|&p| moments.add(p));
-    let shape = Shape::of(moments.covariance(scale));
+    let cell = Cell { corner: node.corner, log2: node.cell_log2 };
+    let shape = Shape::of(Moments::of(positions.iter().copied(), &cell).covariance(scale));
     let local = |p: &[u32; 3]| [0, 1, 2].map(|i| f64::from(p[i] - node.corner[i]) * scale[i]);
     let oriented = shape.dimension == 1 || shape.dimension == 2;
-    let wanted = if oriented { shape.axes } else { upright_axes(positions, local) };
+    let wanted = if oriented { shape.axes } else { upright_axes(positions, scale) };
     let (packed, axes) = pack_rotation(wanted);
 
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for t in positions.iter().map(|p| along(&axes, local(p))) {
         for i in 0..3 {
-            low[i] = low[i].min(t[i]);
-            high[i] = high[i].max(t[i]);
+            low[i] = if t[i] < low[i] { t[i] } else { low[i] };
+            high[i] = if t[i] > high[i] { t[i] } else { high[i] };
         }
     }
     if positions.is_empty() {
@@ -42,34 +41,36 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     node.contour_half = half;
     node.contour_rotation = packed;
     node.shape = (node.shape & !SHAPE_ORIENTED) | if oriented { SHAPE_ORIENTED } else { 0 };
-    node.occupancy = positions
-        .iter()
-        .map(|p| {
-            let t = along(&axes, local(p));
-            let part = |i: usize| {
-                let fraction = (t[i] - about[i]) / (2.0 * f64::from(half[i])) + 0.5;
-                ((fraction * 8.0) as u64).min(7)
-            };
-            1u64 << (part(1) * 8 + part(0))
-        })
-        .fold(0, |mask, bit| mask | bit);
+    let across = half.map(|half| 2.0 * f64::from(half));
+    node.occupancy = positions.iter().map(local).fold(0, |mask, p| {
+        let part = |i: usize| {
+            let fraction = (dot(&axes[i], p) - about[i]) / across[i] + 0.5;
+            ((fraction * 8.0) as i64).clamp(0, 7)
+        };
+        mask | 1 << (part(1) * 8 + part(0))
+    });
 }
 
 fn along(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
-    axes.map(|a| a[0] * p[0] + a[1] * p[1] + a[2] * p[2])
+    axes.each_ref().map(|a| dot(a, p))
+}
+
+fn dot(a: &[f64; 3], p: [f64; 3]) -> f64 {
+    a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
 }
 
 /// The lattice's axes, the longest extent first, right-handed.
-fn upright_axes(positions: &[[u32; 3]], local: impl Fn(&[u32; 3]) -> [f64; 3]) -> [[f64; 3]; 3] {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in positions.iter().map(local) {
+fn upright_axes(positions: &[[u32; 3]], scale: [f64; 3]) -> [[f64; 3]; 3] {
+    let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+    for p in positions {
         for i in 0..3 {
             low[i] = low[i].min(p[i]);
             high[i] = high[i].max(p[i]);
         }
     }
+    let extent = |i: usize| f64::from(high[i].saturating_sub(low[i])) * scale[i];
     let mut order = [0usize, 1, 2];
-    order.sort_by(|&i, &j| (high[j] - low[j]).total_cmp(&(high[i] - low[i])).then(i.cmp(&j)));
+    order.sort_by(|&i, &j| extent(j).total_cmp(&extent(i)).then(i.cmp(&j)));
     let unit = |k: usize, sign: f64| {
         let mut axis = [0.0; 3];
         axis[k] = sign;
@@ -83,7 +84,6 @@ fn upright_axes(positions: &[[u32; 3]], local: impl Fn(&[u32; 3]) -> [f64; 3]) -
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
-    use esker_points::Cell;
     use proptest::prelude::*;
 
     fn enclosed(positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Node {

@@ -28,9 +28,10 @@ pub struct Sequence {
 #[derive(Clone, Copy, Default)]
 struct Step {
     points: usize,
-    before: usize,
     /// How many of them have been numbered.
     numbered: usize,
+    /// The next number of those whose index along the curve has this residue.
+    next: [usize; STRATA],
 }
 
 impl Sequence {
@@ -42,8 +43,10 @@ impl Sequence {
         turns.iter().for_each(|turn| steps[usize::from(turn - first_turn)].points += 1);
         let mut before = 0;
         for step in &mut steps {
-            step.before = before;
-            before += step.points;
+            for stratum in 0..STRATA {
+                step.next[residue(stratum)] = before;
+                before += stratum_len(step.points, stratum);
+            }
         }
         Self { first_turn, steps }
     }
@@ -51,10 +54,11 @@ impl Sequence {
     /// The number of the next point along the curve, whose turn this is.
     pub fn number(&mut self, turn: u16) -> usize {
         let step = &mut self.steps[usize::from(turn - self.first_turn)];
-        let (round, stratum) = (step.numbered / STRATA, residue(step.numbered % STRATA));
+        let next = &mut step.next[step.numbered % STRATA];
+        let number = *next;
+        *next += 1;
         step.numbered += 1;
-        let earlier: usize = (0..stratum).map(|s| stratum_len(step.points, s)).sum();
-        step.before + earlier + round
+        number
     }
 
     /// Points of each level: one an octave; the first ones, and those beyond the last, are one.

@@ -16,8 +16,8 @@ pub fn cell_log2(radius: f64) -> u32 {
     ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
 }
 
-/// Points in blocks of four, each of one cell, over which the innermost loop of a build runs. A block's room that is
-/// left is at distance 0, which is never picked.
+/// Points in blocks of four, over which the innermost loop of a build runs. The last block's room that is left is at
+/// distance 0, which is never picked.
 #[derive(Default)]
 pub struct Rest {
     /// Coordinates, axis by axis.
@@ -27,7 +27,7 @@ pub struct Rest {
     nearest2: Vec<f32x4>,
     /// Which candidate each is; [`NONE`] where there is none.
     candidate: Vec<u32>,
-    /// The tile of each block.
+    /// The tile of each.
     tile_of: Vec<u32>,
     cells: Cells,
     /// Log2 of the edge of the cells.
@@ -35,41 +35,57 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Takes other points: candidates in order, with the squares of their distances to the nearest picked one.
-    pub fn refill(&mut self, q: &[[i32; 3]], points: impl Iterator<Item = (u32, f32)>, log2: u32) {
-        self.log2 = log2;
-        self.clear();
-        let (mut last, mut tile, mut lane) = (None, 0, 0);
-        for (candidate, nearest2) in points {
+    /// Takes other points: candidates in order, all of them far from picked ones.
+    pub fn refill(&mut self, q: &[[i32; 3]], candidates: &[u32], log2: u32) {
+        let blocks = candidates.len().div_ceil(LANES);
+        self.q.resize(blocks, [i32x4::default(); 3]);
+        self.nearest2.resize(blocks, f32x4::default());
+        self.candidate.resize(blocks * LANES, NONE);
+        self.tile_of.resize(blocks * LANES, NONE);
+        let mut filling = Filling::new(&mut self.cells, log2);
+        for (n, &candidate) in candidates.iter().enumerate() {
             let p = q[candidate as usize];
-            let corner = p.map(|c| c >> log2);
-            let is_new = last != Some(corner);
-            if is_new {
-                tile = self.cells.open(corner, self.q.len());
-                last = Some(corner);
-            }
-            if is_new || lane == LANES {
-                lane = 0;
-                self.q.push([i32x4::default(); 3]);
-                self.nearest2.push(f32x4::default());
-                self.candidate.extend([NONE; LANES]);
-                self.tile_of.push(tile);
-            }
-            let block = self.q.len() - 1;
-            (0..3).for_each(|axis| self.q[block][axis].as_mut_array()[lane] = p[axis]);
-            self.nearest2[block].as_mut_array()[lane] = nearest2;
-            self.candidate[block * LANES + lane] = candidate;
-            lane += 1;
+            let block = &mut self.q[n / LANES];
+            (0..3).for_each(|axis| block[axis].as_mut_array()[n % LANES] = p[axis]);
+            self.candidate[n] = candidate;
+            self.tile_of[n] = filling.tile(p, n);
+            self.nearest2[n / LANES].as_mut_array()[n % LANES] = f32::INFINITY;
         }
-        self.cells.close(self.q.len());
+        self.finish(candidates.len(), log2);
     }
 
-    fn clear(&mut self) {
-        self.q.clear();
-        self.nearest2.clear();
-        self.candidate.clear();
-        self.tile_of.clear();
-        self.cells.clear();
+    /// Leaves out what is picked or coincides with it, and finds neighbours by other cells.
+    pub fn narrow(&mut self, log2: u32) {
+        let mut filling = Filling::new(&mut self.cells, log2);
+        let mut n = 0;
+        for i in 0..self.candidate.len() {
+            let nearest2 = self.nearest2[i / LANES].as_array()[i % LANES];
+            if nearest2 > 0.0 {
+                let p = self.q[i / LANES].each_ref().map(|axis| axis.as_array()[i % LANES]);
+                let block = &mut self.q[n / LANES];
+                (0..3).for_each(|axis| block[axis].as_mut_array()[n % LANES] = p[axis]);
+                self.nearest2[n / LANES].as_mut_array()[n % LANES] = nearest2;
+                self.candidate[n] = self.candidate[i];
+                self.tile_of[n] = filling.tile(p, n);
+                n += 1;
+            }
+        }
+        self.finish(n, log2);
+    }
+
+    /// There are so many points.
+    fn finish(&mut self, n: usize, log2: u32) {
+        self.log2 = log2;
+        self.cells.close(n);
+        let blocks = n.div_ceil(LANES);
+        self.q.truncate(blocks);
+        self.nearest2.truncate(blocks);
+        self.candidate.truncate(blocks * LANES);
+        self.tile_of.truncate(blocks * LANES);
+        for i in n..self.candidate.len() {
+            self.nearest2[i / LANES].as_mut_array()[i % LANES] = 0.0;
+            self.candidate[i] = NONE;
+        }
     }
 
     /// Number of places: points, and room that is left.
@@ -82,10 +98,10 @@ impl Rest {
         self.candidate[i]
     }
 
-    /// The points and the squares of their distances to the nearest picked one.
-    pub fn points(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        let nearest2 = self.nearest2.iter().flat_map(|block| block.to_array());
-        self.candidate.iter().copied().zip(nearest2).filter(|p| p.0 != NONE)
+    /// Square of the greatest distance to a picked point.
+    pub fn farthest2(&self) -> f32 {
+        let farthest = self.nearest2.iter().fold(f32x4::default(), |a, &b| a.fast_max(b));
+        farthest.to_array().into_iter().fold(0.0, f32::max)
     }
 
     /// See [`Rest::nearest2`].
@@ -112,62 +128,78 @@ impl Rest {
     /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline]
     pub fn tell_around(&mut self, i: usize, reach: i32) {
-        let block = i / LANES;
-        let p = self.q[block].each_ref().map(|axis| axis.as_array()[i % LANES]);
-        self.tell_from(self.tile_of[block], p, reach);
+        let p = self.q[i / LANES].each_ref().map(|axis| axis.as_array()[i % LANES]);
+        self.tell_from(self.tile_of[i], p, reach);
     }
 
     /// The same for a position that has no place.
     pub fn tell(&mut self, p: [i32; 3], reach: i32) {
-        self.tell_from(self.cells.find(p.map(|c| c >> self.log2 >> TILE_LOG2)), p, reach);
+        self.tell_from(NONE, p, reach);
     }
 
-    /// `own` is the tile of the position.
+    /// `own` is the tile of the position, if that is known.
     #[inline]
     fn tell_from(&mut self, own: u32, p: [i32; 3], reach: i32) {
-        let low = p.map(|c| c.saturating_sub(reach) >> self.log2);
+        // No coordinate is negative, nor a reach.
+        let low = p.map(|c| c.wrapping_sub(reach) >> self.log2);
         let high = p.map(|c| c.saturating_add(reach) >> self.log2);
-        let home = p.map(|c| c >> self.log2 >> TILE_LOG2);
+        let (first, last) = (low.map(|c| c >> TILE_LOG2), high.map(|c| c >> TILE_LOG2));
         let p = p.map(i32x4::from);
-        let tiles = |axis: usize| low[axis] >> TILE_LOG2..=high[axis] >> TILE_LOG2;
-        for z in tiles(2) {
-            for y in tiles(1) {
-                for x in tiles(0) {
-                    let tile = [x, y, z];
-                    let index = if tile == home { own } else { self.cells.find(tile) };
-                    if index != NONE {
-                        self.tell_tile(index, tile, [low, high], p);
-                    }
-                }
+        if own != NONE && first == last {
+            return self.tell_tile(own, between([low, high]), p);
+        }
+        let [mut x, mut y, mut z] = first;
+        loop {
+            let tile = self.cells.find([x, y, z]);
+            if tile != NONE {
+                // Of tiles between the outer ones, all cells.
+                let corner = [x, y, z];
+                let from = [0, 1, 2].map(|i| if corner[i] == first[i] { low[i] } else { 0 });
+                let to = [0, 1, 2].map(|i| if corner[i] == last[i] { high[i] } else { !0 });
+                self.tell_tile(tile, between([from, to]), p);
+            }
+            // Wrapping: no tile lies at the end of all numbers.
+            if x < last[0] {
+                x = x.wrapping_add(1);
+            } else if y < last[1] {
+                (x, y) = (first[0], y.wrapping_add(1));
+            } else if z < last[2] {
+                (x, y, z) = (first[0], first[1], z.wrapping_add(1));
+            } else {
+                return;
             }
         }
     }
 
-    /// Tells the points in those of a tile's cells that lie between two.
+    /// Tells the points in these cells of a tile, and some beside them: where cells follow each other along the
+    /// curve they are told at once, and a tile of few points as a whole.
     #[inline]
-    fn tell_tile(&mut self, index: u32, tile: [i32; 3], [low, high]: [[i32; 3]; 2], p: [i32x4; 3]) {
-        let Tile { occupied, first } = self.cells.tiles[index as usize];
-        let cells = |axis: usize| {
-            let start = tile[axis] << TILE_LOG2;
-            low[axis].max(start)..=high[axis].min(start + TILE_EDGE - 1)
-        };
-        for z in cells(2) {
-            for y in cells(1) {
-                for x in cells(0) {
-                    let bit = 1u64 << within([x, y, z]);
-                    if occupied & bit != 0 {
-                        self.tell_cell(first + (occupied & (bit - 1)).count_ones(), p);
-                    }
-                }
-            }
+    fn tell_tile(&mut self, tile: u32, cells: u64, p: [i32x4; 3]) {
+        let Tile { occupied, first, start } = self.cells.tiles[tile as usize];
+        let end = self.cells.tiles[tile as usize + 1].start;
+        if end.wrapping_sub(start) <= FEW {
+            return self.tell_run(start, end, p);
+        }
+        let mut wanted = occupied & cells;
+        let others = occupied & !cells;
+        while wanted != 0 {
+            // From the next cell on, up to the first one behind it that is left out.
+            let below = (wanted & wanted.wrapping_neg()).wrapping_sub(1);
+            let behind = others & !below;
+            let until = (behind & behind.wrapping_neg()).wrapping_sub(1);
+            let point = |below: u64| {
+                self.cells.first[first.wrapping_add((occupied & below).count_ones()) as usize]
+            };
+            self.tell_run(point(below), point(until), p);
+            wanted &= !until;
         }
     }
 
     /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
-    /// millionth.
+    /// millionth. Points that share a block with others are told too, which does no harm.
     #[inline]
-    fn tell_cell(&mut self, cell: u32, p: [i32x4; 3]) {
-        let run = self.cells.run(cell);
+    fn tell_run(&mut self, start: u32, end: u32, p: [i32x4; 3]) {
+        let run = start as usize / LANES..(end as usize).div_ceil(LANES);
         for (q, nearest2) in self.q[run.clone()].iter().zip(&mut self.nearest2[run]) {
             let d = |axis: usize| (q[axis] - p[axis]).round_float();
             let (x, y, z) = (d(0), d(1), d(2));
@@ -179,13 +211,66 @@ impl Rest {
 /// Cells along an edge of a tile, as log2: a tile has as many as a word has bits.
 const TILE_LOG2: u32 = 2;
 const TILE_EDGE: i32 = 1 << TILE_LOG2;
+/// A tile of no more points is told as a whole.
+const FEW: u32 = 12;
+
+/// Bits of a coordinate within a tile, where they stand in the place of a cell.
+const SPREAD: [u32; TILE_EDGE as usize] = [0, 1, 8, 9];
+
+/// The cells of a tile that lie, along an axis, between two: by the first, and in the lower bits the last.
+const BETWEEN: [[u64; 1 << (2 * TILE_LOG2)]; 3] = {
+    let mut out = [[0; 1 << (2 * TILE_LOG2)]; 3];
+    let mut i = 0;
+    while i < 3 << (2 * TILE_LOG2 + 6) {
+        let (axis, range, cell) = (i >> 10, i >> 6 & 15, i & 63);
+        let at = (cell >> axis & 1) | (cell >> axis >> 3 & 1) << 1;
+        if at >= range >> TILE_LOG2 && at <= range & 3 {
+            out[axis][range] |= 1 << cell;
+        }
+        i += 1;
+    }
+    out
+};
+
+/// The cells of a tile between two of them.
+#[inline]
+fn between([low, high]: [[i32; 3]; 2]) -> u64 {
+    let along =
+        |axis: usize| BETWEEN[axis][((low[axis] & 3) << TILE_LOG2 | high[axis] & 3) as usize];
+    along(0) & along(1) & along(2)
+}
 
 /// The place of a cell in its tile, along the Morton curve.
 #[inline]
-fn within(cell: [i32; 3]) -> usize {
-    const SPREAD: [usize; TILE_EDGE as usize] = [0, 1, 8, 9];
+fn within(cell: [i32; 3]) -> u32 {
     let [x, y, z] = cell.map(|c| SPREAD[(c & (TILE_EDGE - 1)) as usize]);
     x | y << 1 | z << 2
+}
+
+/// Cells being found along the curve.
+struct Filling<'a> {
+    cells: &'a mut Cells,
+    log2: u32,
+    cell: [i32; 3],
+    tile: u32,
+}
+
+impl<'a> Filling<'a> {
+    fn new(cells: &'a mut Cells, log2: u32) -> Self {
+        cells.clear();
+        Self { cells, log2, cell: [-1; 3], tile: NONE }
+    }
+
+    /// The tile of the next point, whose place this is.
+    #[inline]
+    fn tile(&mut self, p: [i32; 3], place: usize) -> u32 {
+        let cell = p.map(|c| c >> self.log2);
+        if cell != self.cell {
+            self.cell = cell;
+            self.tile = self.cells.open(cell, place);
+        }
+        self.tile
+    }
 }
 
 /// Cells that are neighbours.
@@ -195,13 +280,16 @@ struct Tile {
     occupied: u64,
     /// The first of these; the others follow.
     first: u32,
+    /// Its first point.
+    start: u32,
 }
 
 /// The cells that have points, along the curve, by tiles of them, which a table with open addressing finds.
 #[derive(Default)]
 struct Cells {
-    /// The first block of each cell's points, and of the next cell's.
+    /// The first point of each cell, and of what follows.
     first: Vec<u32>,
+    /// One more than there are: where the last one ends.
     tiles: Vec<Tile>,
     corners: Vec<[i32; 3]>,
     /// Tiles by their corners; [`NONE`] where there is none.
@@ -216,23 +304,26 @@ impl Cells {
         self.corners.clear();
     }
 
-    /// The next cell along the curve, whose points begin at a block; the tile that it lies in.
-    fn open(&mut self, cell: [i32; 3], block: usize) -> u32 {
+    /// The next cell along the curve, which begins at a point; the tile that it lies in.
+    fn open(&mut self, cell: [i32; 3], point: usize) -> u32 {
         let corner = cell.map(|c| c >> TILE_LOG2);
         if self.corners.last() != Some(&corner) {
             self.corners.push(corner);
-            self.tiles.push(Tile { occupied: 0, first: self.first.len() as u32 });
+            let (first, start) = (self.first.len() as u32, point as u32);
+            self.tiles.push(Tile { occupied: 0, first, start });
         }
         if let Some(tile) = self.tiles.last_mut() {
             tile.occupied |= 1 << within(cell);
         }
-        self.first.push(block as u32);
+        self.first.push(point as u32);
         self.tiles.len() as u32 - 1
     }
 
-    /// Makes the table; the last cell ends before a block.
-    fn close(&mut self, block: usize) {
-        self.first.push(block as u32);
+    /// Makes the table; the last cell ends before a point.
+    fn close(&mut self, point: usize) {
+        let (first, start) = (self.first.len() as u32, point as u32);
+        self.first.push(start);
+        self.tiles.push(Tile { occupied: 0, first, start });
         let size = (self.corners.len() * 2).next_power_of_two().max(2);
         self.shift = 64 - size.ilog2();
         self.slots.clear();
@@ -244,12 +335,6 @@ impl Cells {
             }
             self.slots[at] = tile;
         }
-    }
-
-    /// The blocks of a cell.
-    #[inline]
-    fn run(&self, cell: u32) -> std::ops::Range<usize> {
-        self.first[cell as usize] as usize..self.first[cell as usize + 1] as usize
     }
 
     /// The tile at a place; [`NONE`] where there is none.

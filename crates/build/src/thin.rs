@@ -19,6 +19,9 @@ const DUE_SHARE: f32 = 0.65;
 /// edge is at most this share of the radius, and those that a cell below has picked by then.
 const PART_EDGE: f64 = 0.25;
 
+/// Points that are looked through at once for those of a part.
+const SCANNED: usize = 64;
+
 /// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
 const GOLDEN: usize = 0x9e37_79b9;
 const GOLDEN_BITS: u32 = 32;
@@ -39,6 +42,8 @@ pub struct Thinning<'a> {
     /// The next turn.
     turn: u16,
     rest: Rest,
+    /// The points to look at while not all are.
+    part: Vec<u32>,
     /// Log2 of the edge of the cells by which `rest` finds neighbours, once it is filled.
     log2: Option<u32>,
     /// Points share no cell of this edge's log2, or are left out of `rest` for now.
@@ -67,6 +72,7 @@ impl<'a> Thinning<'a> {
             is_line: dimension == 1,
             turn: turn_at(radius),
             rest: Rest::default(),
+            part: Vec::new(),
             log2: None,
             part_log2: Candidates::ALONE,
             is_over: false,
@@ -85,7 +91,7 @@ impl<'a> Thinning<'a> {
         if self.log2 != Some(cell_log2(self.radius())) {
             if self.is_complete() {
                 // On to the turn at which there is something to pick.
-                let farthest2 = self.farthest2();
+                let farthest2 = self.rest.farthest2();
                 if farthest2 < 1.0 {
                     return self.finish();
                 }
@@ -111,40 +117,51 @@ impl<'a> Thinning<'a> {
         self.log2.is_some() && self.part_log2 == 0
     }
 
-    /// Square of the greatest distance to a picked point among those left.
-    fn farthest2(&self) -> f32 {
-        self.rest.points().map(|p| p.1).fold(0.0, f32::max)
-    }
-
     /// Chooses cells, and the points to look at, for the next turns.
     fn settle(&mut self) {
         let radius = self.radius();
         let (log2, q) = (cell_log2(radius), &self.candidates.q);
         if self.is_complete() {
-            let old = std::mem::take(&mut self.rest);
-            self.rest.refill(q, old.points().filter(|p| p.1 > 0.0), log2);
+            self.rest.narrow(log2);
         } else {
             self.part_log2 = self.part_log2(radius);
             let until = turn_at(radius * self.candidates.step / 2.0);
-            let shared = &self.candidates.shared_log2;
-            let is_in = |i: usize| {
-                let is_placed = || self.placed.get(i).is_some_and(|&turn| turn <= until);
-                self.turns[i] == LAST_TURN && (shared[i] > self.part_log2 || is_placed())
-            };
-            let part = (0..shared.len()).filter(|&i| is_in(i)).map(|i| (i as u32, f32::INFINITY));
-            self.rest.refill(q, part, log2);
+            self.choose_part(until);
+            self.rest.refill(q, &self.part, log2);
             let reach = (radius as i32).saturating_add(1);
             self.picked.iter().for_each(|&i| self.rest.tell(q[i as usize], reach));
         }
         self.log2 = Some(log2);
     }
 
+    /// Lists the points to look at for turns up to this one.
+    fn choose_part(&mut self, until: u16) {
+        let shared = self.candidates.shared_log2.chunks(SCANNED);
+        self.part.clear();
+        for (start, shared) in (0..).step_by(SCANNED).zip(shared) {
+            let range = start..start + shared.len();
+            let turns = &self.turns[range.clone()];
+            let placed = self.placed.get(range).unwrap_or_default();
+            // Mostly there is nothing, which is seen at once.
+            let any_first = shared.iter().fold(false, |any, &l| any | (l > self.part_log2));
+            let any_placed = placed.iter().fold(false, |any, &turn| any | (turn <= until));
+            if !any_first && !any_placed {
+                continue;
+            }
+            for (i, (&turn, &log2)) in turns.iter().zip(shared).enumerate() {
+                let is_placed = || placed.get(i).is_some_and(|&turn| turn <= until);
+                if turn == LAST_TURN && (log2 > self.part_log2 || is_placed()) {
+                    self.part.push((start + i) as u32);
+                }
+            }
+        }
+    }
+
     /// Which points are enough down to half a radius; 0 where most are needed.
     fn part_log2(&self, radius: f64) -> u8 {
         let log2 = (radius / 2.0 * PART_EDGE).log2().floor().clamp(0.0, 31.0) as u8;
-        let shared = &self.candidates.shared_log2;
-        let enough = shared.iter().filter(|&&l| l > log2).count();
-        if enough * 2 > shared.len() { 0 } else { log2 }
+        let points = self.candidates.len();
+        if self.candidates.firsts[usize::from(log2)] as usize * 2 > points { 0 } else { log2 }
     }
 
     /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a
