@@ -99,15 +99,19 @@ pub fn oct_encode(n: [f32; 3]) -> [i16; 2] {
 
 /// The unit vector of an octahedral code; zero for "none".
 pub fn oct_decode(code: [i16; 2]) -> [f32; 3] {
+    let [x, y, z] = oct_direction(code);
+    let norm = (x * x + y * y + z * z).sqrt();
+    if norm == 0.0 { [0.0; 3] } else { [x / norm, y / norm, z / norm] }
+}
+
+/// The direction of an octahedral code, not of unit length: enough to tell sides. Zero for "none".
+pub fn oct_direction(code: [i16; 2]) -> [f32; 3] {
     if code == [i16::MIN; 2] {
         return [0.0; 3];
     }
     let [x, y] = code.map(|c| (f32::from(c) / 32767.0).max(-1.0));
     let z = 1.0 - x.abs() - y.abs();
-    let [x, y] =
-        if z < 0.0 { [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)] } else { [x, y] };
-    let norm = (x * x + y * y + z * z).sqrt();
-    [x / norm, y / norm, z / norm]
+    if z < 0.0 { [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y), z] } else { [x, y, z] }
 }
 
 #[cfg(test)]

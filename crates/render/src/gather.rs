@@ -97,17 +97,16 @@ impl<'a> Lookup<'a> {
         self.frame.draws.iter().any(|d| d.normal.is_some())
     }
 
-    /// Colour of a point alone, for the method without surfaces. `last` is as for
-    /// [`DrawList::find`].
-    pub fn colour_of(&self, point: u32, depth: f32, last: &mut usize) -> Vec3 {
-        let (d, index) = self.list.find(point, last);
+    /// Colour of a point alone, for the method without surfaces.
+    pub fn colour_of(&self, point: u32, depth: f32) -> Vec3 {
+        let (d, index) = self.list.find(point);
         let (offset, _) = self.draws[d].positions.offset(index);
         self.colour(d, index, offset, depth)
     }
 
     /// Everything of a point.
-    fn hit<const NORMALS: bool>(&self, point: u32, depth: f32, last: &mut usize) -> Hit {
-        let (d, index) = self.list.find(point, last);
+    fn hit<const NORMALS: bool>(&self, point: u32, depth: f32) -> Hit {
+        let (d, index) = self.list.find(point);
         let draw = &self.frame.draws[d];
         let (offset, code) = self.draws[d].positions.offset(index);
         let spacing = self.spacing(draw, offset);
@@ -199,7 +198,7 @@ fn gather_level<const NORMALS: bool>(
     let width = base.width;
     let focal_px = lookup.camera.focal_px;
     for_each_row(base, |row| {
-        let (mut count, mut last) = (0, 0);
+        let mut count = 0;
         let values = &target[row.y * width..][..width];
         for (x, value) in values.iter().enumerate() {
             let value = value.load(Relaxed);
@@ -208,7 +207,7 @@ fn gather_level<const NORMALS: bool>(
                 continue;
             }
             let (depth, point) = unpack(value);
-            let hit = lookup.hit::<NORMALS>(point, depth, &mut last);
+            let hit = lookup.hit::<NORMALS>(point, depth);
             let radius_px = (hit.radius * focal_px / depth + RADIUS_MARGIN_PX).min(RADIUS_MAX);
             let reach = if NORMALS { hit.radius } else { hit.radius * BARE_REACH };
             row.front[x] = Vec4::new(depth, depth + reach, 0.0, 0.0);

@@ -10,7 +10,8 @@
 
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::frame::{DrawNode, Frame};
-use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
+use crate::gpu::table::CHUNK_POINTS;
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode, oct_direction};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -27,50 +28,61 @@ pub fn unpack(value: u64) -> (f32, u32) {
     (f32::from_bits((value >> 32) as u32), value as u32)
 }
 
-/// The frame's points in one numbering.
+/// The frame's points in one numbering. Each draw begins at a multiple of a chunk, as on a GPU
+/// ([`crate::gpu::table::CHUNK_POINTS`]), so that a point's draw is looked up and not searched for.
 #[derive(Clone, Debug, Default)]
 pub struct DrawList {
-    /// Number of the first point of each draw, and one past the last point of all.
+    /// Number of the first point of each draw.
     pub starts: Vec<u32>,
+    /// Points of each draw.
+    counts: Vec<u32>,
+    /// The draw of each chunk of numbers.
+    owners: Vec<u32>,
+    points: u32,
 }
 
 impl DrawList {
-    /// Numbers the points of these draws.
+    /// Numbers the points of these draws. What there is no number left for is not drawn.
     pub fn new(draws: &[DrawNode<'_>]) -> Self {
-        let mut starts = Vec::with_capacity(draws.len() + 1);
-        let mut next = 0u32;
-        for draw in draws {
-            starts.push(next);
-            let len = u32::try_from(Positions::of(draw).len).unwrap_or(u32::MAX);
-            next = next.saturating_add(len);
+        let mut list = Self::default();
+        let mut next = 0u64;
+        for (owner, draw) in (0..).zip(draws) {
+            // The last chunk stays free: all ones is no point.
+            let left = u64::from(u32::MAX - CHUNK_POINTS).saturating_sub(next);
+            let count = (Positions::of(draw).len as u64).min(left) as u32;
+            let chunks = count.div_ceil(CHUNK_POINTS);
+            list.starts.push(next as u32);
+            list.counts.push(count);
+            list.owners.extend(std::iter::repeat_n(owner, chunks as usize));
+            list.points += count;
+            next += u64::from(chunks) * u64::from(CHUNK_POINTS);
         }
-        starts.push(next);
-        Self { starts }
+        list
     }
 
     /// Number of points of a draw.
     pub fn len(&self, draw: usize) -> usize {
-        (self.starts[draw + 1] - self.starts[draw]) as usize
+        self.counts[draw] as usize
     }
 
     /// Whether the frame has no point.
     pub fn is_empty(&self) -> bool {
-        self.points() == 0
+        self.points == 0
     }
 
     /// Number of points of the frame.
     pub fn points(&self) -> u32 {
-        self.starts.last().copied().unwrap_or(0)
+        self.points
     }
 
-    /// Draw and index in it of a point. `last` is the draw found before, 0 at first: neighbouring
-    /// pixels mostly show points of one node.
-    pub fn find(&self, point: u32, last: &mut usize) -> (usize, usize) {
-        if point < self.starts[*last] || point >= self.starts[*last + 1] {
-            // Of draws without points, which start where the next one does, the last one is meant.
-            *last = self.starts.partition_point(|&s| s <= point) - 1;
-        }
-        (*last, (point - self.starts[*last]) as usize)
+    /// Draw and index in it of a numbered point.
+    ///
+    /// # Panics
+    /// If no point has that number.
+    #[inline]
+    pub fn find(&self, point: u32) -> (usize, usize) {
+        let draw = self.owners[(point / CHUNK_POINTS) as usize] as usize;
+        (draw, (point - self.starts[draw]) as usize)
     }
 }
 
@@ -106,27 +118,14 @@ fn project_run(
 ) {
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
-    let [width, height] = camera.size.map(|s| s as f32);
     let mut offsets = [[0; BLOCK]; 3];
     for start in run.clone().step_by(BLOCK) {
-        let count = BLOCK.min(run.end - start);
-        let [to_x, to_y, to_z] = &mut offsets;
-        let to = to_x.iter_mut().zip(to_y).zip(to_z).take(count);
-        for (k, ((x, y), z)) in to.enumerate() {
-            [*x, *y, *z] = positions.offset(start + k).0;
-        }
-        let [xs, ys, depths] = place_block(camera, &place, &offsets);
-        for k in 0..count {
-            let (x, y, depth) = (xs[k], ys[k], depths[k]);
-            // Written so that what is not a number is outside.
-            let inside = x >= 0.0 && x < width && y >= 0.0 && y < height;
-            if !(inside && depth >= camera.near && depth < f32::INFINITY) {
-                continue;
-            }
+        let count = positions.offsets(start, &mut offsets).min(run.end - start);
+        let Block { pixels, depths } = place_block(camera, &place, &offsets);
+        for (k, (&pixel, &depth)) in pixels.iter().zip(&depths).take(count).enumerate() {
+            let Some(slot) = target.get(pixel as usize) else { continue };
             let i = start + k;
-            let pixel = y as usize * camera.size[0] as usize + x as usize;
             let value = u64::from(depth.to_bits()) << 32 | u64::from(base + i as u32);
-            let Some(slot) = target.get(pixel) else { continue };
             if value >= slot.load(Relaxed) {
                 continue;
             }
@@ -138,28 +137,39 @@ fn project_run(
     }
 }
 
-/// Picture x, y and depth of a block of points. Straight arithmetic over arrays: it becomes SIMD.
+/// Where a block of points is on the picture.
+struct Block {
+    /// Pixels, row by row; beyond all for what is outside.
+    pixels: [u32; BLOCK],
+    depths: [f32; BLOCK],
+}
+
+/// Places a block of points. Straight arithmetic over arrays: it becomes SIMD.
 #[inline(always)]
-fn place_block(
-    camera: &Camera,
-    place: &NodePlace,
-    offsets: &[[u32; BLOCK]; 3],
-) -> [[f32; BLOCK]; 3] {
+fn place_block(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Block {
     let [right, up, back] = camera.view_from_world;
     let step = camera.step;
     let [cx, cy] = camera.centre_px;
-    let [mut xs, mut ys, mut depths] = [[0.0; BLOCK]; 3];
+    let [width, height] = camera.size.map(|s| s as f32);
+    let row = camera.size[0];
+    let mut block = Block { pixels: [0; BLOCK], depths: [0.0; BLOCK] };
     for k in 0..BLOCK {
         let x = place.axis_steps(0, offsets[0][k]) * step.x;
         let y = place.axis_steps(1, offsets[1][k]) * step.y;
         let z = place.axis_steps(2, offsets[2][k]) * step.z;
         let depth = -(back.x * x + back.y * y + back.z * z);
         let scale = camera.focal_px / depth;
-        xs[k] = cx + (right.x * x + right.y * y + right.z * z) * scale;
-        ys[k] = cy - (up.x * x + up.y * y + up.z * z) * scale;
-        depths[k] = depth;
+        let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
+        let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+        // Written so that what is not a number is outside.
+        let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
+        let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
+        // What is inside is a small positive number.
+        let pixel = (at_y as i32 as u32).wrapping_mul(row).wrapping_add(at_x as i32 as u32);
+        block.pixels[k] = if is_inside { pixel } else { u32::MAX };
+        block.depths[k] = depth;
     }
-    [xs, ys, depths]
+    block
 }
 
 /// Whether a point is marked as one that is not wanted.
@@ -169,13 +179,19 @@ fn is_hidden(positions: &[u8], index: usize) -> bool {
 
 /// Whether a point's normal looks to the eye's side; a point without a normal does.
 fn faces_eye(normals: &[u8], index: usize, from_eye: Vec3) -> bool {
-    normal_at(normals, index).dot(from_eye) <= 0.0
+    let code = normal_code(normals, index);
+    code.is_none_or(|code| Vec3::from_array(oct_direction(code)).dot(from_eye) <= 0.0)
+}
+
+/// The code of a point's normal, where the plane has one.
+#[inline]
+fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
+    let b = normals.get(index * 4..index * 4 + 4)?;
+    Some([i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])])
 }
 
 /// The world normal of a point; zero where it has none or the plane is too short.
 #[inline]
 pub fn normal_at(normals: &[u8], index: usize) -> Vec3 {
-    let Some(b) = normals.get(index * 4..index * 4 + 4) else { return Vec3::ZERO };
-    let code = [i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])];
-    Vec3::from_array(esker_points::quant::oct_decode(code))
+    normal_code(normals, index).map_or(Vec3::ZERO, |code| Vec3::from_array(oct_decode(code)))
 }

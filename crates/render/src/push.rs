@@ -16,6 +16,7 @@
 use crate::ellipse::{FACING, covers};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
 use glam::{Vec2, Vec4};
+use std::ops::Range;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
 /// the biquadratic B-spline's, times 16.
@@ -47,7 +48,7 @@ fn push_row<const NORMALS: bool>(coarser: &Level, edge_px: f32, mut row: RowMut<
     let beside = if odd_row { row.y / 2 + 1 < coarser.height } else { row.y > 1 };
     let beside =
         beside.then(|| if odd_row { above + coarser.width } else { above - coarser.width });
-    for x in 0..row.front.len() {
+    for x in reached(coarser, above, beside, row.front.len()) {
         let (own, parent) = (row.front[x], above + x / 2);
         let cover = coarser.front[parent];
         if own.x < f32::INFINITY && own.x >= cover.x && own.x <= cover.y {
@@ -73,6 +74,19 @@ fn push_row<const NORMALS: bool>(coarser: &Level, edge_px: f32, mut row: RowMut<
             blend::<NORMALS>(coarser, &taken, x, &mut row);
         }
     }
+}
+
+/// The pixels of a finer row of `width` that something of its two coarser rows may reach; others stay as they are.
+fn reached(coarser: &Level, above: usize, beside: Option<usize>, width: usize) -> Range<usize> {
+    let rows = [Some(above), beside].into_iter().flatten();
+    let valid = rows.filter_map(|first| {
+        let row = &coarser.front[first..first + coarser.width];
+        let is_valid = |front: &Vec4| front.x < f32::INFINITY;
+        Some((row.iter().position(is_valid)?, row.iter().rposition(is_valid)?))
+    });
+    let both = valid.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    // A coarser pixel reaches the two below it and one on either side.
+    both.map_or(0..0, |(first, last)| (2 * first).saturating_sub(1)..(2 * last + 3).min(width))
 }
 
 /// A coarser pixel that takes part.

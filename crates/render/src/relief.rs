@@ -154,7 +154,7 @@ pub struct Surroundings<'a> {
     y: usize,
 }
 
-impl Surroundings<'_> {
+impl<'r> Surroundings<'r> {
     /// The normal in view space at a pixel that has a depth: towards the eye, unit length.
     ///
     /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
@@ -185,22 +185,47 @@ impl Surroundings<'_> {
         }
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
-    /// How far a pixel lies behind the middle of what is on both sides of it, 0 to 1; bends up to `flat` do not
-    /// count. Slopes are no bends, so nothing darkens towards a silhouette.
-    #[inline]
-    pub fn sunken(&self, x: usize, flat: f32) -> f32 {
-        let here = self.here[x];
-        let per_slope = self.focal_px / (here * REACH as f32);
+
+    /// How far each of a run of pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
+    /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is written of pixels
+    /// without depth means nothing.
+    pub fn sunken(&self, first: usize, flat: f32, out: &mut [f32]) {
+        let width = self.here.len();
+        let inner = first >= REACH && first + out.len() + REACH <= width;
         let [above, middle, below] = self.far;
-        let left = |row: &[f32]| x.checked_sub(REACH).map_or(f32::INFINITY, |x| row[x]);
-        let right = |row: &[f32]| row.get(x + REACH).copied().unwrap_or(f32::INFINITY);
-        let dark =
-            |a: f32, b: f32| ((here - (a + b) * 0.5) * per_slope - flat).clamp(0.0, BEHIND_MAX);
-        let sum = dark(above[x], below[x])
-            + dark(left(middle), right(middle))
-            + dark(left(above), right(below))
-            + dark(right(above), left(below));
-        sum * (1.0 / (4.0 * BEHIND_MAX))
+        let dark = |here: f32, a: f32, b: f32| {
+            let per_slope = self.focal_px / (here * REACH as f32);
+            ((here - (a + b) * 0.5) * per_slope - flat).clamp(0.0, BEHIND_MAX)
+        };
+        let share = 1.0 / (4.0 * BEHIND_MAX);
+        if inner {
+            // Straight arithmetic over slices: it becomes SIMD.
+            let count = out.len();
+            let cut = |row: &'r [f32], at: usize| &row[at..at + count];
+            let here = cut(self.here, first);
+            let (left, right) = (first - REACH, first + REACH);
+            let pairs = [
+                (cut(above, first), cut(below, first)),
+                (cut(middle, left), cut(middle, right)),
+                (cut(above, left), cut(below, right)),
+                (cut(above, right), cut(below, left)),
+            ];
+            for (k, out) in out.iter_mut().enumerate() {
+                let [a, b, c, d] = pairs.map(|(before, after)| dark(here[k], before[k], after[k]));
+                *out = (a + b + c + d) * share;
+            }
+            return;
+        }
+        for (x, out) in (first..).zip(out) {
+            let here = self.here[x];
+            let left = |row: &[f32]| x.checked_sub(REACH).map_or(f32::INFINITY, |x| row[x]);
+            let right = |row: &[f32]| row.get(x + REACH).copied().unwrap_or(f32::INFINITY);
+            let sum = dark(here, above[x], below[x])
+                + dark(here, left(middle), right(middle))
+                + dark(here, left(above), right(below))
+                + dark(here, right(above), left(below));
+            *out = sum * share;
+        }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
 use crate::shade::shade;
 use crate::soften::soften;
-use crate::trim::trim;
+use crate::trim::trim_with;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
@@ -32,6 +32,8 @@ pub struct Renderer {
     scratch: ReliefScratch,
     /// EWA splatting, and how it is done.
     pub ewa: Ewa,
+    /// Of [`trim_with`].
+    sources: Vec<u32>,
 }
 
 /// Draws one frame. Who draws many keeps a [`Renderer`].
@@ -98,7 +100,7 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, pyramid, scratch, ewa } = self;
+        let Self { target, pyramid, scratch, sources, ewa } = self;
         if plan.passes.contains(&Pass::Shade) {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
@@ -127,7 +129,7 @@ impl Renderer {
                 Pass::Push => push(pyramid),
                 Pass::Mend => {
                     let base = &mut pyramid.levels[0];
-                    edges = mend_outlines(base, &mut picture.depth, camera.focal_px);
+                    edges = mend_outlines(sources, base, &mut picture.depth, camera.focal_px);
                 }
                 Pass::Shade => {
                     let shaded =
@@ -149,11 +151,16 @@ impl Renderer {
 
 /// Closes gaps of the filled level and takes back what sticks out of its surfaces; fills `depth`. Returns the
 /// pixels that may lie at an edge.
-fn mend_outlines(base: &mut Level, depth: &mut [f32], focal_px: f32) -> Vec<usize> {
+fn mend_outlines(
+    sources: &mut Vec<u32>,
+    base: &mut Level,
+    depth: &mut [f32],
+    focal_px: f32,
+) -> Vec<usize> {
     base.depth_image(depth);
     let mut edges = edges(depth, base.width, STEP_PX / focal_px);
     mend(base, depth, &edges, focal_px);
-    edges.extend(trim(base, depth, &edges, focal_px));
+    edges.extend(trim_with(sources, base, depth, &edges, focal_px));
     edges
 }
 

@@ -21,7 +21,7 @@ pub fn resolve(
     let rows = picture.rgba.par_chunks_mut(width * 4).zip(picture.depth.par_chunks_mut(width));
     rows.enumerate().for_each(|(y, (rgba, depths))| {
         let behind = backdrop(background, y, height);
-        let (mut count, mut last) = (0, 0);
+        let mut count = 0;
         for (x, out) in rgba.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let value = target[y * width + x].load(Relaxed);
             if value == EMPTY {
@@ -29,7 +29,7 @@ pub fn resolve(
                 continue;
             }
             let (depth, point) = unpack(value);
-            let [r, g, b] = encoder.bytes(lookup.colour_of(point, depth, &mut last));
+            let [r, g, b] = encoder.bytes(lookup.colour_of(point, depth));
             (*out, depths[x]) = ([r, g, b, 255], depth);
             count += 1;
         }

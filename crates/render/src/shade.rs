@@ -13,7 +13,7 @@ use crate::pyramid::{Level, Pyramid};
 use crate::relief::{DepthImage, ReliefScratch};
 use crate::resolve::backdrop;
 use crate::soften::is_crease;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Direction to the key light, view space, unit length.
@@ -23,9 +23,8 @@ const KEY_SHARE: f32 = 0.62;
 const EYE_SHARE: f32 = 0.16;
 const SKY_SHARE: f32 = 0.30;
 const GROUND_SHARE: f32 = 0.12;
-/// The highlight: its strength and Phong's exponent.
+/// The strength of the highlight; Phong's exponent is 24.
 const SHINE: f32 = 0.10;
-const SHINE_POWER: i32 = 24;
 /// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With normals
 /// only what lies behind an edge is set off, whatever its slope; without them the depth alone has to tell
 /// the shape.
@@ -56,7 +55,8 @@ pub fn shade(
     }
 }
 
-/// As [`shade`], with highlights or without.
+/// As [`shade`], with highlights or without. By blocks of pixels: what is looked up is scattered into flat
+/// arrays, and what is computed of them is straight arithmetic, which becomes SIMD.
 fn shade_as<const SHINES: bool>(
     camera: &Camera,
     pyramid: &Pyramid,
@@ -67,54 +67,51 @@ fn shade_as<const SHINES: bool>(
     let base = &pyramid.levels[0];
     let width = base.width;
     let has_normals = !base.normal.is_empty();
-    let focal_px = camera.focal_px;
     let raw = DepthImage {
         width,
         depth: &picture.depth,
-        focal_px,
+        focal_px: camera.focal_px,
         centre_px: camera.centre_px,
         radius_px: mean_radius_px(base),
     };
     let relief = if has_normals { raw } else { raw.smoothed(scratch) };
     let nothing = vec![f32::INFINITY; width];
-    let dark = if has_normals { EDGE.0 } else { DOME.0 };
     let encoder = Encoder::get();
     let rows = picture.rgba.par_chunks_mut(width * 4).enumerate();
     let found = rows.map(|(y, row)| {
         let backdrop = backdrop(background, y, base.height);
         let around = relief.surroundings(y, &nothing);
         let (mut count, mut creases) = (0, Vec::new());
-        for (x, out) in row.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-            let pixel = y * width + x;
-            if !base.is_valid(pixel) {
-                *out = backdrop;
+        for (first, out) in (0..).step_by(BLOCK).zip(row.as_chunks_mut::<4>().0.chunks_mut(BLOCK)) {
+            let pixels = y * width + first..y * width + first + out.len();
+            if base.front[pixels.clone()].iter().all(|f| f.x == f32::INFINITY) {
+                out.fill(backdrop);
                 continue;
             }
-            // Without highlights the eye's soft light comes along the axis.
-            let to_eye = if SHINES {
-                let ray = Vec3::new(
-                    x as f32 + 0.5 - camera.centre_px[0],
-                    camera.centre_px[1] - y as f32 - 0.5,
-                    -focal_px,
-                );
-                -ray.normalize_or(Vec3::NEG_Z)
+            let mut block = Block::default();
+            if has_normals {
+                block.take_normals(pyramid, first, y, out.len());
+                around.sunken(first, EDGE.1, &mut block.dark[..out.len()]);
             } else {
-                Vec3::Z
-            };
-            let normal = if has_normals {
-                normal_at(pyramid, x, y).unwrap_or(to_eye)
-            } else {
-                around.normal(x)
-            };
-            let behind =
-                if has_normals { around.sunken(x, EDGE.1) } else { around.behind(x, DOME.1) };
-            let light = darken(dark * behind);
-            let c = phong::<SHINES>(base.tint[pixel].truncate(), normal, to_eye) * light;
-            let [r, g, b] = encoder.bytes(c);
-            *out = [r, g, b, 255];
-            count += 1;
-            if has_normals && is_bent(base, x, pixel) {
-                creases.push(pixel);
+                for (k, _) in pixels.clone().enumerate().filter(|&(_, p)| base.is_valid(p)) {
+                    block.set_normal(k, around.normal(first + k));
+                    block.dark[k] = around.behind(first + k, DOME.1);
+                }
+            }
+            let dark = if has_normals { EDGE.0 } else { DOME.0 };
+            block.light::<SHINES>(camera, first, y, dark);
+            for ((k, out), pixel) in out.iter_mut().enumerate().zip(pixels) {
+                if !base.is_valid(pixel) {
+                    *out = backdrop;
+                    continue;
+                }
+                let c = base.tint[pixel].truncate() * block.light[k] + Vec3::splat(block.shine[k]);
+                let [r, g, b] = encoder.bytes(c);
+                *out = [r, g, b, 255];
+                count += 1;
+                if block.may_bend[k] && is_bent(base, first + k, pixel) {
+                    creases.push(pixel);
+                }
             }
         }
         (count, creases)
@@ -124,6 +121,114 @@ fn shade_as<const SHINES: bool>(
     let creases = found.into_iter().flat_map(|(_, creases)| creases).collect();
     Shaded { covered, creases }
 }
+
+/// Pixels that are lit together.
+const BLOCK: usize = 32;
+
+/// What lights a run of pixels: normals in view space, how dark each is, and what comes of it.
+struct Block {
+    normal: [[f32; BLOCK]; 3],
+    dark: [f32; BLOCK],
+    /// What a colour is multiplied by.
+    light: [f32; BLOCK],
+    /// What is added to it.
+    shine: [f32; BLOCK],
+    /// Whether the normal to the right or below makes a crease, if there is a surface.
+    may_bend: [bool; BLOCK],
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        let zero = [0.0; BLOCK];
+        let normal = [zero, zero, [1.0; BLOCK]];
+        Self { normal, dark: zero, light: zero, shine: zero, may_bend: [false; BLOCK] }
+    }
+}
+
+impl Block {
+    fn set_normal(&mut self, k: usize, normal: Vec3) {
+        for (axis, c) in self.normal.iter_mut().zip(normal.to_array()) {
+            axis[k] = c;
+        }
+    }
+
+    /// The interpolated normals of a run of `count` pixels, unit length.
+    fn take_normals(&mut self, pyramid: &Pyramid, first: usize, y: usize, count: usize) {
+        let base = &pyramid.levels[0];
+        let pixels = y * base.width + first..y * base.width + first + count;
+        flat(&base.normal[pixels.clone()], &mut self.normal);
+        for beside in [pixels.start + 1, pixels.start + base.width] {
+            let mut normals = [[0.0; BLOCK]; 3];
+            let end = (beside + count).min(base.normal.len());
+            flat(&base.normal[beside.min(end)..end], &mut normals);
+            let at = |of: &[[f32; BLOCK]; 3], k: usize| Vec3::new(of[0][k], of[1][k], of[2][k]);
+            for k in 0..BLOCK {
+                self.may_bend[k] |= is_crease(at(&self.normal, k), at(&normals, k));
+            }
+        }
+        let [xs, ys, zs] = &mut self.normal;
+        let mut per_length = [0.0; BLOCK];
+        for k in 0..BLOCK {
+            per_length[k] = 1.0 / (xs[k] * xs[k] + ys[k] * ys[k] + zs[k] * zs[k]).sqrt();
+        }
+        for k in 0..BLOCK {
+            xs[k] *= per_length[k];
+            ys[k] *= per_length[k];
+            zs[k] *= per_length[k];
+        }
+        for (k, pixel) in pixels.enumerate() {
+            // As `Vec3::try_normalize` has it; points without a normal are few.
+            if !(per_length[k].is_finite() && per_length[k] > 0.0) && base.is_valid(pixel) {
+                let found = normal_at(pyramid, first + k, y);
+                self.set_normal(k, found.unwrap_or(NO_NORMAL));
+            }
+        }
+    }
+
+    /// Phong lighting, darkened.
+    fn light<const SHINES: bool>(&mut self, camera: &Camera, first: usize, y: usize, dark: f32) {
+        let [xs, ys, zs] = &self.normal;
+        let up = camera.centre_px[1] - y as f32 - 0.5;
+        for k in 0..BLOCK {
+            let normal = Vec3::new(xs[k], ys[k], zs[k]);
+            // Without highlights the eye's soft light comes along the axis.
+            let mut to_eye = Vec3::Z;
+            if SHINES {
+                let right = (first + k) as f32 + 0.5 - camera.centre_px[0];
+                let ray = Vec3::new(-right, -up, camera.focal_px);
+                to_eye = ray * (1.0 / ray.length());
+            }
+            // A pixel without a normal, nor any above it, faces the eye.
+            let normal = if normal == NO_NORMAL { to_eye } else { normal };
+            let facing = normal.dot(KEY);
+            let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
+            let diffuse = KEY_SHARE * facing.max(0.0) + EYE_SHARE * normal.dot(to_eye).max(0.0);
+            let bright = darken(dark * self.dark[k]);
+            self.light[k] = (ambient + diffuse) * bright;
+            if SHINES {
+                let mirrored = normal * (2.0 * facing) - KEY;
+                // To the power of 24.
+                let s1 = mirrored.dot(to_eye).max(0.0);
+                let s2 = s1 * s1;
+                let s4 = s2 * s2;
+                let s8 = s4 * s4;
+                let shine = if facing > 0.0 { s8 * s8 * s8 } else { 0.0 };
+                self.shine[k] = SHINE * shine * bright;
+            }
+        }
+    }
+}
+
+/// A run of normals, axis by axis.
+fn flat(normals: &[Vec4], out: &mut [[f32; BLOCK]; 3]) {
+    let [xs, ys, zs] = out;
+    for (((x, y), z), normal) in xs.iter_mut().zip(ys).zip(zs).zip(normals) {
+        (*x, *y, *z) = (normal.x, normal.y, normal.z);
+    }
+}
+
+/// Stands for no normal at all.
+const NO_NORMAL: Vec3 = Vec3::ZERO;
 
 /// Whether the surface bends sharply to the right or below.
 #[inline]
@@ -153,20 +258,6 @@ fn mean_radius_px(base: &Level) -> f32 {
         (sum + base.tint[i].w.min(base.width as f32), count + 1.0)
     });
     if count > 0.0 { sum / count } else { 0.0 }
-}
-
-/// Phong lighting of a colour (linear light).
-#[inline]
-fn phong<const SHINES: bool>(colour: Vec3, normal: Vec3, to_eye: Vec3) -> Vec3 {
-    let facing = normal.dot(KEY);
-    let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
-    let diffuse = KEY_SHARE * facing.max(0.0) + EYE_SHARE * normal.dot(to_eye).max(0.0);
-    if !SHINES {
-        return colour * (ambient + diffuse);
-    }
-    let mirrored = normal * (2.0 * facing) - KEY;
-    let shine = if facing > 0.0 { mirrored.dot(to_eye).max(0.0).powi(SHINE_POWER) } else { 0.0 };
-    colour * (ambient + diffuse) + Vec3::splat(SHINE * shine)
 }
 
 /// About `exp(-x)` for x from 0; several times as fast.

@@ -33,7 +33,19 @@ const AROUND: [[isize; 2]; 8] =
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`]. Returns the pixels that changed and those beside them, each once.
 pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) -> Vec<usize> {
-    let source = vec![0; depth.len()];
+    trim_with(&mut Vec::new(), base, depth, edges, focal_px)
+}
+
+/// The same; `scratch` is kept from frame to frame, all zeros in between.
+pub(crate) fn trim_with(
+    scratch: &mut Vec<u32>,
+    base: &mut Level,
+    depth: &mut [f32],
+    edges: &[usize],
+    focal_px: f32,
+) -> Vec<usize> {
+    scratch.resize(depth.len(), 0);
+    let source = std::mem::take(scratch);
     let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source };
     let mut gone = Vec::new();
     let rims = waves.write(waves.rims(edges), &mut gone);
@@ -49,6 +61,8 @@ pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
     }
     let sources: Vec<_> = gone.par_iter().map(|&p| waves.shown(p)).collect();
     let beside = waves.beside(&gone);
+    *scratch = waves.source;
+    gone.iter().for_each(|&pixel| scratch[pixel] = 0);
     replace(base, &gone, &sources);
     gone.extend(beside);
     gone

@@ -34,18 +34,9 @@ fn on_cpu(frame: &Frame<'_>) -> Winners {
 }
 
 fn winners(gpu: &Gpu, frame: &Frame<'_>, renderer: &GpuRenderer) -> Winners {
-    let (hits, cut) = renderer.hits();
+    let (hits, _) = renderer.hits();
     let buffer = hits.buffer().unwrap();
     let bytes = read(gpu, &[(buffer, buffer.size())]).unwrap().remove(0);
-    // The CPU numbers points through all nodes.
-    let starts: Vec<u32> = cut
-        .rows
-        .iter()
-        .scan(0, |next, row| {
-            *next += row.points;
-            Some(*next - row.points)
-        })
-        .collect();
     let pixels = frame.view.width as usize * frame.view.height as usize;
     bytes
         .as_chunks::<8>()
@@ -54,10 +45,7 @@ fn winners(gpu: &Gpu, frame: &Frame<'_>, renderer: &GpuRenderer) -> Winners {
         .take(pixels)
         .map(|raw| {
             let [point, depth] = bytemuck::cast::<[u8; 8], [u32; 2]>(*raw);
-            (depth != u32::MAX).then(|| {
-                let (row, index) = cut.find(point).unwrap();
-                (f32::from_bits(depth), starts[row] + index)
-            })
+            (depth != u32::MAX).then(|| (f32::from_bits(depth), point))
         })
         .collect()
 }

@@ -70,14 +70,13 @@ pub fn cpu<'a>(frame: &'a Frame<'a>) -> Cpu<'a> {
     let list = DrawList::new(frame.draws);
     project(frame, &camera, &list, &target);
     let first = chunks_of(&list, frame.draws.len());
-    let mut last = 0;
     let hits = target
         .iter()
         .map(|value| match value.load(Relaxed) {
             EMPTY => [u32::MAX; 2],
             value => {
                 let (depth, point) = unpack(value);
-                let (draw, index) = list.find(point, &mut last);
+                let (draw, index) = list.find(point);
                 [first[draw] * CHUNK_POINTS + index as u32, depth.to_bits()]
             }
         })
