@@ -153,21 +153,21 @@ fn place_block(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) 
     let [width, height] = camera.size.map(|s| s as f32);
     let row = camera.size[0];
     let mut block = Block { pixels: [0; BLOCK], depths: [0.0; BLOCK] };
-    for k in 0..BLOCK {
+    let Block { pixels, depths } = &mut block;
+    for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
         let x = place.axis_steps(0, offsets[0][k]) * step.x;
         let y = place.axis_steps(1, offsets[1][k]) * step.y;
         let z = place.axis_steps(2, offsets[2][k]) * step.z;
-        let depth = -(back.x * x + back.y * y + back.z * z);
-        let scale = camera.focal_px / depth;
+        *depth = -(back.x * x + back.y * y + back.z * z);
+        let scale = camera.focal_px / *depth;
         let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
         let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
         // Written so that what is not a number is outside.
         let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
-        let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
+        let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
         // What is inside is a small positive number.
-        let pixel = (at_y as i32 as u32).wrapping_mul(row).wrapping_add(at_x as i32 as u32);
-        block.pixels[k] = if is_inside { pixel } else { u32::MAX };
-        block.depths[k] = depth;
+        let at = (at_y as i32 as u32).wrapping_mul(row).wrapping_add(at_x as i32 as u32);
+        *pixel = if is_inside { at } else { u32::MAX };
     }
     block
 }
