@@ -10,23 +10,36 @@ use std::ops::Range;
 /// Below so many points a cell is built by one task.
 const TASK_POINTS: usize = 1 << 14;
 
+/// A cell before its own points are chosen.
+pub enum Opened {
+    /// One that is not split.
+    Whole(Pending),
+    /// One made of these.
+    Split(Cell, Vec<Pending>),
+}
+
 impl Context {
     /// Builds the tree over a range of sorted rows (at least one), down to single lattice points. Void
     /// where the task was cancelled.
     pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Pending {
+        self.close(rows, self.open(rows, range, task))
+    }
+
+    /// The same but for the last step, which is not parallel.
+    pub fn open(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Opened {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
         if task.is_cancelled() {
             // Nothing is offered: what is above has nothing to do, and the caller asks again.
-            return self.leaf(rows, range.start..range.start, cell);
+            return Opened::Whole(self.leaf(rows, range.start..range.start, cell));
         }
         if n <= self.leaf_points_max() {
             task.advance(n as u64);
-            return self.leaf(rows, range, cell);
+            return Opened::Whole(self.leaf(rows, range, cell));
         }
         if cell.log2 == 0 {
             task.advance(n as u64);
-            return self.coincident(rows, range, cell);
+            return Opened::Whole(self.coincident(rows, range, cell));
         }
         let parts = octants(rows, range, &cell);
         let children = if n > TASK_POINTS {
@@ -34,7 +47,15 @@ impl Context {
         } else {
             parts.into_iter().map(|part| self.build(rows, part, task)).collect()
         };
-        self.combine(rows, cell, children)
+        Opened::Split(cell, children)
+    }
+
+    /// The last step.
+    pub fn close(&self, rows: &Rows<'_>, opened: Opened) -> Pending {
+        match opened {
+            Opened::Whole(pending) => pending,
+            Opened::Split(cell, children) => self.combine(rows, cell, children),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a list of steps
-//! that does not depend on time. While a chunk is built, and what its root and others offer is chosen from
-//! for the cells above, the pages of the one before are written and the one behind is loaded and sorted.
+//! that does not depend on time. While what a chunk's root and others offer is chosen from, for the cells above
+//! too, which few cores can share, the pages of the one before are written, and the one behind is loaded, sorted and
+//! built but for its root.
 
 use crate::built::{Built, Held, PartRead};
 use crate::coincident::Coincident;
@@ -177,10 +178,11 @@ impl Raiser<'_> {
         built: &mut Built,
     ) -> Result<(), BuildError> {
         let stride = self.context.rows.bytes();
-        let mut loaded = Some(self.store.load(first, &self.context.rows, Vec::new())?);
+        let (sorted, extents) = self.store.load(first, &self.context.rows, Vec::new())?;
+        let mut loaded = Some((sorted, extents, None));
         let mut spare = Vec::new();
         let is_told = self.store.journal.is_live();
-        while let Some((sorted, extents)) = loaded {
+        while let Some((sorted, extents, opened)) = loaded {
             let above = steps.iter().rev().take_while(|s| matches!(s, Step::Combine(..))).count();
             let above = steps.split_off(steps.len() - above);
             let next = match steps.pop() {
@@ -193,11 +195,16 @@ impl Raiser<'_> {
             let outgoing = std::mem::take(&mut built.outgoing);
             let (context, task, peak, store) =
                 (self.context, self.task, self.peak, &mut self.store);
+            let open = |sorted: &[u8]| {
+                let rows = Rows { bytes: sorted, stride };
+                context.open(&rows, 0..rows.len() as u32, task)
+            };
+            built.begin(context, is_told);
+            let opened = opened.unwrap_or_else(|| open(&sorted));
             let ((), next) = rayon::join(
                 || {
                     let rows = Rows { bytes: &sorted, stride };
-                    built.begin(context, is_told);
-                    let pending = context.build(&rows, 0..rows.len() as u32, task);
+                    let pending = context.close(&rows, opened);
                     peak.sample();
                     built.hold(pending, &rows);
                     built.end(context, rows.len() as u64);
@@ -210,7 +217,11 @@ impl Raiser<'_> {
                 },
                 || {
                     store.write(outgoing)?;
-                    next.map(|buckets| store.load(buckets, &context.rows, spare)).transpose()
+                    let Some(buckets) = next else { return Ok(None) };
+                    let (sorted, extents) = store.load(buckets, &context.rows, spare)?;
+                    // The journal counts what is made between a part's begin and its end.
+                    let opened = (!is_told).then(|| open(&sorted));
+                    Ok::<_, BuildError>(Some((sorted, extents, opened)))
                 },
             );
             loaded = next?;
