@@ -175,23 +175,30 @@ impl Rest {
     /// curve they are told at once, and a tile of few points as a whole.
     #[inline]
     fn tell_tile(&mut self, tile: u32, cells: u64, p: [i32x4; 3]) {
-        let Tile { occupied, first, start } = self.cells.tiles[tile as usize];
+        let Tile { occupied, before, first, start } = self.cells.tiles[tile as usize];
         let end = self.cells.tiles[tile as usize + 1].start;
         if end.wrapping_sub(start) <= FEW {
             return self.tell_run(start, end, p);
         }
         let mut wanted = occupied & cells;
         let others = occupied & !cells;
+        // The first point of an occupied cell.
+        let point = |rest: &Self, cell: u32| {
+            let byte = cell & 56;
+            let cells = (occupied >> byte) as usize & ((1 << (cell & 7)) - 1);
+            let before = (before >> byte) as u8 + ONES[cells];
+            rest.cells.first[first.wrapping_add(u32::from(before)) as usize]
+        };
         while wanted != 0 {
             // From the next cell on, up to the first one behind it that is left out.
-            let below = (wanted & wanted.wrapping_neg()).wrapping_sub(1);
-            let behind = others & !below;
-            let until = (behind & behind.wrapping_neg()).wrapping_sub(1);
-            let point = |below: u64| {
-                self.cells.first[first.wrapping_add((occupied & below).count_ones()) as usize]
-            };
-            self.tell_run(point(below), point(until), p);
-            wanted &= !until;
+            let from = wanted.trailing_zeros();
+            let behind = others & (!0 << from);
+            if behind == 0 {
+                return self.tell_run(point(self, from), end, p);
+            }
+            let to = behind.trailing_zeros();
+            wanted &= !0 << to;
+            self.tell_run(point(self, from), point(self, to), p);
         }
     }
 
@@ -240,6 +247,17 @@ fn between([low, high]: [[i32; 3]; 2]) -> u64 {
     along(0) & along(1) & along(2)
 }
 
+/// How many bits of a byte are set.
+const ONES: [u8; 256] = {
+    let mut ones = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        ones[byte] = byte.count_ones() as u8;
+        byte += 1;
+    }
+    ones
+};
+
 /// The place of a cell in its tile, along the Morton curve.
 #[inline]
 fn within(cell: [i32; 3]) -> u32 {
@@ -278,6 +296,8 @@ impl<'a> Filling<'a> {
 struct Tile {
     /// A bit for each cell that has points.
     occupied: u64,
+    /// For each byte of these, how many there are in the bytes before.
+    before: u64,
     /// The first of these; the others follow.
     first: u32,
     /// Its first point.
@@ -310,7 +330,7 @@ impl Cells {
         if self.corners.last() != Some(&corner) {
             self.corners.push(corner);
             let (first, start) = (self.first.len() as u32, point as u32);
-            self.tiles.push(Tile { occupied: 0, first, start });
+            self.tiles.push(Tile { occupied: 0, before: 0, first, start });
         }
         if let Some(tile) = self.tiles.last_mut() {
             tile.occupied |= 1 << within(cell);
@@ -323,7 +343,13 @@ impl Cells {
     fn close(&mut self, point: usize) {
         let (first, start) = (self.first.len() as u32, point as u32);
         self.first.push(start);
-        self.tiles.push(Tile { occupied: 0, first, start });
+        self.tiles.push(Tile { occupied: 0, before: 0, first, start });
+        for tile in &mut self.tiles {
+            let ones = tile.occupied.to_le_bytes().map(|byte| ONES[usize::from(byte)]);
+            // Eight sums at once; none is over 64.
+            let ones = u64::from_le_bytes(ones);
+            tile.before = ones.wrapping_mul(0x0101_0101_0101_0101).wrapping_sub(ones);
+        }
         let size = (self.corners.len() * 2).next_power_of_two().max(2);
         self.shift = 64 - size.ilog2();
         self.slots.clear();
