@@ -173,7 +173,7 @@ fn place_block(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) 
 }
 
 /// Whether a point is marked as one that is not wanted.
-fn is_hidden(positions: &[u8], index: usize) -> bool {
+pub(crate) fn is_hidden(positions: &[u8], index: usize) -> bool {
     positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
 }
 

@@ -6,7 +6,7 @@ use super::splat::{Box4, Disc, Lens, Placed, Splat};
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::frame::{DrawNode, Frame};
 use crate::gather::Lookup;
-use crate::project::DrawList;
+use crate::project::{DrawList, is_hidden};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -136,7 +136,8 @@ impl Placing<'_> {
             let centres = centres(self.camera, &place, &offsets);
             for k in 0..count {
                 let radius = self.lookup.radius(draw, offsets[k], codes[k]) * self.radius_factor;
-                if !self.may_show(centres[k], radius) {
+                let is_hidden = self.frame.hides_points && is_hidden(node.position, start + k);
+                if is_hidden || !self.may_show(centres[k], radius) {
                     continue;
                 }
                 let Some((normal, code)) = self.normal(node, start + k, centres[k]) else {

@@ -26,7 +26,8 @@ use std::time::{Duration, Instant};
 pub use report::text;
 
 /// The methods that are measured, by the names of the command line.
-const METHODS: [(Method, &str); 2] = [(Method::PullPush, "pull-push"), (Method::Points, "points")];
+const METHODS: [(Method, &str); 3] =
+    [(Method::PullPush, "pull-push"), (Method::Ewa, "ewa"), (Method::Points, "points")];
 /// Frames at least and at most, and how long they may take before the least is enough.
 const FRAMES: [usize; 2] = [3, 15];
 const PATIENCE: Duration = Duration::from_secs(4);
@@ -81,8 +82,10 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                         colour_by: Some("plain".into()),
                         ..Picture::default()
                     };
-                    let mut stand = Stand::new(&model.file, &picture, gpu.as_ref(), task)?;
-                    rows.extend(rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?);
+                    // Splats are blended by the CPU alone.
+                    let gpu = gpu.as_ref().filter(|_| method != Method::Ewa);
+                    let mut stand = Stand::new(&model.file, &picture, gpu, task)?;
+                    rows.extend(rows_of(&model, &mut stand, size, name, gpu, task)?);
                 }
             }
         }
@@ -177,8 +180,8 @@ fn rows_of(
             "height": size[1],
             "backend": backend,
             "method": method,
-            "project_ms": median(|s| s.project_ms + s.gather_ms),
-            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms),
+            "project_ms": median(|s| s.project_ms + s.gather_ms + s.place_ms),
+            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
             "shade_ms": median(|s| s.shade_ms + s.soften_ms),
             "total_ms": total_ms,
             "copy_floor_ms": floor,
