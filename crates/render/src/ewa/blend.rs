@@ -4,7 +4,7 @@
 //! afterwards. Rows of an ellipse are walked between its two crossings, four pixels at a time.
 
 use super::gauss::falloff;
-use super::place::{Run, TILE, turned};
+use super::place::{Run, TILE, unpacked};
 use super::splat::Splat;
 use crate::camera::Camera;
 use crate::pyramid::{INVALID, Level};
@@ -146,7 +146,7 @@ impl Blend<'_> {
     fn attributes<const BLENDS: bool>(&self, splat: &Splat, window: &Window, sums: &mut Sums) {
         let tint = Vec3::from_array(splat.tint).extend(1.0);
         let shape = if self.has_normals {
-            turned(splat.normal).extend(1.0)
+            unpacked(splat.normal).extend(1.0)
         } else {
             Vec4::new(f32::from_bits(splat.normal), 0.0, 0.0, 1.0)
         };
@@ -158,23 +158,22 @@ impl Blend<'_> {
             } else {
                 pixels.inverse_depth.cmpgt(front)
             };
-            let t = pixels.squared * self.half_cutoff;
-            let weight = t.to_array().map(falloff);
-            let weight = Vec4::from_array(weight) * pixels.inside * amplitude;
+            if !seen.any() {
+                return;
+            }
+            let weight = falloff(pixels.squared * self.half_cutoff) * (pixels.inside * amplitude);
             let weight = Vec4::select(seen, weight, Vec4::ZERO).to_array();
             let z = pixels.inverse_depth.to_array();
             let sums_here = &mut sums.sums[at..at + LANES];
-            for k in 0..LANES {
-                if weight[k] > 0.0 {
-                    let [a, b] = &mut sums_here[k];
-                    let shape = Vec4::new(shape.x, shape.y, shape.z, z[k]);
-                    if BLENDS {
-                        *a += tint * weight[k];
-                        *b += shape * weight[k];
-                    } else {
-                        (*a, *b) = (tint, shape);
-                        sums.front[at + k] = z[k];
-                    }
+            for (k, [a, b]) in sums_here.iter_mut().enumerate() {
+                let shape = Vec4::new(shape.x, shape.y, shape.z, z[k]);
+                if BLENDS {
+                    // Without a branch: what is not seen adds nothing.
+                    *a += tint * weight[k];
+                    *b += shape * weight[k];
+                } else if weight[k] > 0.0 {
+                    (*a, *b) = (tint, shape);
+                    sums.front[at + k] = z[k];
                 }
             }
         });
@@ -227,12 +226,13 @@ fn for_each_run(splat: &Splat, window: &Window, near: f32, mut work: impl FnMut(
     // The exact Gaussian of an ellipse: section 4.4's conic is that of the plane times the square of the inverse
     // depth, so what a weight lacks to the cutoff goes by that.
     let mend = if amplitude < 0.0 { least * greatest } else { 0.0 };
-    let half_height = 1.0 / along;
+    let (half_width, half_height) = (1.0 / across, 1.0 / along);
+    let skew = shear * half_width;
     for y in rows(my, half_height, window) {
         let dy = (window.top + y) as f32 + 0.5 - my;
         let v = along * dy;
-        let half = (1.0 - v * v).max(0.0).sqrt() / across;
-        let middle = mx + shear * dy / across;
+        let half = (1.0 - v * v).max(0.0).sqrt() * half_width;
+        let middle = mx + skew * dy;
         let columns = cells(middle - half, middle + half, window.left, window.width);
         for x in columns.clone().step_by(LANES) {
             let dx = LANE + ((window.left + x) as f32 + 0.5 - mx);
@@ -303,8 +303,7 @@ fn rows(middle: f32, half: f32, window: &Window) -> Range<usize> {
 /// Cells from `first` on, of at most `count`, whose middles lie between two places; counted from `first`.
 #[inline(always)]
 fn cells(low: f32, high: f32, first: usize, count: usize) -> Range<usize> {
-    let start = (low - 0.5 - first as f32).ceil().max(0.0);
-    let end = ((high - 0.5 - first as f32).floor() + 1.0).min(count as f32);
-    // `as` saturates, and takes what is not a number for 0.
-    start as usize..end as usize
+    // `as` rounds down, saturates, and takes what is not a number for 0.
+    let past = |place: f32| (place + 0.5 - first as f32).clamp(0.0, count as f32) as usize;
+    past(low)..past(high)
 }

@@ -180,34 +180,36 @@ impl Placing<'_> {
     fn normal(&self, node: &DrawNode<'_>, index: usize, centre: Vec3) -> Option<(Vec3, u32)> {
         let plane = node.normal.filter(|_| self.has_normals);
         let Some(bytes) = plane.and_then(|p| p.get(index * 4..index * 4 + 4)) else {
-            return Some((Vec3::ZERO, NO_NORMAL));
+            return Some((Vec3::ZERO, packed(Vec3::ZERO)));
         };
         let code = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        let world = decode(code);
+        let code = [code as i16, (code >> 16) as i16];
+        let world = Vec3::from_array(esker_points::quant::oct_decode(code));
         let view = self.camera.to_view(world);
         let view = Vec3::new(view.x, -view.y, -view.z);
         let looks_away = view.dot(centre) > 0.0;
         if looks_away && self.frame.cull_back_faces {
             return None;
         }
-        let code = if code == NO_NORMAL { code } else { code & !1 | u32::from(looks_away) };
-        Some((view, code))
+        Some((view, packed(if looks_away { -world } else { world })))
     }
 }
 
-/// The code of a point without a normal.
-pub const NO_NORMAL: u32 = 0x8000_8000;
+/// Greatest code of a normal's part: ten bits each, with a sign.
+const PART_MAX: f32 = 511.0;
 
-/// The world normal of a code, turned where its lowest bit says so; zero for none.
+/// A unit vector, or zero, in 30 bits: quick to take out again, which is done for every tile.
 #[inline(always)]
-pub fn turned(code: u32) -> Vec3 {
-    let n = decode(code);
-    if code & 1 == 1 { -n } else { n }
+pub fn packed(n: Vec3) -> u32 {
+    let [x, y, z] = (n * PART_MAX + 512.5).to_array().map(|c| c as u32 & 0x3ff);
+    x | y << 10 | z << 20
 }
 
+/// The vector of [`packed`], of about unit length.
 #[inline(always)]
-fn decode(code: u32) -> Vec3 {
-    Vec3::from_array(esker_points::quant::oct_decode([code as i16, (code >> 16) as i16]))
+pub fn unpacked(code: u32) -> Vec3 {
+    let part = |shift: u32| (code >> shift & 0x3ff) as f32 - 512.0;
+    Vec3::new(part(0), part(10), part(20)) * (1.0 / PART_MAX)
 }
 
 /// Points right, down and away from the eye. Straight arithmetic over arrays: it becomes SIMD.

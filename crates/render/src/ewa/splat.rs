@@ -61,7 +61,7 @@ pub struct Splat {
     pub back: f32,
     /// Linear light.
     pub tint: [f32; 3],
-    /// Code of its world normal ([`super::place`]); where the cloud has none, its radius in pixels as bits.
+    /// Its world normal, turned to the eye ([`super::place::packed`]); where the cloud has none, its radius in pixels as bits.
     pub normal: u32,
 }
 
@@ -225,11 +225,12 @@ impl Lens {
     fn clip(&self, low: Vec2, high: Vec2) -> Option<Box4> {
         /// Rounding of places in the picture.
         const MARGIN: f32 = 0.01;
-        let least = (low - 0.5 - MARGIN).ceil().max(Vec2::ZERO);
-        let past = ((high - 0.5 + MARGIN).floor() + 1.0).min(self.size);
-        // Written so that what is not a number is outside.
-        let some = least.x < past.x && least.y < past.y;
-        some.then_some([least.x as u16, past.x as u16, least.y as u16, past.y as u16])
+        // Pixels from the first whose middle is right of `low`; `as` rounds down and takes what is not a number
+        // for 0, where nothing is inside.
+        let past = |place: f32, size: f32| (place + 0.5).clamp(0.0, size) as u16;
+        let (left, right) = (past(low.x - MARGIN, self.size.x), past(high.x + MARGIN, self.size.x));
+        let (top, bottom) = (past(low.y - MARGIN, self.size.y), past(high.y + MARGIN, self.size.y));
+        (left < right && top < bottom).then_some([left, right, top, bottom])
     }
 }
 
