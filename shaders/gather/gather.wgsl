@@ -8,6 +8,7 @@
 // include common/lookup.wgsl
 // include common/colour.wgsl
 // include common/octree.wgsl
+// include common/radius.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
@@ -19,7 +20,6 @@ const RADIUS_MARGIN_PX: f32 = 0.5;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
 const BARE_REACH: f32 = 2.0;
-const RADIUS_MAX: f32 = 1e30;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
@@ -85,26 +85,6 @@ fn gather(pixel: u32, depth_bits: u32) {
     if NORMALS {
         normals[pixel] = normal_to_eye(paint.w, draw, offset, radius_px);
     }
-}
-
-// Clamped to 0 ... RADIUS_MAX; 0 for what is no number.
-fn radius_within(radius: f32) -> f32 {
-    let bits = bitcast<u32>(radius);
-    if bits > INFINITE_BITS {
-        return 0.0;
-    }
-    return min(radius, RADIUS_MAX);
-}
-
-// Effective spacing of the finest drawn cell that holds the point.
-fn spacing_of(draw: u32, p: vec3<u32>) -> f32 {
-    let stored = draws[draw].spacing;
-    let entry = draws[draw].entry;
-    if entry >= lookup.cells {
-        return stored;
-    }
-    let drawn = spacing_from(entry, p);
-    return select(stored, drawn, drawn > 0.0);
 }
 
 // The normal in view space, and in w the z that its ellipse is made with: never so small that the ellipse falls

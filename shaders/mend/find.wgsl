@@ -4,31 +4,15 @@
 // include common/frame.wgsl
 // include common/marks.wgsl
 // include common/around.wgsl
+// include common/step.wgsl
 
 // Whether edges are found; else those found before are looked at again.
 override FIRST: bool;
-// Slope that is a step: less is a surface's own.
-const STEP_PX: f32 = 2.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> depth: array<f32>;
 @group(0) @binding(2) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> marks: array<u32>;
-
-fn is_step(a: f32, b: f32) -> bool {
-    if is_infinite(a) || is_infinite(b) {
-        return is_infinite(a) != is_infinite(b);
-    }
-    return abs(a - b) > STEP_PX / frame.focal_px * min(a, b);
-}
-
-fn is_edge(at: vec2<u32>, pixel: u32) -> bool {
-    let here = depth[pixel];
-    return (at.x > 0u && is_step(here, depth[pixel - 1u]))
-        || (at.x + 1u < frame.width && is_step(here, depth[pixel + 1u]))
-        || (at.y > 0u && is_step(here, depth[pixel - frame.width]))
-        || (at.y + 1u < frame.height && is_step(here, depth[pixel + frame.width]));
-}
 
 fn is_gap(at: vec2<u32>, pixel: u32) -> bool {
     if any(at == vec2<u32>(0u)) || any(at + 1u == vec2<u32>(frame.width, frame.height)) {

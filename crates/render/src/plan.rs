@@ -202,8 +202,17 @@ impl FramePlan {
             Pass::Shade => {
                 vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
             }
-            // On the CPU alone.
-            Pass::Place | Pass::Blend => Vec::new(),
+            Pass::Place => {
+                let [normals, colour] = self.colour_constants();
+                let hides = ("HIDES_POINTS", u32::from(self.hides_points));
+                vec![
+                    variant("gather/fetch", &self.fetch_constants()),
+                    variant("ewa/place", &[normals, colour, hides]),
+                ]
+            }
+            Pass::Blend => {
+                vec![variant("ewa/blend", &[normals]), variant("ewa/normalise", &[normals])]
+            }
             other => vec![variant(other.name(), &[normals])],
         };
         self.passes.iter().flat_map(of).collect()

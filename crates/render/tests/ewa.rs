@@ -2,8 +2,11 @@
 //! holes, no moire, no harm from extreme splats.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "ewa/device.rs"]
+mod device;
 #[path = "ewa/exact.rs"]
 mod exact;
+mod gpu;
 #[path = "ewa/holes.rs"]
 mod holes;
 #[path = "ewa/horizon.rs"]

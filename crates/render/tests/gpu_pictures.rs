@@ -100,15 +100,19 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("a part of the points", Frame { method: Method::Points, ..filtered }),
         ("surface of another size", scene.frame(&wide, &with)),
         ("surface without normals", scene.frame(&small, &without)),
+        ("splats", Frame { method: Method::Ewa, ..surface }),
+        ("splats without normals", Frame { method: Method::Ewa, ..scene.frame(&wide, &without) }),
         ("points", points),
         ("points by normals", Frame { colour: ColourBy::Normal, background, ..points }),
         ("points without culling", Frame { cull_back_faces: false, ..points }),
         ("nothing", nothing),
+        ("no splats", Frame { method: Method::Ewa, ..nothing }),
         ("no points", Frame { method: Method::Points, ..nothing }),
     ];
     if let (Some(bunny), Some(draws)) = (&bunny, &bunny_draws) {
         let frame = bunny.scene.frame(&bunny.view, draws);
         frames.push(("bunny", frame));
+        frames.push(("bunny of splats", Frame { method: Method::Ewa, ..frame }));
         frames.push(("bunny's points", Frame { method: Method::Points, ..frame }));
     }
     pictures_are_the_same(&frames);

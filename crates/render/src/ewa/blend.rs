@@ -5,7 +5,7 @@
 
 use super::gauss::falloff;
 use super::place::{Run, TILE, unpacked};
-use super::splat::Splat;
+use super::splat::{Splat, WIDENED};
 use crate::camera::Camera;
 use crate::pyramid::{INVALID, Level};
 use glam::{Vec2, Vec3, Vec4};
@@ -18,6 +18,9 @@ const LANES: usize = 4;
 const STRIDE: usize = TILE + LANES;
 /// Offsets of pixels worked on at once.
 const LANE: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
+
+/// Square of the length under which a sum of normals has no direction.
+const UNKNOWN: f32 = 1e-8;
 
 /// How splats are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -95,7 +98,9 @@ impl Blend<'_> {
                     for y in 0..window.height {
                         for x in 0..window.width {
                             let at = y * width + window.left + x;
-                            let Some(pixel) = self.normalised(&sums.sums[y * STRIDE + x]) else {
+                            let place = [window.left + x, window.top + y];
+                            let sums = &sums.sums[y * STRIDE + x];
+                            let Some(pixel) = self.normalised(sums, place) else {
                                 (front[at], depth[at]) = (INVALID, f32::INFINITY);
                                 continue;
                             };
@@ -129,11 +134,13 @@ impl Blend<'_> {
 
     /// Pass 1.
     fn visibility(&self, splat: &Splat, window: &Window, sums: &mut Sums) {
+        // Nothing of a disc is nearer than this.
+        let nearest = Vec4::splat(splat.form[5]);
         for_each_run(splat, window, self.camera.near, |at, pixels| {
             let moved = if splat.is_by_rays() {
                 pixels.inverse_depth / (pixels.inverse_depth * -splat.back + 1.0)
             } else {
-                pixels.inverse_depth - splat.back
+                pixels.inverse_depth.min(nearest) - splat.back
             };
             let moved = (moved * pixels.inside).to_array();
             for (front, moved) in sums.front[at..at + LANES].iter_mut().zip(moved) {
@@ -180,11 +187,18 @@ impl Blend<'_> {
     }
 
     /// Pass 3.
-    fn normalised(&self, [a, b]: &[Vec4; 2]) -> Option<Pixel> {
+    fn normalised(&self, [a, b]: &[Vec4; 2], place: [usize; 2]) -> Option<Pixel> {
         (a.w > 0.0).then(|| {
             let share = 1.0 / a.w;
             let normal = if self.has_normals {
-                let n = self.camera.to_view(b.truncate() * share);
+                let mut n = self.camera.to_view(b.truncate() * share);
+                if n.length_squared() < UNKNOWN {
+                    // None is known: it faces the eye.
+                    let [x, y] = place.map(|c| c as f32 + 0.5);
+                    let [middle_x, middle_y] = self.camera.centre_px;
+                    let to_eye = Vec3::new(middle_x - x, y - middle_y, self.camera.focal_px);
+                    n = to_eye.normalize_or(Vec3::Z);
+                }
                 n.extend(n.z)
             } else {
                 Vec4::ZERO
@@ -228,6 +242,7 @@ fn for_each_run(splat: &Splat, window: &Window, near: f32, mut work: impl FnMut(
     let mend = if amplitude < 0.0 { least * greatest } else { 0.0 };
     let (half_width, half_height) = (1.0 / across, 1.0 / along);
     let skew = shear * half_width;
+    let (far, near) = (Vec4::splat(least * WIDENED), Vec4::splat(greatest / WIDENED));
     for y in rows(my, half_height, window) {
         let dy = (window.top + y) as f32 + 0.5 - my;
         let v = along * dy;
@@ -237,11 +252,12 @@ fn for_each_run(splat: &Splat, window: &Window, near: f32, mut work: impl FnMut(
         for x in columns.clone().step_by(LANES) {
             let dx = LANE + ((window.left + x) as f32 + 0.5 - mx);
             let u = dx * across - shear * dy;
-            let inverse_depth =
-                (dx * z_x + (z + z_y * dy)).clamp(Vec4::splat(least), Vec4::splat(greatest));
+            let plane = dx * z_x + (z + z_y * dy);
+            let inverse_depth = plane.clamp(far, near);
             let mut squared = u * u + v * v;
             if mend > 0.0 {
-                let lacking = (Vec4::ONE - squared) * mend / (inverse_depth * inverse_depth);
+                let z = plane.clamp(Vec4::splat(least), Vec4::splat(greatest));
+                let lacking = (Vec4::ONE - squared) * mend / (z * z);
                 squared = (Vec4::ONE - lacking).max(Vec4::ZERO);
             }
             let inside = INSIDE[(columns.end - x).min(LANES)];

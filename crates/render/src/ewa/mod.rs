@@ -42,7 +42,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { cutoff: 1.5, radius_factor: 1.4, lowpass: true, passes: Passes::Three }
+        Self { cutoff: 1.5, radius_factor: 1.2, lowpass: true, passes: Passes::Three }
     }
 }
 
@@ -105,7 +105,7 @@ impl Ewa {
 
 impl Options {
     /// The same, with a cutoff that the weights are made for.
-    fn within_bounds(self) -> Self {
+    pub(crate) fn within_bounds(self) -> Self {
         let (least, greatest) = (*gauss::CUTOFF.start(), *gauss::CUTOFF.end());
         Self { cutoff: self.cutoff.clamp(least, greatest), ..self }
     }

@@ -135,6 +135,9 @@ impl Placing<'_> {
             }
             let centres = centres(self.camera, &place, &offsets);
             for k in 0..count {
+                if self.frame.hides_points && is_hidden(node.position, start + k) {
+                    continue;
+                }
                 let radius = self.lookup.radius(draw, offsets[k], codes[k]) * self.radius_factor;
                 let is_hidden = self.frame.hides_points && is_hidden(node.position, start + k);
                 if is_hidden || !self.may_show(centres[k], radius) {

@@ -136,9 +136,6 @@ impl Disc {
         let slope = m.inverse_depth_slope() * nearness;
         let back = self.back();
         let is_mended = reach > MEND_REACH;
-        // The low-pass widens the ellipse; what it adds lies on the plane too, so that on floors seen flat the
-        // wide splats of a row don't hide each other. Only so far: seen edge-on a plane is anywhere.
-        let widened = 1.0 - (lens.lowpass.sqrt() * slope.length() * m.depth).min(WIDENED_MAX);
         let amplitude = amplitude(&kernel, &filter).max(AMPLITUDE_MIN);
         let splat = Splat {
             origin: origin.to_array(),
@@ -147,8 +144,8 @@ impl Disc {
                 conic.shear,
                 conic.along,
                 if is_mended { -amplitude } else { amplitude },
-                nearness / (1.0 + reach) * widened,
-                nearness / (1.0 - reach) / widened,
+                nearness / (1.0 + reach),
+                nearness / (1.0 - reach),
             ],
             inverse_depth: [nearness + slope.dot(m.middle()), slope.x, slope.y],
             back: nearness * back / (m.depth + back),
@@ -214,8 +211,10 @@ impl Disc {
     }
 }
 
-/// Share of its depth by which a splat's plane is continued over what the low-pass adds to it.
-const WIDENED_MAX: f32 = 0.125;
+/// Inverse depth, over the disc's least and of its greatest over it, up to where a splat's plane is followed over
+/// what the low-pass adds. There it is still the surface, so that on floors seen flat the splats of rows farther
+/// off and nearer don't hide each other; but seen edge-on a plane is anywhere.
+pub const WIDENED: f32 = 0.875;
 /// Amplitudes are at least this: the least sum of weights that is divided by stays far from 0.
 const AMPLITUDE_MIN: f32 = 1e-12;
 
@@ -254,7 +253,8 @@ impl Splat {
             [if is_seen { u * u + v * v } else { f32::INFINITY }, plane]
         } else {
             let [across, shear, along, _, least, greatest] = self.form;
-            [Conic { across, shear, along }.at(d.x, d.y), plane.clamp(least, greatest)]
+            let inverse_depth = plane.clamp(least * WIDENED, greatest / WIDENED);
+            [Conic { across, shear, along }.at(d.x, d.y), inverse_depth]
         };
         (squared < 1.0).then(|| [self.mended(squared, inverse_depth), inverse_depth])
     }
@@ -268,6 +268,7 @@ impl Splat {
         if self.is_by_rays() || amplitude > 0.0 {
             return squared;
         }
+        let inverse_depth = inverse_depth.clamp(least, greatest);
         let lacking = (1.0 - squared) * (least * greatest) / (inverse_depth * inverse_depth);
         (1.0 - lacking).max(0.0)
     }

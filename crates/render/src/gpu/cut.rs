@@ -87,6 +87,11 @@ impl GpuCut {
         &self.chunks
     }
 
+    /// Number of chunks.
+    pub fn chunk_count(&self) -> u32 {
+        self.chunk_rows.len() as u32
+    }
+
     /// Numbers of chunks, as [`GpuCut::work`] says.
     pub fn list(&self) -> &wgpu::Buffer {
         &self.list_buffer

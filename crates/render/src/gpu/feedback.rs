@@ -65,7 +65,7 @@ impl Feedback {
         (view, method, stats): (&View, Method, Stats),
     ) {
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        if method == Method::PullPush {
+        if method != Method::Points {
             let buffers = [(0, uniform), (1, &*picture.depth), (2, &*self.counts)];
             let pixels = u64::from(picture.width) * u64::from(picture.height);
             self.count.dispatch(&mut pass, &self.count.bind(gpu, &buffers), groups_of(pixels));

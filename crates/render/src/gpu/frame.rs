@@ -50,6 +50,13 @@ impl FrameUniform {
     }
 }
 
+impl FrameUniform {
+    /// The same for another number of pixels.
+    pub(super) fn with_size(self, [width, height]: [u32; 2]) -> Self {
+        Self { width, height, ..self }
+    }
+}
+
 /// The shader's name of it, for the check of the layout.
 type FrameLayout = FrameUniform;
 const _: () = {

@@ -6,6 +6,7 @@ pub mod cut;
 pub mod device;
 pub mod dispatch;
 pub mod error;
+pub mod ewa;
 pub mod feedback;
 pub mod frame;
 pub mod gather;

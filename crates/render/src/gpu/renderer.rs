@@ -4,6 +4,7 @@
 use super::cut::GpuCut;
 use super::device::{Counted, Gpu, ProjectPath};
 use super::error::GpuError;
+use super::ewa::{self, GpuEwa, Room};
 use super::feedback::Feedback;
 use super::frame::FrameUniform;
 use super::gather::Gather;
@@ -41,6 +42,8 @@ pub struct GpuRenderer {
     store: Store,
     pyramid: GpuPyramid,
     surface: Surface,
+    /// EWA splatting, made when it is first drawn with.
+    ewa: Option<GpuEwa>,
     shown: Option<Shown>,
     feedback: Feedback,
 }
@@ -78,6 +81,7 @@ impl GpuRenderer {
             store: Store::new(gpu)?,
             pyramid: GpuPyramid::default(),
             surface: Surface::default(),
+            ewa: None,
             shown: None,
             feedback: Feedback::new(gpu)?,
             gpu: gpu.clone(),
@@ -110,7 +114,7 @@ impl GpuRenderer {
         self.lookup.set(&self.gpu, frame)?;
         let uniform = FrameUniform::new(frame, &camera);
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
-        self.encode(&mut encoder, frame, &plan, pool)?;
+        self.encode(&mut encoder, frame, &camera, &plan, pool)?;
         self.gpu.queue.submit([encoder.finish()]);
         if let Points::Atomics(project) = &self.points {
             project.submitted(pool);
@@ -137,7 +141,7 @@ impl GpuRenderer {
         let [width, height] = size;
         let is_new =
             self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
-        let has_surface = plan.passes.contains(&Pass::Gather);
+        let has_surface = plan.passes.contains(&Pass::Shade);
         if is_new || !has_surface || self.pyramid.has_normals != plan.carries_normals {
             // The old ones go first, so that never both are there; and none is kept that is not needed.
             self.surface.release();
@@ -170,15 +174,20 @@ impl GpuRenderer {
         &mut self,
         encoder: &mut CommandEncoder,
         frame: &Frame<'_, PlaneAt>,
+        camera: &Camera,
         plan: &FramePlan,
         pool: &NodePool,
     ) -> Result<(), GpuError> {
         let Self { gpu, uniform, cut, hits, points, lookup, feedback, .. } = self;
         let Some(Shown { picture, .. }) = &self.shown else { return Ok(()) };
         let size = [picture.width, picture.height];
+        if let Some(ewa) = self.ewa.as_mut().filter(|_| frame.method != Method::Ewa) {
+            ewa.release();
+        }
         feedback.begin(encoder);
         let timing = &mut feedback.timing;
         match points {
+            _ if !plan.passes.contains(&Pass::Project) => {}
             Points::Atomics(project) => {
                 project.encode(gpu, encoder, uniform, plan, cut, pool, hits, timing)?;
             }
@@ -193,9 +202,16 @@ impl GpuRenderer {
         let won = Won { uniform, size, hits, draws, chunks, pages: &pages, counts };
         match frame.method {
             Method::Ewa => {
-                return Err(GpuError::Path(
-                    "EWA splatting is drawn by the CPU: --backend cpu".into(),
-                ));
+                let (pyramid, counts) = (&self.pyramid, won.counts);
+                let frame = FrameUniform::new(frame, camera);
+                let target =
+                    ewa::Target { uniform, frame, plan, cut, pool, pyramid, picture, counts };
+                let ewa = match &mut self.ewa {
+                    Some(ewa) => ewa,
+                    none => none.insert(GpuEwa::new(gpu, Room::default())?),
+                };
+                ewa.encode(gpu, encoder, lookup, &target, timing)?;
+                self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
             }
             Method::Points => {
                 let mut pass = timing.compute(encoder, Pass::Resolve);
@@ -258,6 +274,11 @@ impl GpuRenderer {
         self.feedback.depth(&self.gpu)
     }
 
+    /// Takes another way of EWA splatting, or other room for it.
+    pub fn set_ewa(&mut self, ewa: GpuEwa) {
+        self.ewa = Some(ewa);
+    }
+
     /// The frame buffer of the newest frame and the tables that its numbers mean.
     pub fn hits(&self) -> (&Hits, &GpuCut) {
         (&self.hits, &self.cut)
@@ -274,8 +295,9 @@ impl GpuRenderer {
             Points::Primitives(primitives) => primitives.reload(gpu)?,
         };
         let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
+        let splats = self.ewa.as_mut().map_or(Ok(false), |ewa| ewa.reload(gpu))?;
         let rest =
             self.hits.reload(gpu)? | self.surface.reload(gpu)? | self.feedback.reload(gpu)?;
-        Ok(points | won | rest)
+        Ok(points | won | splats | rest)
     }
 }

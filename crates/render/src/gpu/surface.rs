@@ -12,6 +12,7 @@ use super::push::Push;
 use super::pyramid::{GpuLevel, GpuPyramid};
 use super::relief::Relief;
 use super::shade::{Shade, Soften};
+use super::shader::sources;
 use super::timing::Timing;
 use super::trim::{Trim, Turns};
 use crate::plan::{FramePlan, Pass};
@@ -27,6 +28,7 @@ pub struct Surface {
 
 /// What a scene with normals needs, or one without.
 struct Kernels {
+    edges: Kernel,
     pull: Pull,
     push: Push,
     mend: Mend,
@@ -157,6 +159,7 @@ impl Scratch {
 impl Kernels {
     fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
         Ok(Self {
+            edges: Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?,
             pull: Pull::new(gpu, has_normals)?,
             push: Push::new(gpu, has_normals)?,
             mend: Mend::new(gpu, has_normals)?,
@@ -174,7 +177,10 @@ impl Kernels {
         shines: bool,
     ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
+        let marks = [&target.picture.depth, target.marks, target.sources];
         let mut stages = vec![
+            // After EWA splatting, which has filled level 0 and the picture's depth.
+            stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, target.pyramid)),
             stage("push", Pass::Push, self.push.dispatches(gpu, target.pyramid)),
             stage("mend", Pass::Mend, self.mend.dispatches(gpu, target)),
@@ -188,10 +194,15 @@ impl Kernels {
     }
 
     fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
-        let Self { pull, push, mend, trim, relief, shade, soften } = self;
+        let Self { edges, pull, push, mend, trim, relief, shade, soften } = self;
         let some = [pull.kernels(), push.kernels(), mend.kernels(), trim.kernels()];
         let relief = relief.iter_mut().flat_map(Relief::kernels);
-        some.into_iter().flatten().chain(shade.kernels()).chain(soften.kernels()).chain(relief)
+        some.into_iter()
+            .flatten()
+            .chain([edges])
+            .chain(shade.kernels())
+            .chain(soften.kernels())
+            .chain(relief)
     }
 }
 

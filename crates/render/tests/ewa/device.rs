@@ -1,0 +1,77 @@
+//! On every adapter: many batches, too little room for entries, thousands of splats on a pixel and almost nothing on
+//! one, extreme views; the CPU's picture within DESIGN's tolerance.
+
+use crate::gpu::flip::mean_flip;
+use crate::gpu::{few_gpus, laid_frame, lay, name};
+use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
+use esker_lod::View;
+use esker_render::gpu::GpuRenderer;
+use esker_render::gpu::ewa::{GpuEwa, Room};
+use esker_render::{Frame, Method, render};
+use glam::DVec3;
+
+fn pixels_off(a: &[u8], b: &[u8]) -> usize {
+    let differs = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
+    a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|p| differs(*p)).count()
+}
+
+fn splats(frame: Frame<'_>) -> Frame<'_> {
+    Frame { method: Method::Ewa, cull_back_faces: false, ..frame }
+}
+
+/// Two batches of a chunk, and room for entries of few splats.
+const LITTLE: Room = Room { chunks: 1, entries: 4000 };
+const USUAL: Room = Room { chunks: 2, entries: 1 << 18 };
+
+#[test]
+fn every_room_and_view_gives_the_picture_of_the_cpu() {
+    let mut dice = Dice(21);
+    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 9000, [220, 90, 50]);
+    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
+    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 90, [60, 150, 90]));
+    let scene = Scene::new(&points, 1e-5, 0.045, 0.045, 3000);
+    let crowd: Vec<_> = (0..5000)
+        .map(|i| {
+            let colour = if i < 2500 { [255, 0, 0] } else { [0, 0, 255] };
+            let turned = DVec3::new(1.0, -1e-3 - 0.5 * f64::from(i % 2), 0.0).normalize_or_zero();
+            ScenePoint { at: DVec3::ZERO, normal: turned, colour }
+        })
+        .collect();
+    let crowd = Scene::new(&crowd, 1e-5, 0.5, 0.5, 1 << 12);
+    let from = |eye: DVec3, target: DVec3, fovy: f64| {
+        let mut view = View::look_at(eye, target, DVec3::Z, fovy, 97, 80);
+        view.near = 1e-3;
+        view
+    };
+    let views = [
+        from(DVec3::new(2.6, -3.1, 2.4), DVec3::Z * 0.5, 0.9),
+        // On the floor, whose splats reach through the camera's plane.
+        from(DVec3::new(0.5, -1.8, 0.01), DVec3::new(0.4, 0.0, 0.3), 1.8),
+        from(DVec3::new(0.0, -1.04, 1.0), DVec3::new(3.0, 0.0, 1.2), 2.4),
+    ];
+    let ahead = from(DVec3::NEG_Y * 4.0, DVec3::ZERO, 0.6);
+    let (draws, crowd_draws) = (scene.draws(true, true, true), crowd.draws(true, true, true));
+    let frames = views.iter().map(|view| splats(scene.frame(view, &draws)));
+    let mut frames: Vec<_> = frames.flat_map(|f| [(f, USUAL), (f, LITTLE)]).take(5).collect();
+    frames.push((splats(crowd.frame(&ahead, &crowd_draws)), USUAL));
+    let pictures: Vec<_> = frames.iter().map(|(f, _)| render(f).unwrap()).collect();
+    assert!(pictures[2].stats.splats_drawn > 1000);
+    for gpu in few_gpus() {
+        let before = gpu.bytes();
+        let mut renderer = GpuRenderer::new(&gpu).unwrap();
+        for (i, ((frame, room), cpu)) in frames.iter().zip(&pictures).enumerate() {
+            renderer.set_ewa(GpuEwa::new(&gpu, *room).unwrap());
+            let laid = lay(&gpu, frame.draws, 64 << 10);
+            renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
+            let other = renderer.read().unwrap();
+            let flip = mean_flip(&cpu.rgba, &other.rgba, 97);
+            let off = pixels_off(&cpu.rgba, &other.rgba);
+            let on = name(&gpu);
+            eprintln!("view {i}: FLIP {flip:.5}, {off} of {} pixels off, {on}", 97 * 80);
+            assert!(flip <= 0.01 && off * 1000 <= 97 * 80, "view {i} on {on}: {flip}, {off}");
+        }
+        drop(renderer);
+        assert_eq!(gpu.fault(), None, "{}", name(&gpu));
+        assert_eq!(gpu.bytes(), before, "buffers are left on {}", name(&gpu));
+    }
+}

@@ -1,0 +1,23 @@
+// Drawn radii of points. Needs common/lookup.wgsl, common/octree.wgsl, and variables `lookup` and `draws`.
+
+const RADIUS_MAX: f32 = 1e30;
+
+// Clamped to 0 ... RADIUS_MAX; 0 for what is no number.
+fn radius_within(radius: f32) -> f32 {
+    let bits = bitcast<u32>(radius);
+    if bits > INFINITE_BITS {
+        return 0.0;
+    }
+    return min(radius, RADIUS_MAX);
+}
+
+// Effective spacing of the finest drawn cell that holds the point.
+fn spacing_of(draw: u32, p: vec3<u32>) -> f32 {
+    let stored = draws[draw].spacing;
+    let entry = draws[draw].entry;
+    if entry >= lookup.cells {
+        return stored;
+    }
+    let drawn = spacing_from(entry, p);
+    return select(stored, drawn, drawn > 0.0);
+}

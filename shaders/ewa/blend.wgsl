@@ -1,0 +1,136 @@
+// The passes of zwicker2004 section 6 over the splats of a batch: visibility, attributes, or both as one. A group is
+// a tile, a thread a pixel; sums stay in registers, of 32 bits: no target has to blend. Twin:
+// crates/render/src/ewa/blend.rs.
+
+// include common/frame.wgsl
+// include common/splats.wgsl
+
+// Which pass.
+override PASS: u32 = 0u;
+const VISIBILITY: u32 = 0u;
+const ATTRIBUTES: u32 = 1u;
+// The nearest splat shows.
+const SINGLE: u32 = 2u;
+// Whether the cloud has normals.
+override NORMALS: bool = false;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> batch: Batch;
+@group(0) @binding(2) var<storage, read> splats: array<Splat>;
+@group(0) @binding(3) var<storage, read> boxes: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> starts: array<u32>;
+@group(0) @binding(5) var<storage, read> entries: array<u32>;
+// The front's inverse depth, moved back; 0 where nothing is.
+@group(0) @binding(6) var<storage, read_write> front: array<f32>;
+// Red, green, blue and the weight.
+@group(0) @binding(7) var<storage, read_write> tint: array<vec4<f32>>;
+// Normal (or radius) and inverse depth.
+@group(0) @binding(8) var<storage, read_write> shape: array<vec4<f32>>;
+
+// Splats looked at together.
+const BLOCK: u32 = 128u;
+var<workgroup> block: array<Splat, 128>;
+
+// A splat that is nowhere.
+fn nowhere() -> Splat {
+    let one = vec4<f32>(1.0);
+    return Splat(vec4<f32>(-1e9, -1e9, 1.0, 0.0), one, vec4<f32>(1.0, 0.0, 0.0, 1.0), vec4<u32>(0u));
+}
+
+// About `exp(-t)` for t from 0 to 2 (crates/render/src/ewa/gauss.rs).
+fn falloff(t: f32) -> f32 {
+    let s = t * 0.5;
+    let root = s * (s * (s * (s * 0.02553654 - 0.15375047) + 0.49556967) - 0.9994563) + 0.99998916;
+    return root * root;
+}
+
+@compute @workgroup_size(16, 16)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let tile = group.y * batch.tiles.x + group.x;
+    let tiles = batch.tiles.x * batch.tiles.y;
+    let has_room = starts[tiles] <= batch.entries;
+    let first = select(0u, starts[tile], has_room);
+    let end = select(batch.points, starts[tile + 1u], has_room);
+    let is_pixel = id.x < frame.width && id.y < frame.height;
+    let pixel = min(id.y, frame.height - 1u) * frame.width + min(id.x, frame.width - 1u);
+    let place = vec2<f32>(id.xy) + 0.5;
+    var nearest = 0.0;
+    var sum_tint = vec4<f32>(0.0);
+    var sum_shape = vec4<f32>(0.0);
+    if PASS == ATTRIBUTES || batch.is_first == 0u {
+        nearest = front[pixel];
+    }
+    if PASS != VISIBILITY && batch.is_first == 0u {
+        sum_tint = tint[pixel];
+        sum_shape = shape[pixel];
+    }
+    for (var start = first; start < end; start += BLOCK) {
+        let count = min(end - start, BLOCK);
+        workgroupBarrier();
+        if thread < count {
+            block[thread] = fetched(start + thread, group.xy, has_room);
+        }
+        workgroupBarrier();
+        for (var k = 0u; k < count; k += 1u) {
+            let splat = block[k];
+            let seen = seen_at(splat, place, frame.near);
+            if seen.x > 1.0 {
+                continue;
+            }
+            let z = seen.y;
+            if PASS == VISIBILITY {
+                var moved = z / (1.0 - splat.c.w * z);
+                if splat.c.w > 0.0 {
+                    moved = min(z, splat.b.w) - splat.c.w;
+                }
+                nearest = max(nearest, moved);
+                continue;
+            }
+            if select(z < nearest, z <= nearest, PASS == SINGLE) {
+                continue;
+            }
+            let colour = vec4<f32>(bitcast<vec3<f32>>(splat.d.xyz), 1.0);
+            var own = vec4<f32>(bitcast<f32>(splat.d.w), 0.0, 0.0, z);
+            if NORMALS {
+                own = vec4<f32>(unpacked_normal(splat.d.w), z);
+            }
+            if PASS == SINGLE {
+                nearest = z;
+                sum_tint = colour;
+                sum_shape = own;
+            } else {
+                let amplitude = select(abs(splat.b.y), 1.0, splat.c.w < 0.0);
+                let weight = falloff(seen.x * batch.half_cutoff) * amplitude;
+                sum_tint += colour * weight;
+                sum_shape += own * weight;
+            }
+        }
+    }
+    if !is_pixel {
+        return;
+    }
+    if PASS != ATTRIBUTES {
+        front[pixel] = nearest;
+    }
+    if PASS != VISIBILITY {
+        tint[pixel] = sum_tint;
+        shape[pixel] = sum_shape;
+    }
+}
+
+// An entry of the tile; or, without entries, a splat of the batch where it touches the tile.
+fn fetched(at: u32, tile: vec2<u32>, has_room: bool) -> Splat {
+    if has_room {
+        return splats[entries[at]];
+    }
+    let low = boxes[at] & vec2<u32>(0xffffu);
+    let past = boxes[at] >> vec2<u32>(16u);
+    if any(low >= past) || any(past <= tile * TILE) || any(low >= (tile + 1u) * TILE) {
+        return nowhere();
+    }
+    return splats[at];
+}

@@ -1,0 +1,260 @@
+// From points to splats (zwicker2004 sections 4.1 to 4.4): the twin of crates/render/src/ewa/, place.rs, splat.rs
+// and mapping.rs, which say why. Counts the splats that touch a tile.
+
+// include common/frame.wgsl
+// include common/draws.wgsl
+// include common/place.wgsl
+// include common/lookup.wgsl
+// include common/colour.wgsl
+// include common/octree.wgsl
+// include common/radius.wgsl
+// include common/splats.wgsl
+
+// Whether the cloud has normals.
+override NORMALS: bool = false;
+// Whether points are dropped that a filter has marked.
+override HIDES_POINTS: bool = false;
+
+const REACH_MAX: f32 = 0.7;
+const CONDITION_MAX: f32 = 1e6;
+const MEND_REACH: f32 = 0.02;
+const BACK: f32 = 1.0;
+const AMPLITUDE_MIN: f32 = 1e-12;
+const SINE_MIN: f32 = 1e-6;
+const MARGIN: f32 = 0.01;
+// Half the side of an octagon around a circle.
+const HALF: f32 = 0.41422;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> lookup: Lookup;
+@group(0) @binding(2) var<uniform> batch: Batch;
+@group(0) @binding(3) var<storage, read> draws: array<Draw>;
+@group(0) @binding(4) var<storage, read> octree: array<OctreeCell>;
+@group(0) @binding(5) var<storage, read> geometry: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read> paint: array<vec4<u32>>;
+@group(0) @binding(7) var<storage, read_write> splats: array<Splat>;
+// Least and one past the greatest pixel, x in the first word and y in the second, 16 bits each.
+@group(0) @binding(8) var<storage, read_write> boxes: array<vec2<u32>>;
+@group(0) @binding(9) var<storage, read_write> cursors: array<atomic<u32>>;
+
+struct Placed {
+    splat: Splat,
+    // Left, top, right, bottom; empty where it is not drawn.
+    bounds: vec4<u32>,
+}
+
+// Pixels from the first whose middle is right of a place.
+fn past(place: vec2<f32>) -> vec2<u32> {
+    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+    return vec2<u32>(clamp(place + 0.5, vec2<f32>(0.0), size));
+}
+
+fn clip(low: vec2<f32>, high: vec2<f32>) -> vec4<u32> {
+    if !(is_number(low.x) && is_number(low.y) && is_number(high.x) && is_number(high.y)) {
+        return vec4<u32>(0u);
+    }
+    return vec4<u32>(past(low - MARGIN), past(high + MARGIN));
+}
+
+fn is_empty(box: vec4<u32>) -> bool {
+    return any(box.xy >= box.zw);
+}
+
+fn all_finite(v: vec4<f32>) -> bool {
+    return !(is_infinite(v.x) || is_infinite(v.y) || is_infinite(v.z) || is_infinite(v.w));
+}
+
+fn checked(splat: Splat, box: vec4<u32>) -> Placed {
+    let fine = all_finite(splat.a) && all_finite(splat.b) && all_finite(splat.c) && splat.c.w != 0.0;
+    return Placed(splat, select(vec4<u32>(0u), box, fine));
+}
+
+// How much longer a depth gets where it moves back along its line of sight.
+fn back_of(p: vec3<f32>, radius: f32) -> f32 {
+    return BACK * radius * max(abs(p.z) / length(p), 0.1);
+}
+
+fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed {
+    // Equation 4, recentred.
+    let inverse = 1.0 / p.z;
+    let slope = p.xy * inverse;
+    let focal = frame.focal_px * inverse;
+    let a = vec3<f32>((t_a.xy - slope * t_a.z) * focal, t_a.z * inverse);
+    let b = vec3<f32>((t_b.xy - slope * t_b.z) * focal, t_b.z * inverse);
+    let lengths = (length(t_a) * focal) * (length(t_b) * focal) * sqrt(dot(slope, slope) + 1.0);
+    let area = a.x * b.y - a.y * b.x;
+    let depths = a.z * a.z + b.z * b.z;
+    let discriminant = 1.0 - depths;
+    // Equation 7.
+    let middle = (a.xy * a.z + b.xy * b.z) * (-1.0 / discriminant);
+    // Equations 10 and 11.
+    let d = 1.0 / discriminant;
+    let xy = (a.x * a.y + b.x * b.y) * d + middle.x * middle.y;
+    let kernel = (a.xy * a.xy + b.xy * b.xy) * d + middle * middle;
+    let kernel_root = abs(area) * d * sqrt(d);
+    // Equation 3.
+    let h = batch.lowpass;
+    let shape = kernel + h;
+    let root = sqrt(kernel_root * kernel_root + h * (kernel.x + kernel.y) + h * h);
+    let amplitude = max(kernel_root / root, AMPLITUDE_MIN);
+    // Equations 8 and 9.
+    let half = sqrt(shape) * 1.000002;
+    let origin = slope * frame.focal_px + middle + frame.centre_px;
+    let box = clip(origin - half, origin + half);
+    let condition = lengths / (abs(area) * max(discriminant, 0.0));
+    if !(condition >= 0.0 && condition < CONDITION_MAX) {
+        return Placed(Splat(), vec4<u32>(0u));
+    }
+    let along = 1.0 / sqrt(shape.y);
+    let across = 1.0 / (root * along);
+    let shear = xy * along / root;
+    let reach = sqrt(depths);
+    let grows = vec2<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z) / area * inverse;
+    let back = back_of(p, radius);
+    let signed = select(amplitude, -amplitude, reach > MEND_REACH);
+    return checked(Splat(
+        vec4<f32>(origin, across, shear),
+        vec4<f32>(along, signed, inverse / (1.0 + reach), inverse / (1.0 - reach)),
+        vec4<f32>(inverse + dot(grows, middle), grows, inverse * back / (p.z + back)),
+        vec4<u32>(0u),
+    ), box);
+}
+
+fn corner(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, k: u32) -> vec3<f32> {
+    // 1, HALF; HALF, 1; and so on around.
+    let is_long = ((k + 1u) & 2u) == 0u;
+    let x = select(HALF, 1.0, is_long) * select(1.0, -1.0, ((k + 6u) & 7u) < 4u);
+    let y = select(1.0, HALF, is_long) * select(1.0, -1.0, (k & 7u) >= 4u);
+    return p + a * x + b * y;
+}
+
+fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
+    // What of the disc is behind the near plane.
+    var low = vec2<f32>(3e38);
+    var high = vec2<f32>(-3e38);
+    for (var k = 0u; k < 8u; k += 1u) {
+        let start = corner(p, a, b, k);
+        let next = corner(p, a, b, k + 1u);
+        if start.z >= frame.near {
+            let at = start.xy * (frame.focal_px / start.z);
+            low = min(low, at);
+            high = max(high, at);
+        }
+        if (start.z >= frame.near) != (next.z >= frame.near) {
+            let cut = start + (next - start) * ((frame.near - start.z) / (next.z - start.z));
+            let at = cut.xy * (frame.focal_px / frame.near);
+            low = min(low, at);
+            high = max(high, at);
+        }
+    }
+    let box = clip(low + frame.centre_px, high + frame.centre_px);
+    let normal = cross(a, b);
+    let seen = dot(normal, p);
+    let sine = abs(seen) / (length(normal) * length(p));
+    if low.x > high.x || is_empty(box) || !(sine >= SINE_MIN && sine < 2.0) {
+        return Placed(Splat(), vec4<u32>(0u));
+    }
+    let corners = vec4<f32>(box);
+    let origin = (corners.xy + corners.zw) * 0.5;
+    let place = origin - frame.centre_px;
+    let u = row(cross(b, p) / seen, place);
+    let v = row(cross(p, a) / seen, place);
+    let z = row(normal / seen, place);
+    return checked(Splat(
+        vec4<f32>(origin, u.xy),
+        vec4<f32>(u.z, v),
+        vec4<f32>(z.z, z.xy, -back_of(p, radius)),
+        vec4<u32>(0u),
+    ), box);
+}
+
+// A row of the inverse mapping, over pixels from a place.
+fn row(n: vec3<f32>, place: vec2<f32>) -> vec3<f32> {
+    let grows = n.xy / frame.focal_px;
+    return vec3<f32>(grows, n.z + grows.x * place.x + grows.y * place.y);
+}
+
+fn place(i: u32) -> Placed {
+    let words = geometry[i];
+    let own = paint[i];
+    let draw = own.x & ~HAS_COLOUR;
+    let d = &draws[draw];
+    let offset = offset_of(words, (*d).shift);
+    let lattice = (*d).box_min + offset;
+    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let from_eye = steps * frame.step;
+    let p = vec3<f32>(dot(frame.right, from_eye), -dot(frame.up, from_eye), -dot(frame.back, from_eye));
+    let code = radius_code_of(words.xy);
+    let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
+    let radius = stored * batch.radius_factor;
+
+    let none = Placed(Splat(), vec4<u32>(0u));
+    var world = vec3<f32>(0.0);
+    if NORMALS {
+        world = normal_of(own.w);
+    }
+    var normal = vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
+    let looks_away = dot(normal, p) > 0.0;
+    if looks_away && frame.cull_back_faces == 1u {
+        return none;
+    }
+    if all(normal == vec3<f32>(0.0)) {
+        normal = normalize(select(p, vec3<f32>(0.0, 0.0, 1.0), all(p == vec3<f32>(0.0))));
+    }
+    // Directions across it.
+    let sign = select(1.0, -1.0, (bitcast<u32>(normal.z) >> 31u) == 1u);
+    let s = -1.0 / (sign + normal.z);
+    let t = normal.x * normal.y * s;
+    let a = vec3<f32>(1.0 + sign * normal.x * normal.x * s, sign * t, -sign * normal.x) * radius;
+    let b = vec3<f32>(t, sign + normal.y * normal.y * s, -normal.y) * radius;
+
+    let extent = sqrt(a.z * a.z + b.z * b.z);
+    let farthest = p.z + extent;
+    if !(farthest >= frame.near) || is_infinite(farthest) {
+        return none;
+    }
+    var placed: Placed;
+    if p.z - extent >= frame.near && extent <= REACH_MAX * p.z {
+        placed = ellipse(p, a, b, radius);
+    } else {
+        placed = by_rays(p, a, b, radius);
+    }
+    if is_empty(placed.bounds) {
+        return none;
+    }
+    // The carry of the height, which may need more than 32 bits.
+    let height = vec2<u32>(u32(lattice.z < offset.z), lattice.z);
+    let colour = colour_of(own, height, bitcast<u32>(p.z));
+    var last = bitcast<u32>(radius * frame.focal_px / max(p.z, frame.near));
+    if NORMALS {
+        last = packed_normal(select(world, -world, looks_away));
+    }
+    placed.splat.d = vec4<u32>(bitcast<vec3<u32>>(colour), last);
+    return placed;
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = id.x + id.y * groups.x * 256u;
+    if i >= batch.points {
+        return;
+    }
+    var box = vec4<u32>(0u);
+    let is_hidden = HIDES_POINTS && (geometry[i].y >> 24u) != 0u;
+    if paint[i].x != NOTHING && !is_hidden {
+        let placed = place(i);
+        box = placed.bounds;
+        splats[i] = placed.splat;
+    }
+    if is_empty(box) {
+        boxes[i] = vec2<u32>(0u);
+        return;
+    }
+    boxes[i] = box.xy | (box.zw << vec2<u32>(16u));
+    let last = min((box.zw - 1u) / TILE, batch.tiles - 1u);
+    for (var y = box.y / TILE; y <= last.y; y += 1u) {
+        for (var x = box.x / TILE; x <= last.x; x += 1u) {
+            atomicAdd(&cursors[y * batch.tiles.x + x], 1u);
+        }
+    }
+}

@@ -1,0 +1,66 @@
+// Sorts splats into tiles by counting: `starts` from the counts, one group; then `fill`. Where there is not enough
+// room for all entries, tiles look at all splats of the batch instead (ewa/blend.wgsl): slow, but the same picture.
+
+// include common/infinite.wgsl
+// include common/splats.wgsl
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+// Counts, then the next free entry, a tile.
+@group(0) @binding(1) var<storage, read_write> cursors: array<atomic<u32>>;
+// First entry a tile, and one past the last.
+@group(0) @binding(2) var<storage, read_write> starts: array<u32>;
+@group(0) @binding(3) var<storage, read> boxes: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> entries: array<u32>;
+
+const THREADS: u32 = 256u;
+var<workgroup> sums: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn begin(@builtin(local_invocation_index) thread: u32) {
+    // Each thread a run of tiles: their sum, the sums before it, then the tiles one by one.
+    let tiles = batch.tiles.x * batch.tiles.y;
+    let run = (tiles + THREADS - 1u) / THREADS;
+    let first = min(thread * run, tiles);
+    let last = min(first + run, tiles);
+    var sum = 0u;
+    for (var i = first; i < last; i += 1u) {
+        sum += atomicLoad(&cursors[i]);
+    }
+    sums[thread] = sum;
+    workgroupBarrier();
+    var start = 0u;
+    for (var i = 0u; i < thread; i += 1u) {
+        start += sums[i];
+    }
+    for (var i = first; i < last; i += 1u) {
+        let count = atomicLoad(&cursors[i]);
+        starts[i] = start;
+        atomicStore(&cursors[i], start);
+        start += count;
+    }
+    if thread == THREADS - 1u {
+        starts[tiles] = start;
+    }
+}
+
+@compute @workgroup_size(256)
+fn fill(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = id.x + id.y * groups.x * 256u;
+    if i >= batch.points {
+        return;
+    }
+    let low = boxes[i] & vec2<u32>(0xffffu);
+    let past = boxes[i] >> vec2<u32>(16u);
+    if any(low >= past) {
+        return;
+    }
+    let last = min((past - 1u) / TILE, batch.tiles - 1u);
+    for (var y = low.y / TILE; y <= last.y; y += 1u) {
+        for (var x = low.x / TILE; x <= last.x; x += 1u) {
+            let at = atomicAdd(&cursors[y * batch.tiles.x + x], 1u);
+            if at < batch.entries {
+                entries[at] = i;
+            }
+        }
+    }
+}
