@@ -131,7 +131,7 @@ fn no_extreme_view_of_a_closed_model_has_a_hole() {
     // Nodes' spacing and radius are one, so that the drawn radius is the option's factor.
     let step = 1.0 / f64::from(1u32 << 24);
     let scene = Scene::new(&points, step, 0.2, 0.2, 1 << 16);
-    let radius = 0.2 * 1.4;
+    let radius = 0.2 * f64::from(Options::default().radius_factor);
     let found: Vec<(usize, u64, u64)> = (0..1000u64)
         .into_par_iter()
         .map(|seed| {
