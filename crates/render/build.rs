@@ -17,7 +17,8 @@ type Layouts = BTreeMap<String, (u32, Vec<(String, u32)>)>;
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(&std::env::var("CARGO_MANIFEST_DIR")?).join("../../shaders");
     let root = root.canonicalize().map_err(|e| format!("{}: {e}", root.display()))?;
-    println!("cargo::rerun-if-changed={}", root.display());
+    // Named from here, so that a kept target folder notices another clone's shaders.
+    println!("cargo::rerun-if-changed=../../shaders");
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     let mut layouts = Layouts::new();
     let mut generated = String::new();

@@ -13,7 +13,7 @@ const TASK_POINTS: usize = 1 << 14;
 /// A cell before its own points are chosen.
 pub enum Opened {
     /// One that is not split.
-    Whole(Pending),
+    Whole(Box<Pending>),
     /// One made of these.
     Split(Cell, Vec<Pending>),
 }
@@ -31,15 +31,15 @@ impl Context {
         let n = range.len();
         if task.is_cancelled() {
             // Nothing is offered: what is above has nothing to do, and the caller asks again.
-            return Opened::Whole(self.leaf(rows, range.start..range.start, cell));
+            return Opened::Whole(Box::new(self.leaf(rows, range.start..range.start, cell)));
         }
         if n <= self.leaf_points_max() {
             task.advance(n as u64);
-            return Opened::Whole(self.leaf(rows, range, cell));
+            return Opened::Whole(Box::new(self.leaf(rows, range, cell)));
         }
         if cell.log2 == 0 {
             task.advance(n as u64);
-            return Opened::Whole(self.coincident(rows, range, cell));
+            return Opened::Whole(Box::new(self.coincident(rows, range, cell)));
         }
         let parts = octants(rows, range, &cell);
         let children = if n > TASK_POINTS {
@@ -53,7 +53,7 @@ impl Context {
     /// The last step.
     pub fn close(&self, rows: &Rows<'_>, opened: Opened) -> Pending {
         match opened {
-            Opened::Whole(pending) => pending,
+            Opened::Whole(pending) => *pending,
             Opened::Split(cell, children) => self.combine(rows, cell, children),
         }
     }
