@@ -478,7 +478,7 @@ impl From<ProgressArg> for Style {
     }
 }
 
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum MethodArg {
     /// One pixel a point.
     Points,

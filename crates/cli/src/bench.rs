@@ -1,10 +1,10 @@
 //! `esker bench render` and `esker bench leave-out`: their arguments and the calls.
 
-use crate::args::{DrawWithArgs, ProgressArg, parse_camera, parse_points};
+use crate::args::{DrawWithArgs, MethodArg, ProgressArg, parse_camera, parse_points};
 use crate::commands::print;
 use anyhow::Result;
 use clap::Args as ClapArgs;
-use esker_engine::bench::{leave_out, render};
+use esker_engine::bench::{leave_out, render, splats};
 use esker_engine::camera::Camera;
 use esker_engine::progress::Progress;
 use esker_engine::quantity;
@@ -25,10 +25,12 @@ pub struct BenchRender {
         long,
         value_name = "WxH,WxH",
         value_delimiter = ',',
-        default_value = "512x512,1024x1024",
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
+    /// With ewa: splats of one size a second, in one pass and three (table 1 of zwicker2004).
+    #[arg(long, value_enum, conflicts_with = "models")]
+    pub method: Option<MethodArg>,
     #[command(flatten)]
     pub with: DrawWithArgs,
     /// Threads; one a core where not said.
@@ -67,7 +69,13 @@ pub struct LeaveOut {
 }
 
 /// Table 1.
-pub fn render(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+pub fn render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+    if args.method.is_some_and(|method| method == MethodArg::Ewa) {
+        return splats(args, stop);
+    }
+    if args.size.is_empty() {
+        args.size = vec![[512, 512], [1024, 1024]];
+    }
     let request = render::Request {
         models: args.models,
         points: args.points,
@@ -79,6 +87,20 @@ pub fn render(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     let report = render::measure(&request, &progress)?;
     drop(progress);
     print(args.json, &report, || render::text(&report))
+}
+
+/// Table 1 of the other paper.
+fn splats(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = splats::Request {
+        splats: args.points,
+        sizes: args.size,
+        with: (&args.with).into(),
+        threads: args.threads,
+    };
+    let progress = Progress::new(args.progress.into(), stop);
+    let report = splats::measure(&request, &progress)?;
+    drop(progress);
+    print(args.json, &report, || splats::text(&report))
 }
 
 /// What leaving out saves.

@@ -10,6 +10,7 @@ pub mod path;
 pub mod process;
 pub mod render;
 pub mod report;
+pub mod splats;
 pub mod stream;
 
 /// The benchmarks that there are, with what each measures.
