@@ -139,8 +139,7 @@ impl Placing<'_> {
                     continue;
                 }
                 let radius = self.lookup.radius(draw, offsets[k], codes[k]) * self.radius_factor;
-                let is_hidden = self.frame.hides_points && is_hidden(node.position, start + k);
-                if is_hidden || !self.may_show(centres[k], radius) {
+                if !self.may_show(centres[k], radius) {
                     continue;
                 }
                 let Some((normal, code)) = self.normal(node, start + k, centres[k]) else {
