@@ -17,6 +17,7 @@ mod draw;
 mod export;
 mod folder;
 mod forest;
+mod frames;
 mod hostile;
 mod interrupt;
 mod las;
@@ -55,6 +56,7 @@ fn main() {
     stream::trials(&mut trials);
     forest::trials(&mut trials);
     draw::trials(&mut trials);
+    frames::trials(&mut trials);
     libtest_mimic::run(&arguments, trials).exit();
 }
 

@@ -82,10 +82,8 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                         colour_by: Some("plain".into()),
                         ..Picture::default()
                     };
-                    // Splats are blended by the CPU alone.
-                    let gpu = gpu.as_ref().filter(|_| method != Method::Ewa);
-                    let mut stand = Stand::new(&model.file, &picture, gpu, task)?;
-                    rows.extend(rows_of(&model, &mut stand, size, name, gpu, task)?);
+                    let mut stand = Stand::new(&model.file, &picture, gpu.as_ref(), task)?;
+                    rows.extend(rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?);
                 }
             }
         }

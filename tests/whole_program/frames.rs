@@ -1,0 +1,124 @@
+//! What a frame takes, as scripts ask for it: `esker render --explain`, `esker bench render`,
+//! `esker bench leave-out`, and the filters of `esker render`.
+
+use crate::folder::Folder;
+use crate::program::esker;
+use crate::trial;
+use libtest_mimic::Trial;
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::path::PathBuf;
+
+pub fn trials(trials: &mut Vec<Trial>) {
+    trials.push(trial("frames: table 1 has its fields for every method and backend", table));
+    trials.push(trial("frames: what is left out is told with bytes and times", omissions));
+    trials.push(trial("frames: a plan is told and nothing is drawn", plan));
+    trials.push(trial("frames: filters and ranges are kept to", filters));
+}
+
+/// A small generated scan with every attribute and normals.
+fn terrain(folder: &Folder) -> PathBuf {
+    let file = folder.file("terrain.esker");
+    let build =
+        ["build", "synthetic:terrain:20000:3", "--normals", "estimate", "--node-capacity", "2048"];
+    let words = build.map(OsStr::new).into_iter().chain([OsStr::new("-o"), file.as_os_str()]);
+    esker(words.chain([OsStr::new("--json")])).json();
+    file
+}
+
+fn table() {
+    let words =
+        ["bench", "render", "--points", "3000,9k", "--size", "64x64,97x33", "--gpu-software"];
+    let report = esker(words.iter().chain(&["--json", "--progress", "none"])).json();
+    let rows = report["rows"].as_array().unwrap();
+    let backends = if report["adapter"].is_null() { 1 } else { 2 };
+    assert_eq!(rows.len(), 2 * 2 * 3 * backends, "{report}");
+    for row in rows {
+        for field in ["points", "width", "height", "total_ms", "copy_floor_ms"] {
+            assert!(row[field].as_f64().is_some_and(|n| n > 0.0), "`{field}` of {row}");
+        }
+        for field in ["project_ms", "pull_push_ms", "shade_ms"] {
+            assert!(row[field].as_f64().is_some_and(|n| n >= 0.0), "`{field}` of {row}");
+        }
+        for field in ["model", "backend", "method"] {
+            assert!(row[field].is_string(), "`{field}` of {row}");
+        }
+    }
+    let points: Vec<_> = rows.iter().map(|row| row["points"].as_u64().unwrap()).collect();
+    assert!(points.iter().all(|n| [3000, 9000].contains(n)), "all points are drawn: {points:?}");
+}
+
+fn omissions() {
+    let folder = Folder::new();
+    let file = terrain(&folder);
+    let words = ["--size", "64x64", "--backend", "cpu", "--json", "--progress", "none"];
+    let words = ["bench", "leave-out"]
+        .map(OsStr::new)
+        .into_iter()
+        .chain([file.as_os_str()])
+        .chain(words.map(OsStr::new));
+    let report = esker(words).json();
+    let rows = report["rows"].as_array().unwrap();
+    assert!(rows.len() >= 6, "{report}");
+    let pair = |name: &str, field: &str| -> [f64; 2] {
+        let row = rows.iter().find(|row| row["left_out"] == name).unwrap();
+        ["with", "without"].map(|side| row[side][field].as_f64().unwrap())
+    };
+    for row in rows {
+        let name = row["left_out"].as_str().unwrap();
+        for field in ["bytes_read", "bytes_resident", "cpu_ms"] {
+            assert!(pair(name, field).iter().all(|&n| n > 0.0), "`{field}` of {row}");
+        }
+    }
+    let saves = |name, field| {
+        let [with, without] = pair(name, field);
+        assert!(without < with, "{name} saves no {field}: {with} and {without}");
+    };
+    saves("normal plane of points alone", "bytes_resident");
+    saves("colour plane", "bytes_resident");
+    saves("values beyond a byte of code", "bytes_resident");
+    saves("what lies outside a box", "bytes_resident");
+}
+
+fn plan() {
+    let folder = Folder::new();
+    let file = terrain(&folder);
+    let explain = |more: &[&str]| -> Value {
+        let words = ["render", "--explain", "--json"].iter().chain(more).map(OsStr::new);
+        esker(words.chain([file.as_os_str()])).json()
+    };
+    let names = |report: &Value| -> Vec<String> {
+        let planes = report["planes"].as_array().unwrap().iter();
+        planes.map(|plane| plane["plane"].as_str().unwrap().to_owned()).collect()
+    };
+    let surface = explain(&["--colour", "gps_time"]);
+    assert_eq!(names(&surface), ["position", "residual", "normal", "gps_time"], "{surface}");
+    let points = explain(&["--method", "points", "--colour", "plain"]);
+    assert_eq!(names(&points), ["position", "residual"], "{points}");
+    assert_eq!(points["passes"], serde_json::json!(["project", "resolve"]));
+    let dense = explain(&["--target-spacing", "0", "--size", "24x18"]);
+    let passes: Vec<_> = dense["passes"].as_array().unwrap().iter().collect();
+    assert!(passes.iter().all(|&pass| pass != "push" && pass != "pull"), "{dense}");
+    let said = esker(["render", "--explain"].map(OsStr::new).into_iter().chain([file.as_os_str()]));
+    assert!(said.worked().stdout.contains("left out: "), "{}", said.worked().stdout);
+}
+
+fn filters() {
+    let folder = Folder::new();
+    let file = terrain(&folder);
+    let draw = |name: &str, more: &[&str]| -> Value {
+        let out = folder.file(name);
+        let fixed = ["render", "--json", "--size", "96x72", "--backend", "cpu"];
+        let words = fixed.iter().chain(more).map(OsStr::new);
+        esker(words.chain([file.as_os_str(), OsStr::new("-o"), out.as_os_str()])).json()
+    };
+    let all = draw("all.png", &["--colour", "classification", "--target-spacing", "0"]);
+    let ground =
+        draw("ground.png", &["--colour", "class", "--classes", "ground", "--target-spacing", "0"]);
+    let covered = |report: &Value| report["pixels_covered"].as_u64().unwrap();
+    assert!(covered(&ground) > 0 && covered(&ground) < covered(&all), "{ground}");
+    let entries = ground["colour"]["entries"].as_array().unwrap();
+    assert!(entries.len() == 1 && entries[0]["name"] == "ground", "{ground}");
+    let ranged = draw("ranged.png", &["--colour", "intensity:10..20"]);
+    assert_eq!(ranged["colour"]["range"], serde_json::json!([10.0, 20.0]), "{ranged}");
+}
