@@ -1,7 +1,7 @@
 //! The equations in `f32` against the plain `f64` reference, over a million splats and views, extreme ones included;
 //! and what R' and the amplitude are, by numerical convolution.
 
-use crate::exact::{Exact, lens};
+use crate::exact::{Exact, case, coefficient_error, direction, lens, log_even};
 use crate::scene::Dice;
 use esker_render::ewa::mapping::{amplitude, mapping};
 use esker_render::ewa::splat::{Disc, Lens, Placed};
@@ -10,57 +10,6 @@ use rayon::prelude::*;
 use std::fmt::Write;
 
 const CASES: u64 = 1_000_000;
-
-/// A number whose logarithm is even.
-fn log_even(dice: &mut Dice, low: f64, high: f64) -> f64 {
-    (low.ln() + (high.ln() - low.ln()) * dice.unit()).exp()
-}
-
-fn direction(dice: &mut Dice) -> Vec3 {
-    loop {
-        let v = Vec3::from_array([0; 3].map(|_| (dice.unit() * 2.0 - 1.0) as f32));
-        if v.length_squared() <= 1.0 && v.length_squared() > 1e-4 {
-            return v.normalize_or_zero();
-        }
-    }
-}
-
-/// A splat and a camera: depths over six decades, up to 80 degrees off the axis, from far under a pixel to
-/// wider than the picture, a third edge-on, half elliptical, some around the eye and behind it.
-fn case(dice: &mut Dice) -> (Disc, Lens) {
-    let lowpass = [0.0, 0.25, 2.25, 4.0][(dice.bits() % 4) as usize];
-    let focal = log_even(dice, 40.0, 5000.0) as f32;
-    let lens = lens(1024, 768, focal, 1e-3, lowpass);
-    let depth = log_even(dice, 1e-2, 1e4) as f32;
-    let at = Vec2::new(dice.unit() as f32, dice.unit() as f32) * 1.5 - 0.25;
-    let slope = (at * lens.size - lens.centre_px) / focal;
-    let slope = slope.clamp_length_max(5.7);
-    let mut centre = Vec3::new(slope.x, slope.y, 1.0) * depth;
-    let radius = depth * log_even(dice, 1e-6, 1.5) as f32;
-    let mut normal = direction(dice);
-    match dice.bits() % 6 {
-        // Nearly edge-on.
-        0 | 1 => {
-            let edge = normal - centre * (normal.dot(centre) / centre.length_squared());
-            let tilt = log_even(dice, 1e-5, 0.3) as f32;
-            normal = (edge.normalize_or(Vec3::X) + centre.normalize_or_zero() * tilt)
-                .normalize_or_zero();
-        }
-        // Around the camera's plane, and behind it.
-        2 if dice.bits().is_multiple_of(8) => {
-            centre.z = (dice.unit() * 2.0 - 1.0) as f32 * radius * 2.0
-        }
-        _ => {}
-    }
-    let mut disc = Disc::round(centre, normal, radius);
-    if dice.bits().is_multiple_of(2) {
-        let [a, b] = disc.tangents;
-        let turn = Vec2::from_angle(dice.unit() as f32 * 6.3);
-        let thin = log_even(dice, 0.03, 1.0) as f32;
-        disc.tangents = [a * turn.x + b * turn.y, (b * turn.x - a * turn.y) * thin];
-    }
-    (disc, lens)
-}
 
 /// Worst errors by the decade of the condition number.
 #[derive(Clone, Default)]
@@ -95,16 +44,9 @@ impl Worst {
     fn ellipse(&mut self, disc: &Disc, lens: &Lens) {
         let m = mapping(disc.centre, disc.tangents, lens.focal_px);
         let condition = f64::from(m.condition());
-        let Some(exact) = Exact::new(disc, lens).isocontour() else { return };
-        let conic = m.isocontour().conic();
-        let [across, shear, along] = [conic.across, conic.shear, conic.along].map(f64::from);
-        let q = [across * across, -across * shear, shear * shear + along * along];
-        let [a, b, c] = exact.q;
-        let errors =
-            [(q[0] - a).abs() / a, (q[1] - b).abs() / (a * c).sqrt(), (q[2] - c).abs() / c];
+        let Some(worst) = coefficient_error(disc, lens) else { return };
         let decade = (condition.log10().max(0.0) as usize).min(7);
         self.cases[decade] += 1;
-        let worst = errors.into_iter().fold(0.0, f64::max);
         self.coefficients[decade] = self.coefficients[decade].max(worst);
     }
 
