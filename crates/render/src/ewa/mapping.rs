@@ -14,8 +14,10 @@ use glam::{Vec2, Vec3};
 pub struct Mapping {
     /// Where the centre is projected to.
     pub centre: Vec2,
-    /// Depth of the centre.
-    pub depth: f32,
+    /// Inverse depth of the centre.
+    pub nearness: f32,
+    /// Distance of the centre over its depth.
+    pub stretch: f32,
     /// First tangent: x and y in pixels at the centre's depth, z over that depth. It reaches from the centre
     /// to the cut-off isocontour.
     pub a: Vec3,
@@ -37,8 +39,9 @@ pub fn mapping(p: Vec3, tangents: [Vec3; 2], focal_px: f32) -> Mapping {
     };
     let [a, b] = tangents.map(row);
     let [u, v] = tangents.map(|t| t.length() * (focal_px * inverse));
-    let lengths = u * v * (slope.length_squared() + 1.0).sqrt();
-    Mapping { centre: slope * focal_px, depth: p.z, a, b, lengths }
+    let stretch = (slope.length_squared() + 1.0).sqrt();
+    let (centre, lengths) = (slope * focal_px, u * v * stretch);
+    Mapping { centre, nearness: inverse, stretch, a, b, lengths }
 }
 
 impl Mapping {

@@ -110,16 +110,16 @@ impl Disc {
         }
     }
 
-    /// How much longer a depth gets where it moves back along its line of sight.
+    /// How much longer a depth gets where it moves back along its line of sight; `stretch` is distance over depth.
     #[inline(always)]
-    fn back(&self) -> f32 {
-        let cosine = self.centre.z.abs() / self.centre.length();
+    fn back(&self, stretch: f32) -> f32 {
         // A centre beside the eye still hides what is behind it.
-        BACK * self.radius * cosine.max(0.1)
+        BACK * self.radius / stretch.min(10.0)
     }
 
     #[inline(always)]
     fn ellipse(&self, lens: &Lens) -> Placed {
+        let depth = self.centre.z;
         let m: Mapping = mapping(self.centre, self.tangents, lens.focal_px);
         let kernel: Shape = m.isocontour();
         let filter = kernel.with_lowpass(lens.lowpass);
@@ -132,9 +132,9 @@ impl Disc {
             return Placed::Dropped;
         }
         let conic = filter.conic();
-        let (nearness, reach) = (1.0 / m.depth, m.reach());
+        let (nearness, reach) = (m.nearness, m.reach());
         let slope = m.inverse_depth_slope() * nearness;
-        let back = self.back();
+        let back = self.back(m.stretch);
         let is_mended = reach > MEND_REACH;
         let amplitude = amplitude(&kernel, &filter).max(AMPLITUDE_MIN);
         let splat = Splat {
@@ -148,7 +148,7 @@ impl Disc {
                 nearness / (1.0 - reach),
             ],
             inverse_depth: [nearness + slope.dot(m.middle()), slope.x, slope.y],
-            back: nearness * back / (m.depth + back),
+            back: nearness * back / (depth + back),
             ..Splat::default()
         };
         if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
@@ -168,7 +168,7 @@ impl Disc {
             origin: origin.to_array(),
             form: [rows.u.x, rows.u.y, rows.u.z, rows.v.x, rows.v.y, rows.v.z],
             inverse_depth: [z.z, z.x, z.y],
-            back: -self.back(),
+            back: -self.back(self.centre.length() / self.centre.z.abs()),
             ..Splat::default()
         };
         if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
