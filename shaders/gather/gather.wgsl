@@ -9,6 +9,7 @@
 // include common/colour.wgsl
 // include common/octree.wgsl
 // include common/radius.wgsl
+// include common/tangent.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
@@ -16,10 +17,12 @@ override NORMALS: bool = false;
 // As in crates/render/src/gather.rs, where their measurements are.
 const RADIUS_FACTOR_NORMALS: f32 = 1.4;
 const RADIUS_FACTOR_BARE: f32 = 1.15;
-const RADIUS_MARGIN_PX: f32 = 0.5;
+const RADIUS_MARGIN_PX_NORMALS: f32 = 0.35;
+const RADIUS_MARGIN_PX_BARE: f32 = 0.52;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
 const BARE_REACH: f32 = 2.0;
+const THICKNESS: f32 = 1.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
@@ -73,21 +76,39 @@ fn gather(pixel: u32, depth_bits: u32) {
     let factor = select(RADIUS_FACTOR_BARE, RADIUS_FACTOR_NORMALS, NORMALS);
     let radius = radius_within(spacing_of(draw, p) * factor * stored);
     let depth = bitcast<f32>(depth_bits);
-    let radius_px = min(radius * frame.focal_px / depth + RADIUS_MARGIN_PX, RADIUS_MAX);
-    let reach = radius * select(BARE_REACH, 1.0, NORMALS);
+    let margin = select(RADIUS_MARGIN_PX_BARE, RADIUS_MARGIN_PX_NORMALS, NORMALS);
+    let radius_px = min(radius * frame.focal_px / depth + margin, RADIUS_MAX);
+    // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+    let place = place_of(draw, offset, depth);
+    let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
+    let displaced = clamp(centre - place, vec2<f32>(-0.5), vec2<f32>(0.5));
+    var reach = radius * BARE_REACH;
+    if NORMALS {
+        let normal = normal_to_eye(paint.w, draw, offset, radius_px);
+        if any(normal.xyz != vec3<f32>(0.0)) {
+            reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(normal, place);
+        }
+        normals[pixel] = normal;
+    }
 
     // The carry of the height, which may need more than 32 bits.
     let height = vec2<u32>(u32(p.z < offset.z), p.z);
     let colour = colour_of(paint, height, depth_bits);
-    front[pixel] = vec4<u32>(depth_bits, bitcast<u32>(depth + reach), 0u, 0u);
+    front[pixel] = vec4<u32>(depth_bits, bitcast<u32>(depth + reach), bitcast<vec2<u32>>(displaced));
     tint[pixel] = bitcast<vec4<u32>>(vec4<f32>(colour, radius_px));
     depths[pixel] = depth;
-    if NORMALS {
-        normals[pixel] = normal_to_eye(paint.w, draw, offset, radius_px);
-    }
 }
 
-// The normal in view space, and in w the z that its ellipse is made with: never so small that the ellipse falls
+// Where a point is on the picture.
+fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
+    let d = &draws[draw];
+    let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
+    let from_eye = steps * frame.step;
+    let flat = vec2<f32>(dot(frame.right, from_eye), -dot(frame.up, from_eye));
+    return frame.centre_px + flat * (frame.focal_px / depth);
+}
+
+// The normal in view space, and in w its ellipse's minor axis over the major one: never so small that the ellipse falls
 // between pixels.
 fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>, radius_px: f32) -> vec4<f32> {
     if code == NO_NORMAL {

@@ -1,13 +1,22 @@
-// The depth image of the filled level: mean depths, infinite where there is nothing. Twin:
+// The depth image of the filled level: depths at the pixels' centres, infinite where there is nothing. Twin:
 // `Level::depth_image` in crates/render/src/pyramid.rs.
 
 // include common/frame.wgsl
 // include common/level.wgsl
+// include common/tangent.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> mean_depth: array<f32>;
 @group(0) @binding(3) var<storage, read_write> depth: array<f32>;
+@group(0) @binding(4) var<storage, read> normal: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> tint: array<vec4<f32>>;
+
+// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least.
+const REACH_MIN_PX: f32 = 4.0;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -15,5 +24,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let pixel = id.y * frame.width + id.x;
-    depth[pixel] = select(infinity(), mean_depth[pixel], is_valid(front[pixel]));
+    var here = infinity();
+    if is_valid(front[pixel]) {
+        here = mean_depth[pixel];
+        if NORMALS {
+            let displaced = front[pixel].zw;
+            let centre = vec2<f32>(id.xy) + 0.5;
+            let factor = along(normal[pixel], centre - displaced, displaced);
+            let reach = max(tint[pixel].w, REACH_MIN_PX) / frame.focal_px;
+            here *= clamp(factor, 1.0 - reach, 1.0 + reach);
+        }
+    }
+    depth[pixel] = here;
 }

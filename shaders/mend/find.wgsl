@@ -6,6 +6,8 @@
 // include common/around.wgsl
 // include common/step.wgsl
 
+// Whether pixels carry normals.
+override NORMALS: bool;
 // Whether edges are found; else those found before are looked at again.
 override FIRST: bool;
 

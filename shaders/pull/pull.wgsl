@@ -1,7 +1,9 @@
 // Pull (marroquim2007 section 3.2): averages a level of the pyramid into the next coarser one. Twin:
 // crates/render/src/pull.rs, which says how.
 
+// include common/frame.wgsl
 // include common/level.wgsl
+// include common/tangent.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool;
@@ -16,6 +18,68 @@ override NORMALS: bool;
 @group(0) @binding(7) var<storage, read_write> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> coarse_depth: array<f32>;
 @group(0) @binding(9) var<storage, read_write> coarse_normal: array<vec4<f32>>;
+@group(0) @binding(10) var<uniform> frame: Frame;
+
+// The four finer pixels of a coarser one: their fronts with displacements to the coarser pixel's centre, and which
+// of them take part.
+var<private> pixels: array<u32, 4>;
+var<private> fronts: array<vec4<f32>, 4>;
+var<private> kept: array<bool, 4>;
+// What each one's depths change by from its ellipse's centre to where they are compared.
+var<private> factors: array<f32, 4>;
+
+// One over the number of those that take part.
+fn share() -> f32 {
+    var count = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        count += select(0.0, 1.0, kept[k]);
+    }
+    return 1.0 / count;
+}
+
+// The mean displacement of those that take part.
+fn mean_displacement() -> vec2<f32> {
+    var sum = vec2<f32>(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        if kept[k] {
+            sum += fronts[k].zw;
+        }
+    }
+    return sum * share();
+}
+
+fn set_factors(centre: vec2<f32>, middle: vec2<f32>) {
+    for (var k = 0u; k < 4u; k++) {
+        factors[k] = 1.0;
+        if NORMALS && kept[k] {
+            let displaced = fronts[k].zw;
+            factors[k] = along(fine_normal[pixels[k]], centre - displaced, displaced - middle);
+        }
+    }
+}
+
+// Drops those whose depth interval does not meet that of the frontmost. Whether it drops any.
+fn keep_frontmost() -> bool {
+    var least = infinity();
+    var limit = least;
+    var is_first = true;
+    for (var k = 0u; k < 4u; k++) {
+        let depth = fronts[k].x * factors[k];
+        if kept[k] && (is_first || depth < least) {
+            least = depth;
+            limit = fronts[k].y * factors[k];
+            is_first = false;
+        }
+    }
+    var drops = false;
+    for (var k = 0u; k < 4u; k++) {
+        if kept[k] && fronts[k].x * factors[k] > limit {
+            kept[k] = false;
+            drops = true;
+        }
+    }
+    return drops;
+}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -26,61 +90,66 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = id.y * 2u * fine.width + id.x * 2u;
     let has_right = id.x * 2u + 1u < fine.width;
     let has_lower = id.y * 2u + 1u < fine.height;
-    var fronts = array<vec4<f32>, 4>(fine_front[first], invalid(), invalid(), invalid());
-    if has_right {
-        fronts[1] = fine_front[first + 1u];
-    }
-    if has_lower {
-        fronts[2] = fine_front[first + fine.width];
-    }
-    if has_right && has_lower {
-        fronts[3] = fine_front[first + fine.width + 1u];
-    }
-    var nearest = invalid();
+    let quarter = fine.edge_px * 0.5;
+    var is_empty = true;
     for (var k = 0u; k < 4u; k++) {
-        if is_valid(fronts[k]) && (!is_valid(nearest) || fronts[k].x < nearest.x) {
-            nearest = fronts[k];
+        let right = k & 1u;
+        let down = k >> 1u;
+        kept[k] = false;
+        if (right == 1u && !has_right) || (down == 1u && !has_lower) {
+            continue;
+        }
+        pixels[k] = first + right + down * fine.width;
+        let front = fine_front[pixels[k]];
+        if is_valid(front) {
+            // From the finer centre to the coarser: half a finer pixel right and down, or back.
+            let to_coarser = vec2<f32>(1.0 - 2.0 * f32(right), 1.0 - 2.0 * f32(down)) * quarter;
+            fronts[k] = front + vec4<f32>(0.0, 0.0, to_coarser);
+            kept[k] = true;
+            is_empty = false;
         }
     }
-    if !is_valid(nearest) {
-        coarse_front[out] = nearest;
+    if is_empty {
+        coarse_front[out] = invalid();
         // No normal, for those who look for one.
         if NORMALS {
             coarse_normal[out] = vec4<f32>(0.0);
         }
         return;
     }
-    let quarter = fine.edge_px * 0.5;
-    var depth_max = nearest.y;
-    var displaced = vec2<f32>(0.0);
+    let centre = (vec2<f32>(id.xy) + 0.5) * coarse.edge_px;
+    var middle = mean_displacement();
+    set_factors(centre, middle);
+    if keep_frontmost() {
+        middle = mean_displacement();
+        set_factors(centre, middle);
+    }
+    var depth_min = infinity();
+    var depth_max = 0.0;
+    var is_first = true;
     var tint = vec4<f32>(0.0);
     var depth = 0.0;
     var normal = vec4<f32>(0.0);
-    var count = 0.0;
     for (var k = 0u; k < 4u; k++) {
-        let front = fronts[k];
-        if !is_valid(front) || front.x > nearest.y {
+        if !kept[k] {
             continue;
         }
-        let right = k & 1u;
-        let down = k >> 1u;
-        let pixel = first + right + down * fine.width;
-        depth_max = max(depth_max, front.y);
-        // From the finer centre to the coarser: half a finer pixel right and down, or back.
-        let to_coarser = vec2<f32>(1.0 - 2.0 * f32(right), 1.0 - 2.0 * f32(down)) * quarter;
-        displaced += front.zw + to_coarser;
+        let pixel = pixels[k];
+        let least = fronts[k].x * factors[k];
+        depth_min = select(min(depth_min, least), least, is_first);
+        depth_max = max(depth_max, fronts[k].y * factors[k]);
+        is_first = false;
         tint += fine_tint[pixel];
-        depth += fine_depth[pixel];
+        depth += fine_depth[pixel] * factors[k];
         if NORMALS {
             normal += fine_normal[pixel];
         }
-        count += 1.0;
     }
-    let share = 1.0 / count;
-    coarse_front[out] = vec4<f32>(nearest.x, depth_max, displaced * share);
-    coarse_tint[out] = tint * share;
-    coarse_depth[out] = depth * share;
+    let part = share();
+    coarse_front[out] = vec4<f32>(depth_min, depth_max, middle);
+    coarse_tint[out] = tint * part;
+    coarse_depth[out] = depth * part;
     if NORMALS {
-        coarse_normal[out] = normal * share;
+        coarse_normal[out] = normal * part;
     }
 }

@@ -1,7 +1,9 @@
 // Push (marroquim2007 section 3.3): pixels of a level that are invalid or occluded are interpolated from the
 // coarser one, which has been pushed already. Twin: crates/render/src/push.rs, which says how.
 
+// include common/frame.wgsl
 // include common/level.wgsl
+// include common/tangent.wgsl
 // include common/ellipse.wgsl
 
 // Whether pixels carry normals.
@@ -17,6 +19,10 @@ override NORMALS: bool;
 @group(0) @binding(7) var<storage, read> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> coarse_depth: array<f32>;
 @group(0) @binding(9) var<storage, read> coarse_normal: array<vec4<f32>>;
+@group(0) @binding(10) var<uniform> frame: Frame;
+
+// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
+const ROUNDING: f32 = 0.99999;
 
 // One of the four nearest coarser pixels: the one above (0), beside it to the side (1), up or down (2), both.
 struct Near {
@@ -42,6 +48,15 @@ fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
     );
 }
 
+// What depths of a coarser pixel centred at `centre` change by to `place`.
+fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
+    if !NORMALS {
+        return 1.0;
+    }
+    let origin = centre - coarse_front[pixel].zw;
+    return along(coarse_normal[pixel], origin, place - origin);
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= fine.width || id.y >= fine.height {
@@ -49,19 +64,29 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = id.y * fine.width + id.x;
     let above = id.xy >> vec2<u32>(1u);
+    let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
     let own = fine_front[pixel].x;
     let is_filled = !is_infinite(own);
-    let cover = coarse_front[above.y * coarse.width + above.x];
-    if is_filled && own >= cover.x && own <= cover.y {
-        return;
+    let centre = (vec2<f32>(id.xy) + 0.5) * fine.edge_px;
+    // Where depths are compared.
+    var place = centre;
+    if is_filled {
+        place -= fine_front[pixel].zw;
+        let over = above.y * coarse.width + above.x;
+        let cover = coarse_front[over];
+        let moved = factor(over, centre - near(0u, above, odd).to_finer, place);
+        let least = select(moved, moved * ROUNDING, NORMALS);
+        if own >= cover.x * least && own <= cover.y * moved {
+            return;
+        }
     }
-    let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
     // Neighbours beyond the picture's edge are none.
     let has = select(id.xy > vec2<u32>(1u), above + 1u < vec2<u32>(coarse.width, coarse.height), odd);
 
-    // Those that cover the finer pixel, a bit each, and the frontmost of them.
+    // Those that cover the finer pixel, a bit each, and the depths of the frontmost of them.
     var taken = 0u;
-    var nearest = invalid();
+    var nearest = vec2<f32>(0.0);
+    var least = array<f32, 4>();
     for (var k = 0u; k < 4u; k++) {
         if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
             continue;
@@ -76,8 +101,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             normal = coarse_normal[source.pixel];
         }
         if covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, normal) {
-            if taken == 0u || front.x < nearest.x {
-                nearest = front;
+            let depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
+            least[k] = depths.x;
+            if taken == 0u || depths.x < nearest.x {
+                nearest = depths;
             }
             taken |= 1u << k;
         }
@@ -91,14 +118,20 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if (taken & (1u << k)) == 0u {
             continue;
         }
-        let source = near(k, above, odd);
-        if coarse_front[source.pixel].x > nearest.y {
+        if least[k] > nearest.y {
             taken &= ~(1u << k);
         } else {
-            sum += source.weight;
+            sum += near(k, above, odd).weight;
         }
     }
-    var front = vec4<f32>(0.0);
+    var middle = vec2<f32>(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        if (taken & (1u << k)) != 0u {
+            let source = near(k, above, odd);
+            middle += (coarse_front[source.pixel].zw + source.to_finer) * (source.weight / sum);
+        }
+    }
+    var depths = vec2<f32>(0.0);
     var tint = vec4<f32>(0.0);
     var depth = 0.0;
     var normal = vec4<f32>(0.0);
@@ -108,14 +141,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let source = near(k, above, odd);
         let share = source.weight / sum;
-        front += (coarse_front[source.pixel] + vec4<f32>(0.0, 0.0, source.to_finer)) * share;
+        let moved = factor(source.pixel, centre - source.to_finer, centre - middle) * share;
+        depths += coarse_front[source.pixel].xy * moved;
         tint += coarse_tint[source.pixel] * share;
-        depth += coarse_depth[source.pixel] * share;
+        depth += coarse_depth[source.pixel] * moved;
         if NORMALS {
             normal += coarse_normal[source.pixel] * share;
         }
     }
-    fine_front[pixel] = front;
+    fine_front[pixel] = vec4<f32>(depths, middle);
     fine_tint[pixel] = tint;
     fine_depth[pixel] = depth;
     if NORMALS {

@@ -21,7 +21,7 @@ const SKY_SHARE: f32 = 0.30;
 const GROUND_SHARE: f32 = 0.12;
 const SHINE: f32 = 0.10;
 // How dark the farthest behind is (as an exponent), and up to which slope nothing darkens.
-const EDGE: vec2<f32> = vec2<f32>(1.2, 4.0);
+const EDGE: vec2<f32> = vec2<f32>(1.0, 4.0);
 const DOME: vec2<f32> = vec2<f32>(2.0, 0.5);
 // Distance of the surroundings that darken, pixels.
 const REACH: i32 = 2;

@@ -1,22 +1,24 @@
 //! The elliptical box filter (marroquim2007 section 3.2): the orthogonal projection of a point's disc
 //! onto the picture. Its major axis is twice the radius, across the normal's projection; its minor axis
-//! is the major one times the normal's z.
+//! is the major one times the normal's z, or a little more ([`crate::gather`]).
 
 use glam::{Vec2, Vec4};
 
 /// Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view
-/// space (y up) and of any length: its x and y, and in w the z that the ellipse is made with.
+/// space (y up): its x and y, of any length, and in w the minor axis over the major one, at most 1.
 ///
-/// With the unit normal n, offset v and m the normal's projection, the ellipse is
-/// `(v.m/|m|)^2 / (r nz)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out with `|m|^2 = 1 - nz^2` that is
-/// `(v.m)^2 + |v|^2 nz^2 <= r^2 nz^2`: no division, and as n stands squared everywhere its length
-/// cancels. Edge on (nz = 0) the inequality holds along a whole line, hence the circle as well; without
-/// a normal the circle alone is left.
+/// With offset v and m the normal's projection, the ellipse is
+/// `(v.m/|m|)^2 / (r w)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out that is
+/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: no division, and as m stands squared everywhere its length
+/// cancels. Edge on (w = 0) the inequality holds along a whole line, hence the circle as well; without
+/// a direction the circle alone is left.
 #[inline(always)]
 pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
     let beyond = from_centre.length_squared() - radius * radius;
     let along = from_centre.x * normal.x - from_centre.y * normal.y;
-    beyond <= 0.0 && along * along + beyond * (normal.w * normal.w) <= 0.0
+    let (minor, tilt) = (normal.w * normal.w, normal.x * normal.x + normal.y * normal.y);
+    let is_circle = tilt == 0.0;
+    beyond <= 0.0 && (is_circle || along * along * (1.0 - minor) + beyond * (minor * tilt) <= 0.0)
 }
 
 /// The normal of a disc that faces the viewer: the ellipse is a circle.
@@ -41,7 +43,7 @@ mod tests {
     #[test]
     fn the_minor_axis_lies_along_the_normal_and_is_shortened_by_its_z() {
         // Tilted by 60 degrees towards the upper right: nz = 1/2. Length does not matter.
-        let n = Vec4::new(0.75f32.sqrt() * 0.6, 0.75f32.sqrt() * 0.8, 0.0, 0.5) * 7.0;
+        let n = Vec4::new(0.6 * 7.0, 0.8 * 7.0, 0.0, 0.5);
         let (along, across) = (Vec2::new(0.6, -0.8), Vec2::new(0.8, 0.6));
         assert!(covers(along * 1.99, 4.0, n) && !covers(along * 2.01, 4.0, n));
         assert!(covers(across * 3.99, 4.0, n) && !covers(across * 4.01, 4.0, n));

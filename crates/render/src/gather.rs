@@ -10,8 +10,9 @@ use crate::ellipse::{FACING, UNKNOWN};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::project::{DrawList, EMPTY, normal_at, unpack};
 use crate::pyramid::{INVALID, Level, for_each_row};
+use crate::tangent::Lens;
 use esker_points::quant::radius_factor;
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
 /// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of its
@@ -19,17 +20,20 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
 /// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
 const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
-/// Added to radii in the picture, pixels: a projected point moves to its pixel's centre.
-const RADIUS_MARGIN_PX: f32 = 0.5;
+/// Added to radii in the picture, pixels, with normals and without: pixels are covered where their centres are. With 0.2 the far side shows
+/// through a sphere of half a point a pixel.
+const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.52];
 /// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
 /// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
 const MINOR_FACTOR: f32 = 1.3;
 /// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
 /// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
 const MINOR_MIN_PX: f32 = 1.4;
-/// Length of the depth interval over the radius, for clouds without normals. With normals it is one, as
-/// published; a disc of unknown tilt reaches farther back: at one, floors seen aslant break into steps.
+/// Length of the depth interval over the drawn radius, for clouds without normals: one as published, but a disc of
+/// unknown tilt reaches farther back: at one, floors seen aslant break into steps.
 const BARE_REACH: f32 = 2.0;
+/// Thickness of a surface across its plane, over the stored radius, with normals.
+const THICKNESS: f32 = 1.0;
 /// Radii are clamped here, so that sums of depth and radius stay finite.
 const RADIUS_MAX: f32 = 1e30;
 
@@ -56,8 +60,10 @@ pub struct Hit {
     pub colour: Vec3,
     /// Drawn radius, the file's unit.
     pub radius: f32,
-    /// In view space, unit length, and in w the z for its ellipse; zero and 1 where the point has none.
+    /// In view space, unit length, and in w its own z; zero and 1 where the point has none.
     pub normal: Vec4,
+    /// Where it is on the picture, pixels.
+    pub place: Vec2,
 }
 
 impl<'a> Lookup<'a> {
@@ -116,7 +122,16 @@ impl<'a> Lookup<'a> {
         .clamp(0.0, RADIUS_MAX);
         let radius = if radius.is_nan() { 0.0 } else { radius };
         let normal = if NORMALS { self.normal(draw, index, d, offset) } else { FACING };
-        Hit { colour: self.colour(d, index, offset, depth), radius, normal }
+        let place = self.place(d, offset, depth);
+        Hit { colour: self.colour(d, index, offset, depth), radius, normal, place }
+    }
+
+    /// Where a point is on the picture.
+    fn place(&self, d: usize, offset: [u32; 3], depth: f32) -> Vec2 {
+        let from_eye = self.draws[d].place.steps_from_eye(offset) * self.camera.step;
+        let [right, up, _] = self.camera.view_from_world;
+        let flat = Vec2::new(right.dot(from_eye), -up.dot(from_eye));
+        Vec2::from_array(self.camera.centre_px) + flat * (self.camera.focal_px / depth)
     }
 
     /// Drawn radius of a point, from its offset and its radius code.
@@ -197,6 +212,7 @@ fn gather_level<const NORMALS: bool>(
 ) {
     let width = base.width;
     let focal_px = lookup.camera.focal_px;
+    let lens = Lens::new(lookup.camera);
     for_each_row(base, |row| {
         let mut count = 0;
         let values = &target[row.y * width..][..width];
@@ -208,9 +224,19 @@ fn gather_level<const NORMALS: bool>(
             }
             let (depth, point) = unpack(value);
             let hit = lookup.hit::<NORMALS>(point, depth);
-            let radius_px = (hit.radius * focal_px / depth + RADIUS_MARGIN_PX).min(RADIUS_MAX);
-            let reach = if NORMALS { hit.radius } else { hit.radius * BARE_REACH };
-            row.front[x] = Vec4::new(depth, depth + reach, 0.0, 0.0);
+            let radius_px = (hit.radius * focal_px / depth
+                + RADIUS_MARGIN_PX[usize::from(!NORMALS)])
+            .min(RADIUS_MAX);
+            // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+            let centre = Vec2::new(x as f32, row.y as f32) + 0.5;
+            let displaced = (centre - hit.place).clamp(Vec2::splat(-0.5), Vec2::splat(0.5));
+            let reach = if NORMALS && hit.normal.truncate() != Vec3::ZERO {
+                let plate = lens.thickness(hit.normal, hit.place);
+                hit.radius * (THICKNESS / RADIUS_FACTOR[0]) * plate
+            } else {
+                hit.radius * BARE_REACH
+            };
+            row.front[x] = Vec4::new(depth, depth + reach, displaced.x, displaced.y);
             row.tint[x] = hit.colour.extend(radius_px);
             row.depth[x] = depth;
             if NORMALS {
@@ -222,8 +248,7 @@ fn gather_level<const NORMALS: bool>(
     });
 }
 
-/// The z of the normal that an ellipse's minor axis is made with: never so small that the ellipse
-/// falls between pixels.
+/// An ellipse's minor axis over its major one: never so small that the ellipse falls between pixels.
 fn filter_z(normal_z: f32, radius_px: f32) -> f32 {
     (normal_z.abs() * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(1.0)
 }

@@ -28,6 +28,7 @@ pub mod renderer;
 pub mod resolve;
 pub mod shade;
 pub mod soften;
+pub mod tangent;
 pub mod trim;
 
 pub use colour::{Codebook, ColourBy, ColourMap, Palette};

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 
 /// Of the eight neighbours, how many must be in front. A gap one pixel wide has six.
 const SURROUNDED: usize = 6;
+/// How far in front they have to be, over their radius, with normals and without: where surfaces are as thin as their
+/// normals let them be, gaps show what lies nearer.
+const BEFORE: [f32; 2] = [0.5, 1.0];
 /// How often: a second time closes what the first has left one pixel wide.
 const ROUNDS: usize = 2;
 
@@ -58,7 +61,7 @@ fn around(pixel: usize, width: usize) -> [usize; 8] {
     [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1]
 }
 
-/// Whether a pixel is a gap: enough neighbours are in front by more than their radius.
+/// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let (x, y) = (pixel % base.width, pixel / base.width);
     if x == 0 || y == 0 || x + 1 == base.width || y + 1 == base.height {
@@ -72,7 +75,8 @@ fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
 }
 
 fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: usize) -> bool {
-    depth[pixel] * (1.0 + base.tint[pixel].w / focal_px) < depth[behind]
+    let reach = BEFORE[usize::from(base.normal.is_empty())] * base.tint[pixel].w;
+    depth[pixel] * (1.0 + reach / focal_px) < depth[behind]
 }
 
 /// What closes the gap at a pixel: the mean of those in front that are no gaps, if any.

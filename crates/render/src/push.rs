@@ -12,9 +12,13 @@
 //!   nothing covers it, or where its least depth is not behind the frontmost interval.
 //! - All attributes are interpolated, the two ends of the depth interval as well; to displacements the
 //!   vector between the centres is added, as in the pull phase.
+//!
+//! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared where the pixel's own
+//! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::{FACING, covers};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
+use crate::tangent::Lens;
 use glam::{Vec2, Vec4};
 use std::ops::Range;
 
@@ -22,39 +26,76 @@ use std::ops::Range;
 /// the biquadratic B-spline's, times 16.
 const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
+/// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
+const ROUNDING: f32 = 0.99999;
+
 /// Fills the levels from the second coarsest down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
-    let has_normals = pyramid.has_normals();
+    let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
     for i in (1..pyramid.levels.len()).rev() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
+        let above = Above { lens, level: &coarser[0] };
         if has_normals {
-            push_level::<true>(&coarser[0], &mut finer[i - 1]);
+            push_level::<true>(&above, &mut finer[i - 1]);
         } else {
-            push_level::<false>(&coarser[0], &mut finer[i - 1]);
+            push_level::<false>(&above, &mut finer[i - 1]);
         }
     }
 }
 
-/// Recomputes the invalid and occluded pixels of `finer` from `coarser`.
-fn push_level<const NORMALS: bool>(coarser: &Level, finer: &mut Level) {
-    let edge_px = finer.edge_px;
-    for_each_row(finer, |row| push_row::<NORMALS>(coarser, edge_px, row));
+/// The coarser level.
+struct Above<'a> {
+    lens: Lens,
+    level: &'a Level,
 }
 
-fn push_row<const NORMALS: bool>(coarser: &Level, edge_px: f32, mut row: RowMut<'_>) {
-    let above = (row.y / 2) * coarser.width;
+impl Above<'_> {
+    /// What depths of a pixel at `centre` change by to `place`.
+    #[inline(always)]
+    fn factor<const NORMALS: bool>(&self, pixel: usize, centre: Vec2, place: Vec2) -> f32 {
+        if !NORMALS {
+            return 1.0;
+        }
+        let front = self.level.front[pixel];
+        let from = centre - Vec2::new(front.z, front.w);
+        self.lens.along(self.level.normal[pixel], from, place - from)
+    }
+}
+
+/// Recomputes the invalid and occluded pixels of `finer` from `coarser`.
+fn push_level<const NORMALS: bool>(above: &Above<'_>, finer: &mut Level) {
+    let edge_px = finer.edge_px;
+    for_each_row(finer, |row| push_row::<NORMALS>(above, edge_px, row));
+}
+
+fn push_row<const NORMALS: bool>(above: &Above<'_>, edge_px: f32, mut row: RowMut<'_>) {
+    let coarser = above.level;
+    let over = (row.y / 2) * coarser.width;
     // The nearer neighbour up or down; none at the picture's edge.
     let odd_row = row.y & 1 == 1;
     let beside = if odd_row { row.y / 2 + 1 < coarser.height } else { row.y > 1 };
-    let beside =
-        beside.then(|| if odd_row { above + coarser.width } else { above - coarser.width });
-    for x in reached(coarser, above, beside, row.front.len()) {
-        let (own, parent) = (row.front[x], above + x / 2);
+    let beside = beside.then(|| if odd_row { over + coarser.width } else { over - coarser.width });
+    for x in reached(coarser, over, beside, row.front.len()) {
+        let (own, parent) = (row.front[x], over + x / 2);
         let cover = coarser.front[parent];
-        if own.x < f32::INFINITY && own.x >= cover.x && own.x <= cover.y {
-            continue;
-        }
         let odd = x & 1 == 1;
+        // To the finer centre from the coarser one above, half a finer pixel; from its neighbours,
+        // which lie on the same side, one and a half the other way.
+        let half =
+            Vec2::new(if odd { 0.5 } else { -0.5 }, if odd_row { 0.5 } else { -0.5 }) * edge_px;
+        let far = half * -3.0;
+        let to_finer = [half, Vec2::new(far.x, half.y), Vec2::new(half.x, far.y), far];
+        let centre = Vec2::new(x as f32 + 0.5, row.y as f32 + 0.5) * edge_px;
+        let is_valid = own.x < f32::INFINITY;
+        // Where depths are compared.
+        let place = if is_valid { centre - Vec2::new(own.z, own.w) } else { centre };
+        if is_valid {
+            let factor = above.factor::<NORMALS>(parent, centre - half, place);
+            let least = if NORMALS { factor * ROUNDING } else { factor };
+            if own.x >= cover.x * least && own.x <= cover.y * factor {
+                continue;
+            }
+        }
         let has_side = if odd { x / 2 + 1 < coarser.width } else { x > 1 };
         let sideways = |p: usize| if odd { p + 1 } else { p - 1 };
         let [side, below] = [has_side.then(|| sideways(parent)), beside.map(|b| b + x / 2)];
@@ -64,14 +105,29 @@ fn push_row<const NORMALS: bool>(coarser: &Level, edge_px: f32, mut row: RowMut<
         if fronts.iter().all(|f| f.x == f32::INFINITY) {
             continue;
         }
-        // To the finer centre from the coarser one above, half a finer pixel; from its neighbours,
-        // which lie on the same side, one and a half the other way.
-        let half =
-            Vec2::new(if odd { 0.5 } else { -0.5 }, if odd_row { 0.5 } else { -0.5 }) * edge_px;
-        let far = half * -3.0;
-        let to_finer = [half, Vec2::new(far.x, half.y), Vec2::new(half.x, far.y), far];
-        if let Some(taken) = choose::<NORMALS>(coarser, own.x, near, fronts, to_finer) {
-            blend::<NORMALS>(coarser, &taken, x, &mut row);
+        let mut taken = [Taken {
+            pixel: 0,
+            weight: 0.0,
+            front: INVALID,
+            to_finer: Vec2::ZERO,
+            depths: Vec2::MAX,
+        }; 4];
+        for k in 0..4 {
+            let (Some(pixel), front) = (near[k], fronts[k]) else { continue };
+            if front.x == f32::INFINITY {
+                continue;
+            }
+            let from_ellipse = to_finer[k] + Vec2::new(front.z, front.w);
+            let normal = if NORMALS { coarser.normal[pixel] } else { FACING };
+            if covers(from_ellipse, coarser.tint[pixel].w, normal) {
+                let factor = above.factor::<NORMALS>(pixel, centre - to_finer[k], place);
+                let depths = Vec2::new(front.x, front.y) * factor;
+                taken[k] =
+                    Taken { pixel, weight: WEIGHTS[k], front, to_finer: to_finer[k], depths };
+            }
+        }
+        if choose(own.x, &mut taken) {
+            blend::<NORMALS>(above, &taken, centre, x, &mut row);
         }
     }
 }
@@ -97,65 +153,57 @@ struct Taken {
     front: Vec4,
     /// From the coarser centre to the finer.
     to_finer: Vec2,
+    /// Its least and greatest depth where they are compared.
+    depths: Vec2,
 }
 
-/// The coarser pixels that a pixel is interpolated from, with weights that add up to one; those that
-/// take no part have weight 0. `None` where the pixel stays as it is.
-fn choose<const NORMALS: bool>(
-    coarser: &Level,
-    own_depth: f32,
-    near: [Option<usize>; 4],
-    fronts: [Vec4; 4],
-    to_finer: [Vec2; 4],
-) -> Option<[Taken; 4]> {
-    let mut taken = [Taken { pixel: 0, weight: 0.0, front: INVALID, to_finer: Vec2::ZERO }; 4];
-    let mut nearest = INVALID;
-    for k in 0..4 {
-        let (Some(pixel), front) = (near[k], fronts[k]) else { continue };
-        if front.x == f32::INFINITY {
-            continue;
-        }
-        let from_ellipse = to_finer[k] + Vec2::new(front.z, front.w);
-        let normal = if NORMALS { coarser.normal[pixel] } else { FACING };
-        if covers(from_ellipse, coarser.tint[pixel].w, normal) {
-            taken[k] = Taken { pixel, weight: WEIGHTS[k], front, to_finer: to_finer[k] };
-            if front.x < nearest.x {
-                nearest = front;
-            }
+/// Gives those that a pixel is interpolated from weights that add up to one, the others none. Whether the pixel does
+/// not stay as it is.
+fn choose(own_depth: f32, taken: &mut [Taken; 4]) -> bool {
+    let (mut nearest, mut limit) = (f32::INFINITY, f32::INFINITY);
+    for t in taken.iter().filter(|t| t.weight > 0.0) {
+        if t.depths.x < nearest {
+            (nearest, limit) = (t.depths.x, t.depths.y);
         }
     }
     // Nothing covers it; or it is valid (finite) and not behind what does.
-    if nearest.x == f32::INFINITY || own_depth <= nearest.y {
-        return None;
+    if nearest == f32::INFINITY || own_depth <= limit {
+        return false;
     }
     let mut sum = 0.0;
-    for t in &mut taken {
-        if t.front.x > nearest.y {
+    for t in taken.iter_mut() {
+        if t.depths.x > limit {
             t.weight = 0.0;
         }
         sum += t.weight;
     }
-    for t in &mut taken {
-        t.weight /= sum;
-    }
-    Some(taken)
+    taken.iter_mut().for_each(|t| t.weight /= sum);
+    true
 }
 
 /// Writes the weighted mean of the pixels taken.
-fn blend<const NORMALS: bool>(coarser: &Level, taken: &[Taken; 4], x: usize, row: &mut RowMut<'_>) {
-    let (mut front, mut tint, mut depth, mut normal) = (Vec4::ZERO, Vec4::ZERO, 0.0, Vec4::ZERO);
-    for t in taken {
-        if t.weight == 0.0 {
-            continue;
-        }
-        front += (t.front + Vec4::new(0.0, 0.0, t.to_finer.x, t.to_finer.y)) * t.weight;
+fn blend<const NORMALS: bool>(
+    above: &Above<'_>,
+    taken: &[Taken; 4],
+    centre: Vec2,
+    x: usize,
+    row: &mut RowMut<'_>,
+) {
+    let coarser = above.level;
+    let taken = || taken.iter().filter(|t| t.weight > 0.0);
+    let displaced = |t: &Taken| Vec2::new(t.front.z, t.front.w) + t.to_finer;
+    let middle = taken().fold(Vec2::ZERO, |sum, t| sum + displaced(t) * t.weight);
+    let (mut depths, mut tint, mut depth, mut normal) = (Vec2::ZERO, Vec4::ZERO, 0.0, Vec4::ZERO);
+    for t in taken() {
+        let factor = above.factor::<NORMALS>(t.pixel, centre - t.to_finer, centre - middle);
+        depths += Vec2::new(t.front.x, t.front.y) * (factor * t.weight);
         tint += coarser.tint[t.pixel] * t.weight;
-        depth += coarser.depth[t.pixel] * t.weight;
+        depth += coarser.depth[t.pixel] * (factor * t.weight);
         if NORMALS {
             normal += coarser.normal[t.pixel] * t.weight;
         }
     }
-    row.front[x] = front;
+    row.front[x] = Vec4::new(depths.x, depths.y, middle.x, middle.y);
     row.tint[x] = tint;
     row.depth[x] = depth;
     if NORMALS {

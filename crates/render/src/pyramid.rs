@@ -5,8 +5,13 @@
 //! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The centre of
 //! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
 
+use crate::tangent::Lens;
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
+
+/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
+/// beyond a rim a plane is nobody's.
+const REACH_MIN_PX: f32 = 4.0;
 
 /// One level.
 #[derive(Clone, Debug, Default)]
@@ -17,15 +22,16 @@ pub struct Level {
     pub height: usize,
     /// Edge of its pixels, in pixels of level 0.
     pub edge_px: f32,
-    /// Least depth, greatest depth, and the displacement x, y from the ellipse's centre to the pixel's.
+    /// Least depth, greatest depth, and the displacement x, y from the ellipse's centre to the pixel's. Depths hold
+    /// at the ellipse's centre ([`crate::tangent`]).
     /// A pixel whose least depth is infinite is invalid, and its other planes mean nothing.
     pub front: Vec<Vec4>,
     /// Red, green, blue in linear light, and the radius in pixels of level 0.
     pub tint: Vec<Vec4>,
     /// Mean depth: that of the surface, where `front` has the interval for tests.
     pub depth: Vec<f32>,
-    /// Normal in view space (right, up, back), not of unit length once averaged, and in w the z that its
-    /// ellipse is made with ([`crate::gather`]); empty where the cloud has none.
+    /// Normal in view space (right, up, back), not of unit length once averaged, and in w its
+    /// ellipse's minor axis over the major one ([`crate::gather`]); empty where the cloud has none.
     pub normal: Vec<Vec4>,
 }
 
@@ -47,12 +53,20 @@ impl Level {
         self.front[pixel].x < f32::INFINITY
     }
 
-    /// Writes its depths; infinite where a pixel is invalid.
-    pub fn depth_image(&self, depth: &mut [f32]) {
+    /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
+    pub fn depth_image(&self, lens: &Lens, depth: &mut [f32]) {
         let rows = depth.par_chunks_mut(self.width).zip(self.front.par_chunks(self.width));
-        rows.zip(self.depth.par_chunks(self.width)).for_each(|((out, front), depth)| {
+        let rows = rows.zip(self.depth.par_chunks(self.width)).enumerate();
+        rows.for_each(|(y, ((out, front), depth))| {
             for ((out, front), depth) in out.iter_mut().zip(front).zip(depth) {
                 *out = if front.x < f32::INFINITY { *depth } else { f32::INFINITY };
+            }
+            let normals = self.normal.get(y * self.width..).unwrap_or(&[]);
+            for (x, ((out, front), normal)) in out.iter_mut().zip(front).zip(normals).enumerate() {
+                let displaced = Vec2::new(front.z, front.w);
+                let factor = lens.along(*normal, self.centre(x, y) - displaced, displaced);
+                let reach = self.tint[y * self.width + x].w.max(REACH_MIN_PX) / lens.focal_px;
+                *out *= factor.clamp(1.0 - reach, 1.0 + reach);
             }
         });
     }
@@ -68,6 +82,8 @@ impl Level {
 pub struct Pyramid {
     /// The levels.
     pub levels: Vec<Level>,
+    /// How the picture sees.
+    pub lens: Lens,
 }
 
 impl Pyramid {

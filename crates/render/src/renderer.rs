@@ -12,11 +12,12 @@ use crate::plan::{FramePlan, Pass};
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push;
-use crate::pyramid::{Level, Pyramid};
+use crate::pyramid::Pyramid;
 use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
 use crate::shade::shade;
 use crate::soften::soften;
+use crate::tangent::Lens;
 use crate::trim::trim_with;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -72,6 +73,7 @@ impl Renderer {
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
         pyramid.fit(width, height, lookup.has_normals());
+        pyramid.lens = Lens::new(&camera);
         Ok(gather(&lookup, &self.target, &mut pyramid.levels[0]))
     }
 
@@ -104,6 +106,7 @@ impl Renderer {
         if plan.passes.contains(&Pass::Shade) {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
+            pyramid.lens = Lens::new(&camera);
         }
         let (mut edges, mut creases) = (Vec::new(), Vec::new());
         let mut clock = Clock(start);
@@ -128,8 +131,7 @@ impl Renderer {
                 Pass::Pull => pull(pyramid),
                 Pass::Push => push(pyramid),
                 Pass::Mend => {
-                    let base = &mut pyramid.levels[0];
-                    edges = mend_outlines(sources, base, &mut picture.depth, camera.focal_px);
+                    edges = mend_outlines(sources, pyramid, &mut picture.depth);
                 }
                 Pass::Shade => {
                     let shaded =
@@ -151,13 +153,10 @@ impl Renderer {
 
 /// Closes gaps of the filled level and takes back what sticks out of its surfaces; fills `depth`. Returns the
 /// pixels that may lie at an edge.
-fn mend_outlines(
-    sources: &mut Vec<u32>,
-    base: &mut Level,
-    depth: &mut [f32],
-    focal_px: f32,
-) -> Vec<usize> {
-    base.depth_image(depth);
+fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32]) -> Vec<usize> {
+    let (base, lens) = (&mut pyramid.levels[0], pyramid.lens);
+    let focal_px = lens.focal_px;
+    base.depth_image(&lens, depth);
     let mut edges = edges(depth, base.width, STEP_PX / focal_px);
     mend(base, depth, &edges, focal_px);
     edges.extend(trim_with(sources, base, depth, &edges, focal_px));

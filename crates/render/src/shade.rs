@@ -28,7 +28,7 @@ const SHINE: f32 = 0.10;
 /// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With normals
 /// only what lies behind an edge is set off, whatever its slope; without them the depth alone has to tell
 /// the shape.
-const EDGE: (f32, f32) = (1.2, 4.0);
+const EDGE: (f32, f32) = (1.0, 4.0);
 const DOME: (f32, f32) = (2.0, 0.5);
 
 /// What shading found.

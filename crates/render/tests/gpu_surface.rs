@@ -17,6 +17,7 @@ use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
 use esker_render::pyramid::{INVALID, Level, Pyramid};
 use esker_render::relief::ReliefScratch;
+use esker_render::tangent::Lens;
 use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use esker_render::{edges, mend, pull, push, shade, soften, trim};
 use glam::{DVec3, Vec2, Vec4};
@@ -75,6 +76,7 @@ fn twins(input: &Input<'_>) -> Twins {
     let (camera, base) = (input.camera(), &input.base);
     let mut pulled = Pyramid::default();
     pulled.fit(base.width, base.height, !base.normal.is_empty());
+    pulled.lens = Lens::new(&camera);
     pulled.levels[0] = base.clone();
     pull::pull(&mut pulled);
     let mut pushed = pulled.clone();
@@ -89,7 +91,7 @@ fn twins(input: &Input<'_>) -> Twins {
         ..Picture::default()
     };
     let (level, depth) = (&mut last.levels[0], &mut picture.depth);
-    level.depth_image(depth);
+    level.depth_image(&pulled.lens, depth);
     let mut found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
     mend::mend(level, depth, &found, camera.focal_px);
     let mended = depth.clone();
@@ -312,7 +314,7 @@ fn each_pass_comes_to_the_same_as_its_twin() {
             let twins = twins(&input);
             let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
             let mut pushed = twins.mended.clone();
-            twins.pushed.levels[0].depth_image(&mut pushed);
+            twins.pushed.levels[0].depth_image(&twins.pushed.lens, &mut pushed);
             let (closed, gone) =
                 (differ(&pushed, &twins.mended), differ(&twins.mended, &twins.picture.depth));
             assert!(points > 1000 || (closed > 0 && gone > 100), "{closed} closed, {gone} gone");

@@ -1,5 +1,5 @@
-//! Pull and push do what the published algorithm does: against the `f64` reference, on random pixels of
-//! many sizes and on views of models.
+//! Pull and push do what the published algorithm does, with normals along the discs' planes: against the `f64`
+//! reference, on random pixels of many sizes and on views of models.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod reference;
@@ -8,8 +8,9 @@ mod scene;
 
 use esker_lod::View;
 use esker_render::pyramid::{Level, Pyramid};
+use esker_render::tangent::Lens;
 use esker_render::{Renderer, pull, push};
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec2, Vec4};
 use reference::{Image, Pixel, pull_push};
 use scene::{Dice, Scene, sheet, sphere};
 
@@ -27,7 +28,9 @@ impl Tally {
     /// Runs both on a base level. Where no decision was near a tie, all pixels must agree.
     fn compare(&mut self, name: &str, pyramid: &mut Pyramid) {
         let base = &pyramid.levels[0];
-        let expected = pull_push(read(base));
+        let lens = pyramid.has_normals().then_some(pyramid.lens);
+        let lens = lens.map(|l| [l.focal_px, l.centre_px.x, l.centre_px.y].map(f64::from));
+        let expected = pull_push(Image { lens, ..read(base) });
         pull::pull(pyramid);
         push::push(pyramid);
         let got = read(&pyramid.levels[0]);
@@ -78,13 +81,15 @@ fn read(level: &Level) -> Image {
     let valid = |i| level.is_valid(i).then(|| pixel(i));
     let (width, height) = (level.width, level.height);
     let pixels = (0..width * height).map(valid).collect();
-    Image { width, height, edge: 1.0, pixels, near_ties: 0 }
+    Image { width, height, edge: 1.0, pixels, near_ties: 0, lens: None }
 }
 
 /// Random pixels: some share of them valid, on a few surfaces or anywhere in depth.
 fn random(dice: &mut Dice, width: usize, height: usize, has_normals: bool) -> Pyramid {
     let mut pyramid = Pyramid::default();
     pyramid.fit(width, height, has_normals);
+    let centre_px = Vec2::new(width as f32, height as f32) * 0.5;
+    pyramid.lens = Lens { focal_px: 80.0, centre_px };
     let share = dice.unit().powi(2);
     let reach = 0.5 + 20.0 * dice.unit() * dice.unit();
     let layers = (dice.unit() * 4.0) as u32;

@@ -25,10 +25,12 @@ impl Mend {
     /// # Errors
     /// Where a shader is refused.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let find = |first: f64| Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first)]);
         let constants = [("NORMALS", f64::from(has_normals))];
+        let find = |first: f64| {
+            Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first), constants[0]])
+        };
         Ok(Self {
-            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &[])?,
+            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &constants)?,
             find: [find(1.0)?, find(0.0)?],
             fill: Kernel::new(gpu, sources::MEND_FILL, "main", &constants)?,
         })
@@ -38,7 +40,7 @@ impl Mend {
     pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
         let base = target.base();
         let &Target { depth, marks, .. } = target;
-        let image = [&base.front, &base.depth, depth];
+        let image = [&base.front, &base.depth, depth, &base.normal, &base.tint];
         let find = [depth, &base.tint, marks];
         let fill = [marks, depth, &base.front, &base.tint, &base.normal];
         let mut all = vec![target.dispatch(gpu, &self.depth, &image)];

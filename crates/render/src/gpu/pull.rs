@@ -24,14 +24,18 @@ impl Pull {
     }
 
     /// What fills all levels of a pyramid above the first.
-    pub fn dispatches(&self, gpu: &Gpu, pyramid: &GpuPyramid) -> Vec<Dispatch> {
-        let levels = pyramid.levels.windows(2);
-        levels.map(|l| self.dispatch(gpu, &l[0], &l[1])).collect()
-    }
-
-    fn dispatch(&self, gpu: &Gpu, fine: &GpuLevel, coarse: &GpuLevel) -> Dispatch {
-        let resources = level_resources(fine, coarse);
-        Dispatch::over(gpu, &self.kernel, [coarse.width, coarse.height], &resources)
+    /// `uniform` is the frame's.
+    pub fn dispatches(
+        &self,
+        gpu: &Gpu,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+    ) -> Vec<Dispatch> {
+        let levels = pyramid.levels.windows(2).map(|l| {
+            let resources = level_resources(uniform, &l[0], &l[1]);
+            Dispatch::over(gpu, &self.kernel, [l[1].width, l[1].height], &resources)
+        });
+        levels.collect()
     }
 
     pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
@@ -39,12 +43,13 @@ impl Pull {
     }
 }
 
-/// Two levels as pull and push bind them: both shapes, all planes of the finer, all of the coarser.
+/// Two levels as pull and push bind them: both shapes, all planes of the finer, all of the coarser; and the frame.
 pub(super) fn level_resources<'a>(
+    uniform: &'a wgpu::Buffer,
     fine: &'a GpuLevel,
     coarse: &'a GpuLevel,
-) -> [(u32, BindingResource<'a>); 10] {
-    let buffers = [
+) -> [(u32, BindingResource<'a>); 11] {
+    let buffers: [&wgpu::Buffer; 11] = [
         &fine.shape,
         &coarse.shape,
         &fine.front,
@@ -55,6 +60,7 @@ pub(super) fn level_resources<'a>(
         &coarse.tint,
         &coarse.depth,
         &coarse.normal,
+        uniform,
     ];
     std::array::from_fn(|i| (i as u32, buffers[i].as_entire_binding()))
 }

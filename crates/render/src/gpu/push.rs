@@ -31,10 +31,16 @@ impl Push {
     }
 
     /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture.
-    pub fn dispatches(&self, gpu: &Gpu, pyramid: &GpuPyramid) -> Vec<Dispatch> {
+    /// `uniform` is the frame's.
+    pub fn dispatches(
+        &self,
+        gpu: &Gpu,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+    ) -> Vec<Dispatch> {
         let levels = || pyramid.levels.windows(2).rev();
         let push = levels().map(|l| {
-            let resources = level_resources(&l[0], &l[1]);
+            let resources = level_resources(uniform, &l[0], &l[1]);
             Dispatch::over(gpu, &self.kernel, [l[0].width, l[0].height], &resources)
         });
         let inherit = self.inherit.iter().flat_map(|kernel| {

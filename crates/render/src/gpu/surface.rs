@@ -177,12 +177,13 @@ impl Kernels {
         shines: bool,
     ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
+        let uniform = target.uniform;
         let marks = [&target.picture.depth, target.marks, target.sources];
         let mut stages = vec![
             // After EWA splatting, which has filled level 0 and the picture's depth.
             stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
-            stage("pull", Pass::Pull, self.pull.dispatches(gpu, target.pyramid)),
-            stage("push", Pass::Push, self.push.dispatches(gpu, target.pyramid)),
+            stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
+            stage("push", Pass::Push, self.push.dispatches(gpu, uniform, target.pyramid)),
             stage("mend", Pass::Mend, self.mend.dispatches(gpu, target)),
             stage("trim", Pass::Mend, self.trim.dispatches(gpu, target)),
         ];

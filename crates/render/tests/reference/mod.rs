@@ -1,6 +1,6 @@
-//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), plain and slow in `f64`: the reference
-//! that the passes are held against. Written from the paper; shares no code with the crate. Where the
-//! paper is silent it follows the rules written in the heads of `pull` and `push`.
+//! Pull-push as published (marroquim2007 sections 3.2 and 3.3), and with depths moved along the discs' planes, plain and
+//! slow in `f64`: the reference that the passes are held against. Written from the paper; shares no code with the crate. Where the
+//! paper is silent it follows the rules written in the heads of `pull`, `push` and `tangent`.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 /// A pixel of any level.
@@ -10,7 +10,7 @@ pub struct Pixel {
     pub depth: [f64; 2],
     /// Attributes that are only averaged: mean depth, red, green, blue, normal z.
     pub carried: [f64; 5],
-    /// Normal x, y (view space), and the z that its ellipse is made with.
+    /// Normal x, y (view space), and its ellipse's minor axis over the major one.
     pub disc: [f64; 3],
     /// Radius, pixels of the picture.
     pub radius: f64,
@@ -26,6 +26,8 @@ pub struct Image {
     /// Edge of a pixel in pixels of the picture.
     pub edge: f64,
     pub pixels: Vec<Option<Pixel>>,
+    /// Focal length and the picture's middle, pixels, where depths are moved along planes; else they are as published.
+    pub lens: Option<[f64; 3]>,
     /// Decisions (comparisons of computed values) that a rounding to `f32` might turn.
     pub near_ties: usize,
 }
@@ -38,6 +40,29 @@ impl Image {
 
     fn centre(&self, x: i64, y: i64) -> [f64; 2] {
         [(x as f64 + 0.5) * self.edge, (y as f64 + 0.5) * self.edge]
+    }
+}
+
+impl Pixel {
+    /// What its depths change by from its ellipse's centre (it is itself centred at `centre`) to `place`.
+    fn factor(&self, lens: Option<[f64; 3]>, centre: [f64; 2], place: [f64; 2]) -> f64 {
+        let Some([focal, middle_x, middle_y]) = lens else { return 1.0 };
+        let from = [0, 1].map(|i| centre[i] - self.displacement[i]);
+        let [nx, ny, nz] = [self.disc[0], self.disc[1], self.carried[4]];
+        let q = nx * (from[0] - middle_x) - ny * (from[1] - middle_y) - nz * focal;
+        let q = q.min(-(nx.abs() + ny.abs()) * focal / 32.0);
+        let change = nx * (place[0] - from[0]) - ny * (place[1] - from[1]);
+        if change == 0.0 { 1.0 } else { 1.0 / (1.0 + change / q).clamp(0.5, 2.0) }
+    }
+
+    /// Its ellipse's centre.
+    fn ellipse(&self, centre: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| centre[i] - self.displacement[i])
+    }
+
+    /// With its depth interval where they are compared.
+    fn moved(&self, factor: f64) -> Pixel {
+        Pixel { depth: self.depth.map(|d| d * factor), ..*self }
     }
 }
 
@@ -71,8 +96,14 @@ pub fn pull_push(picture: Image) -> Image {
 /// Section 3.2: the next coarser level.
 fn pull(finer: &Image) -> Image {
     let (width, height) = (finer.width.div_ceil(2), finer.height.div_ceil(2));
-    let mut coarser =
-        Image { width, height, edge: finer.edge * 2.0, pixels: Vec::new(), near_ties: 0 };
+    let mut coarser = Image {
+        width,
+        height,
+        edge: finer.edge * 2.0,
+        pixels: Vec::new(),
+        near_ties: 0,
+        lens: finer.lens,
+    };
     for y in 0..height as i64 {
         for x in 0..width as i64 {
             let mut valid = Vec::new();
@@ -82,14 +113,24 @@ fn pull(finer: &Image) -> Image {
                     valid.push((p, finer.centre(at.0, at.1)));
                 }
             }
-            let kept = frontmost(&valid, &mut coarser.near_ties);
+            let count = valid.len() as f64;
+            let compare_at =
+                [0, 1].map(|i| valid.iter().map(|(p, c)| p.ellipse(*c)[i]).sum::<f64>() / count);
+            let moved = valid
+                .iter()
+                .map(|(p, c)| (p.moved(p.factor(finer.lens, *c, compare_at)), (*p, *c)));
+            let kept = frontmost(&moved.collect::<Vec<_>>(), &mut coarser.near_ties);
             let centre = coarser.centre(x, y);
             let weight = 1.0 / kept.len() as f64;
-            let shares: Vec<_> = kept.iter().map(|&(p, c)| (p, c, weight)).collect();
-            let mut pixel = mean(&shares, centre);
-            if let Some(p) = &mut pixel {
-                p.depth[0] = kept.iter().map(|(p, _)| p.depth[0]).fold(f64::INFINITY, f64::min);
-                p.depth[1] = kept.iter().map(|(p, _)| p.depth[1]).fold(0.0, f64::max);
+            let shares: Vec<_> = kept.iter().map(|&(_, (p, c))| (p, c, weight)).collect();
+            let mut pixel = mean(&shares, centre, finer.lens);
+            if let Some(out) = &mut pixel {
+                let ends = kept.iter().map(|(_, (p, c))| {
+                    p.moved(p.factor(finer.lens, *c, out.ellipse(centre))).depth
+                });
+                let ends: Vec<_> = ends.collect();
+                out.depth[0] = ends.iter().map(|d| d[0]).fold(f64::INFINITY, f64::min);
+                out.depth[1] = ends.iter().map(|d| d[1]).fold(0.0, f64::max);
             }
             coarser.pixels.push(pixel);
         }
@@ -114,7 +155,11 @@ fn frontmost<T: Copy>(pixels: &[(Pixel, T)], near_ties: &mut usize) -> Vec<(Pixe
 }
 
 /// The weighted mean of pixels with their centres, for a pixel centred at `centre`.
-fn mean(pixels: &[(Pixel, [f64; 2], f64)], centre: [f64; 2]) -> Option<Pixel> {
+fn mean(
+    pixels: &[(Pixel, [f64; 2], f64)],
+    centre: [f64; 2],
+    lens: Option<[f64; 3]>,
+) -> Option<Pixel> {
     if pixels.is_empty() {
         return None;
     }
@@ -126,11 +171,13 @@ fn mean(pixels: &[(Pixel, [f64; 2], f64)], centre: [f64; 2]) -> Option<Pixel> {
         displacement: [0.0; 2],
     };
     for (p, c, weight) in pixels {
-        for i in 0..2 {
-            out.depth[i] += p.depth[i] * weight;
-            out.displacement[i] += (p.displacement[i] + centre[i] - c[i]) * weight;
-        }
-        (0..5).for_each(|i| out.carried[i] += p.carried[i] * weight);
+        (0..2).for_each(|i| out.displacement[i] += (p.displacement[i] + centre[i] - c[i]) * weight);
+    }
+    for (p, c, weight) in pixels {
+        let factor = p.factor(lens, *c, out.ellipse(centre));
+        (0..2).for_each(|i| out.depth[i] += p.depth[i] * factor * weight);
+        out.carried[0] += p.carried[0] * factor * weight;
+        (1..5).for_each(|i| out.carried[i] += p.carried[i] * weight);
         (0..3).for_each(|i| out.disc[i] += p.disc[i] * weight);
         out.radius += p.radius * weight;
     }
@@ -143,16 +190,15 @@ fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -
     let v =
         [place[0] - (centre[0] - p.displacement[0]), -(place[1] - (centre[1] - p.displacement[1]))];
     let distance = v[0].hypot(v[1]);
-    let length = p.disc.iter().map(|c| c * c).sum::<f64>().sqrt();
     let flat = p.disc[0].hypot(p.disc[1]);
     *near_ties += usize::from((distance - p.radius).abs() <= 1e-5 * (distance + p.radius));
-    if flat <= 1e-12 * length || length == 0.0 {
+    if flat == 0.0 {
         return distance <= p.radius;
     }
     let minor_direction = [p.disc[0] / flat, p.disc[1] / flat];
     let along = v[0] * minor_direction[0] + v[1] * minor_direction[1];
     let across = v[0] * -minor_direction[1] + v[1] * minor_direction[0];
-    let minor = p.radius * p.disc[2].abs() / length;
+    let minor = p.radius * p.disc[2].abs();
     if minor == 0.0 {
         return along == 0.0 && across.abs() <= p.radius;
     }
@@ -168,14 +214,18 @@ fn push(coarser: &Image, finer: &Image) -> Image {
         for x in 0..finer.width as i64 {
             let own = finer.get(x, y);
             let above = coarser.get(x / 2, y / 2);
+            let place = finer.centre(x, y);
+            let compare_at = own.map_or(place, |own| own.ellipse(place));
             if let (Some(own), Some(above)) = (own, above) {
-                let [min, max] = above.depth;
-                out.near_ties += usize::from(near(own.depth[0], min) || near(own.depth[0], max));
+                let factor = above.factor(finer.lens, coarser.centre(x / 2, y / 2), compare_at);
+                let [min, max] = above.moved(factor).depth;
+                // Whether it is a little in front of the interval that it has itself given does not matter.
+                let before = near(own.depth[0], min) && finer.lens.is_none();
+                out.near_ties += usize::from(before || near(own.depth[0], max));
                 if own.depth[0] >= min && own.depth[0] <= max {
                     continue;
                 }
             }
-            let place = finer.centre(x, y);
             let side = [if x % 2 == 1 { 1 } else { -1 }, if y % 2 == 1 { 1 } else { -1 }];
             let mut covering = Vec::new();
             for (dx, dy, weight) in
@@ -185,7 +235,8 @@ fn push(coarser: &Image, finer: &Image) -> Image {
                 let Some(p) = coarser.get(at.0, at.1) else { continue };
                 let centre = coarser.centre(at.0, at.1);
                 if covers(&p, centre, place, &mut out.near_ties) {
-                    covering.push((p, (centre, weight / 16.0)));
+                    let moved = p.moved(p.factor(finer.lens, centre, compare_at));
+                    covering.push((moved, (p, centre, weight / 16.0)));
                 }
             }
             let kept = frontmost(&covering, &mut out.near_ties);
@@ -197,10 +248,10 @@ fn push(coarser: &Image, finer: &Image) -> Image {
                     continue;
                 }
             }
-            let sum: f64 = kept.iter().map(|(_, (_, weight))| weight).sum();
+            let sum: f64 = kept.iter().map(|(_, (_, _, weight))| weight).sum();
             let shares: Vec<_> =
-                kept.iter().map(|&(p, (c, weight))| (p, c, weight / sum)).collect();
-            if let Some(pixel) = mean(&shares, place) {
+                kept.iter().map(|&(_, (p, c, weight))| (p, c, weight / sum)).collect();
+            if let Some(pixel) = mean(&shares, place, finer.lens) {
                 out.pixels[y as usize * finer.width + x as usize] = Some(pixel);
             }
         }

@@ -1,0 +1,293 @@
+//! What a picture has of the truth: errors of colour, depth and normals, holes, what shows through, outlines.
+
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use super::Truth;
+use crate::scene::{Scene, ScenePoint};
+use esker_lod::View;
+use esker_render::camera::Camera;
+use esker_render::colour::linear;
+use esker_render::pyramid::{Level, Pyramid};
+use esker_render::relief::{DepthImage, ReliefScratch};
+use esker_render::tangent::Lens;
+use esker_render::{Background, Frame, Picture, Renderer};
+use esker_render::{edges, mend, pull, push, trim};
+use glam::{DVec2, DVec3, Vec3};
+
+/// What a pixel of a perfect picture shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Linear eye depth, and that of what lies behind on the same ray.
+    pub depth: f64,
+    pub behind: f64,
+    /// In view space.
+    pub normal: DVec3,
+    /// Linear light, mean over the pixel.
+    pub colour: Vec3,
+    pub part: usize,
+}
+
+/// A perfect picture.
+pub struct Image {
+    pub width: usize,
+    /// At the pixels' middles.
+    pub seen: Vec<Option<Seen>>,
+    /// The surfaces' share of each pixel.
+    pub coverage: Vec<f64>,
+}
+
+/// Rays a pixel's side, for means.
+const RAYS: usize = 3;
+
+impl Image {
+    pub fn new(truth: &Truth, view: &View) -> Self {
+        let [width, height] = [view.width, view.height].map(|s| s as usize);
+        let (mut seen, mut coverage) = (Vec::new(), Vec::new());
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let corner = DVec2::new(x as f64, y as f64);
+            let hits = |place: DVec2| truth.hits(view.eye, Truth::way(view, place));
+            let (mut colour, mut count) = (Vec3::ZERO, 0);
+            for i in 0..RAYS * RAYS {
+                let part = DVec2::new((i % RAYS) as f64 + 0.5, (i / RAYS) as f64 + 0.5);
+                if let Some(first) = hits(corner + part / RAYS as f64).first() {
+                    colour += linear(first.colour);
+                    count += 1;
+                }
+            }
+            let all = hits(corner + 0.5);
+            let depth = |t: f64| t;
+            seen.push(all.first().map(|first| Seen {
+                depth: depth(first.t),
+                behind: all.get(1).map_or(f64::INFINITY, |h| depth(h.t)),
+                normal: view.view_from_world() * first.normal,
+                colour: if count > 0 { colour / count as f32 } else { linear(first.colour) },
+                part: first.part,
+            }));
+            coverage.push(f64::from(count) / (RAYS * RAYS) as f64);
+        }
+        Self { width, seen, coverage }
+    }
+
+    /// Whether a pixel and all within `reach` of it are wholly covered, without a step of depth between them.
+    pub fn is_inside(&self, pixel: usize, reach: usize) -> bool {
+        let (x, y, height) = (pixel % self.width, pixel / self.width, self.seen.len() / self.width);
+        let Some(here) = self.seen[pixel] else { return false };
+        let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
+        rows.flat_map(|v| {
+            (x.saturating_sub(reach)..(x + reach + 1).min(self.width))
+                .map(move |u| v * self.width + u)
+        })
+        .all(|p| {
+            self.coverage[p] == 1.0
+                && self.seen[p].is_some_and(|s| {
+                    s.part == here.part && (s.depth / here.depth - 1.0).abs() < 0.3
+                })
+        })
+    }
+}
+
+/// Nodes of one spacing and radius, with the frame that draws them all.
+pub struct Cloud {
+    pub scenes: Vec<Scene>,
+}
+
+impl Cloud {
+    pub fn new(points: &[ScenePoint], spacing: f64, radius: f64) -> Self {
+        Self { scenes: vec![Scene::new(points, 1e-6, spacing, radius, 1 << 15)] }
+    }
+
+    /// Draws it, and what the passes before shading leave.
+    pub fn draw(&self, view: &View, has_normals: bool) -> Drawn {
+        self.draw_with(view, has_normals, pull_push)
+    }
+
+    /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius (twice as long without
+    /// normals), compared as it is. Its picture is that of [`Cloud::draw`].
+    pub fn draw_published(&self, view: &View, has_normals: bool) -> Drawn {
+        self.draw_with(view, has_normals, |pyramid| {
+            let base = &mut pyramid.levels[0];
+            for i in 0..base.front.len() {
+                let (front, radius_px) = (base.front[i], base.tint[i].w - 0.35);
+                let reach = if has_normals { 1.0 } else { 2.0 };
+                base.front[i].y = front.x * (1.0 + reach * radius_px / pyramid.lens.focal_px);
+            }
+            // Without a lens nothing is moved.
+            let lens = std::mem::replace(
+                &mut pyramid.lens,
+                Lens { focal_px: f32::MAX, ..Lens::default() },
+            );
+            pull_push(pyramid);
+            pyramid.lens = lens;
+        })
+    }
+
+    /// As [`Cloud::draw`], the pyramid filled by `fill`.
+    pub fn draw_with(&self, view: &View, has_normals: bool, fill: impl Fn(&mut Pyramid)) -> Drawn {
+        let draws: Vec<_> =
+            self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
+        let mut frame = self.scenes[0].frame(view, &draws);
+        frame.background = Background::Plain([0; 4]);
+        let picture = Renderer::default().render(&frame).unwrap();
+        let (level, depth) = last_level(&frame, fill);
+        Drawn { view: *view, picture, level, depth }
+    }
+}
+
+/// The published passes.
+pub fn pull_push(pyramid: &mut Pyramid) {
+    pull::pull(pyramid);
+    push::push(pyramid);
+}
+
+/// Level 0 and the depth image before shading.
+pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec<f32>) {
+    let camera = Camera::new(frame.view, frame.lattice).unwrap();
+    let mut pyramid = Pyramid::default();
+    Renderer::default().base_level(frame, &mut pyramid).unwrap();
+    fill(&mut pyramid);
+    let mut base = pyramid.levels.swap_remove(0);
+    let mut depth = vec![0.0; base.front.len()];
+    base.depth_image(&Lens::new(&camera), &mut depth);
+    let mut found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
+    mend::mend(&mut base, &mut depth, &found, camera.focal_px);
+    found.extend(trim::trim(&mut base, &mut depth, &found, camera.focal_px));
+    (base, depth)
+}
+
+/// A picture and what it was made of.
+pub struct Drawn {
+    pub view: View,
+    pub picture: Picture,
+    pub level: Level,
+    pub depth: Vec<f32>,
+}
+
+/// How far a picture is from the truth.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Errors {
+    /// Root mean square, of 255 (sRGB).
+    pub colour: f64,
+    /// Mean, in widths of a pixel there.
+    pub depth_px: f64,
+    /// Mean, degrees.
+    pub normal_deg: f64,
+    /// Pixels inside of surfaces that show nothing, or the background through them.
+    pub holes: usize,
+    /// Pixels that show what lies behind the surface.
+    pub bleeding: usize,
+    /// Mean displacement of outlines outwards, pixels; and root mean square error of alpha beside outlines.
+    pub swell_px: f64,
+    pub alpha: f64,
+    /// Pixels that show a surface in truth.
+    pub pixels: usize,
+}
+
+impl Drawn {
+    /// Normals in view space at a pixel that shows a surface: those carried, else those told from depth.
+    pub fn normals(&self) -> Vec<DVec3> {
+        let (width, count) = (self.level.width, self.depth.len());
+        if !self.level.normal.is_empty() {
+            let own = |i: usize| self.level.normal[i].truncate().normalize_or_zero().as_dvec3();
+            return (0..count).map(own).collect();
+        }
+        let middle = [self.view.width, self.view.height].map(|s| s as f32 / 2.0);
+        let radii: Vec<f32> =
+            (0..count).filter(|&i| self.level.is_valid(i)).map(|i| self.level.tint[i].w).collect();
+        let radius_px = radii.iter().sum::<f32>() / radii.len().max(1) as f32;
+        let (depth, focal_px) = (&self.depth[..], self.view.focal_px() as f32);
+        let image = DepthImage { width, depth, focal_px, centre_px: middle, radius_px };
+        let mut scratch = ReliefScratch::default();
+        let smooth = image.smoothed(&mut scratch);
+        let nothing = vec![f32::INFINITY; width];
+        let at = |i: usize| smooth.surroundings(i / width, &nothing).normal(i % width).as_dvec3();
+        (0..count).map(at).collect()
+    }
+
+    /// Pixels of a hole: without a surface, in a run that touches nothing that is empty in truth.
+    pub fn holes(&self, truth: &Image) -> usize {
+        let width = self.level.width;
+        let height = self.depth.len() / width;
+        let empty = |i: usize| self.depth[i] == f32::INFINITY;
+        let mut open = vec![false; self.depth.len()];
+        let mut queue: Vec<usize> =
+            (0..open.len()).filter(|&i| empty(i) && truth.coverage[i] < 1.0).collect();
+        queue.iter().for_each(|&i| open[i] = true);
+        while let Some(i) = queue.pop() {
+            let (x, y) = (i % width, i / width);
+            let beside = [
+                (x > 0, i.wrapping_sub(1)),
+                (x + 1 < width, i + 1),
+                (y > 0, i.wrapping_sub(width)),
+                (y + 1 < height, i + width),
+            ];
+            for (_, n) in beside.into_iter().filter(|(there, _)| *there) {
+                if empty(n) && !open[n] {
+                    open[n] = true;
+                    queue.push(n);
+                }
+            }
+        }
+        (0..open.len()).filter(|&i| empty(i) && !open[i]).count()
+    }
+
+    /// Pixels inside that show what is behind rather than the surface.
+    pub fn bleeding(&self, truth: &Image) -> usize {
+        let shows = |i: usize| {
+            let Some(seen) = truth.seen[i].filter(|_| truth.is_inside(i, 2)) else { return false };
+            let depth = f64::from(self.depth[i]);
+            depth.is_finite() && depth > (seen.depth + seen.behind.min(seen.depth * 2.0)) * 0.5
+        };
+        (0..self.depth.len()).filter(|&i| shows(i)).count()
+    }
+
+    pub fn errors(&self, truth: &Image) -> Errors {
+        let mut out = Errors {
+            holes: self.holes(truth),
+            bleeding: self.bleeding(truth),
+            ..Errors::default()
+        };
+        let normals = self.normals();
+        let (mut colour, mut depth, mut normal, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut swell, mut alpha, mut rim, mut outline) = (0.0, 0.0, 0.0, 0.0);
+        for (i, towards) in normals.iter().enumerate() {
+            let share = f64::from(self.picture.rgba[i * 4 + 3]) / 255.0;
+            let inside = truth.is_inside(i, 1);
+            if !inside {
+                let is_outline = truth.coverage[i] > 0.0 && truth.coverage[i] < 1.0;
+                outline += f64::from(u8::from(is_outline));
+                swell += share - truth.coverage[i];
+                if is_outline || share != truth.coverage[i] {
+                    alpha += (share - truth.coverage[i]).powi(2);
+                    rim += 1.0;
+                }
+            }
+            let (Some(seen), true) = (truth.seen[i], self.depth[i].is_finite()) else { continue };
+            out.pixels += 1;
+            if !inside {
+                continue;
+            }
+            let got = self.level.tint[i].truncate();
+            colour += f64::from((srgb(got) - srgb(seen.colour)).length_squared()) / 3.0;
+            let pixel = seen.depth / self.view.focal_px();
+            depth += ((f64::from(self.depth[i]) - seen.depth) / pixel).abs();
+            normal += towards.dot(seen.normal).clamp(-1.0, 1.0).acos().to_degrees();
+            count += 1.0;
+        }
+        let count = if count > 0.0 { count } else { 1.0 };
+        out.colour = (colour / count).sqrt();
+        out.depth_px = depth / count;
+        out.normal_deg = normal / count;
+        out.swell_px = if outline > 0.0 { swell / outline } else { 0.0 };
+        out.alpha = if rim > 0.0 { f64::sqrt(alpha / rim) } else { 0.0 };
+        out
+    }
+}
+
+/// sRGB of linear light, of 255.
+pub fn srgb(c: Vec3) -> Vec3 {
+    let one = |v: f32| {
+        let v = v.clamp(0.0, 1.0);
+        255.0 * if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+    };
+    Vec3::new(one(c.x), one(c.y), one(c.z))
+}
