@@ -7,6 +7,9 @@ use crate::shape::{Moments, Shape};
 use esker_points::node::{SHAPE_ORIENTED, pack_rotation};
 use esker_points::{Cell, Node};
 
+/// Points whose parts of the plane are marked before it is asked whether all are.
+const LOOKED_AT: usize = 1024;
+
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
 /// each of which is drawn at most `reach`, in the file's unit, off its place.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
@@ -42,13 +45,22 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     node.contour_rotation = packed;
     node.shape = (node.shape & !SHAPE_ORIENTED) | if oriented { SHAPE_ORIENTED } else { 0 };
     let across = half.map(|half| 2.0 * f64::from(half));
-    node.occupancy = positions.iter().map(local).fold(0, |mask, p| {
+    let part_of = |p: &[u32; 3]| {
+        let p = local(p);
         let part = |i: usize| {
             let fraction = (dot(&axes[i], p) - about[i]) / across[i] + 0.5;
             ((fraction * 8.0) as i64).clamp(0, 7)
         };
-        mask | 1 << (part(1) * 8 + part(0))
-    });
+        1u64 << (part(1) * 8 + part(0))
+    };
+    let mut some = positions.chunks(LOOKED_AT);
+    node.occupancy = 0;
+    // Most nodes have points everywhere, as the first ones show.
+    while node.occupancy != u64::MAX
+        && let Some(some) = some.next()
+    {
+        node.occupancy |= some.iter().map(part_of).fold(0, |mask, part| mask | part);
+    }
 }
 
 fn along(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
