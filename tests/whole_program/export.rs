@@ -63,7 +63,7 @@ fn head_of(path: &Path) -> Vec<u8> {
 }
 
 /// As much of LAS as is needed to compare two files, by the words of its specification.
-mod las {
+pub mod las {
     use std::collections::BTreeMap;
     use std::path::Path;
 

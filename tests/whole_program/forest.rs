@@ -1,5 +1,6 @@
 //! Scans that were appended are one cloud with the old ones to every command, and one tree again once merged.
 
+use crate::export::{export, las};
 use crate::folder::Folder;
 use crate::program::{build, esker, verify};
 use crate::trial;
@@ -15,6 +16,7 @@ const PATH: &str = r#"{"coordinates": "bounds", "views": [
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("forest: appended scans are one cloud to every command", one_cloud));
+    trials.push(trial("forest: all trees are exported together", exported));
     trials.push(trial(
         "forest: what does not fit is counted, what does not belong is named",
         misfits,
@@ -72,6 +74,63 @@ fn one_cloud() {
         (Some(2), Some(false)),
         "{run}"
     );
+}
+
+fn exported() {
+    let folder = Folder::new();
+    // Text that has what no record of LAS has, so that trees lack attributes of each other's.
+    let line = |i: u32| format!("{}.25 {}.5 {} {} {}\n", i % 40, i % 23, i % 7, i, 255 - i % 200);
+    let text: String =
+        std::iter::once("x y z quality intensity\n".into()).chain((0..900).map(line)).collect();
+    let first = Path::new("synthetic:office:30k:1");
+    let (second, third) = (Path::new("synthetic:office:20k:2"), folder.write("c.txt", &text));
+    let [a, b, c] = ["a.esker", "b.esker", "c.esker"].map(|name| folder.file(name));
+    let reports = [
+        build(&[first], &a, &["--node-capacity", "1024"]),
+        append(&a, second, &b, &["--node-capacity", "1024"]).json(),
+        append(&b, &third, &c, &[]).json(),
+    ];
+    // What is appended has nodes of the old file's capacity, where nothing is said.
+    assert_eq!(json(&["info", c.to_str().unwrap()])["node_capacity"], 1024);
+    let sum = reports.iter().fold(0u128, |sum, report| sum.wrapping_add(hash(report)));
+    // Two scans of one record come back as they were, in one file.
+    let las = folder.file("b.las");
+    let report = export(&b, &las, &[]).json();
+    assert_eq!((report["trees"].as_u64(), report["points_out"].as_u64()), (Some(2), Some(50_000)));
+    assert_eq!(report["hash_equal"], true, "{report}");
+    assert_eq!(report["notes"].as_array().map(Vec::len), Some(0), "{report}");
+    let of_both = hash(&reports[0]).wrapping_add(hash(&reports[1]));
+    assert_eq!(hash(&build(&[&las], &folder.file("again.esker"), &[])), of_both);
+    las::File::read(&las).hold_counts_and_bounds();
+    for name in ["c.laz", "c.ply", "c.csv"] {
+        let report = export(&c, &folder.file(name), &[]).json();
+        assert_eq!(
+            (report["trees"].as_u64(), report["points_out"].as_u64()),
+            (Some(3), Some(50_900))
+        );
+        assert_eq!((hash(&report), &report["hash_equal"]), (sum, &true.into()), "{report}");
+        let notes = report["notes"].to_string();
+        assert!(notes.contains("zero where a point's source had none"), "{notes}");
+    }
+    let lines = std::fs::read_to_string(folder.file("c.csv")).unwrap();
+    assert_eq!(lines.lines().count(), 50_901);
+    // A box takes its points out of every tree.
+    let part = export(&c, &folder.file("part.csv"), &["--box", "0,0,20,10"]).json();
+    let inside = |line: &&str| {
+        let mut numbers = line.split(',').map(|n| n.parse::<f64>().unwrap());
+        let mut within = |most: f64| (0.0..=most).contains(&numbers.next().unwrap());
+        within(20.0) && within(10.0)
+    };
+    let expected = lines.lines().skip(1).filter(inside).count();
+    assert_eq!(part["points_out"].as_u64(), Some(expected as u64));
+    assert!(expected > 1000, "{expected}");
+    // Damage in an old file leaves nothing behind.
+    let mut bytes = std::fs::read(&a).unwrap();
+    bytes[5000] ^= 1;
+    std::fs::write(&a, bytes).unwrap();
+    let outcome = export(&c, &folder.file("d.las"), &[]);
+    assert!(outcome.error().contains("a.esker"), "{}", outcome.stderr);
+    assert!(!folder.names().iter().any(|name| name.contains("d.las")));
 }
 
 fn misfits() {

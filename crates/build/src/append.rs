@@ -4,7 +4,7 @@
 use crate::build::{Options, Report, build_sources};
 use crate::crs::one_system;
 use crate::error::BuildError;
-use crate::intake::open;
+use crate::intake::open_with;
 use crate::onto::{Onto, Within};
 use esker_format::forest::TREES_MAX;
 use esker_format::{EskerFile, Forest, TreeRef};
@@ -27,7 +27,7 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     let forest = Forest::open(old)?;
-    append_sources(&forest, open(inputs, options.colour_depth, task)?, out, options, task)
+    append_sources(&forest, open_with(inputs, &options.opening(), task)?, out, options, task)
 }
 
 /// As [`append`], from opened inputs, onto opened files.

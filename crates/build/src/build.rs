@@ -73,6 +73,14 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// How inputs are opened. Decoding and the rows of what is decoded are all there is in memory while they are read.
+    pub(crate) fn opening(&self) -> OpenOptions {
+        let chunk_bytes_max = Some(self.memory_bytes / 4);
+        OpenOptions { colour_depth: self.colour_depth, chunk_bytes_max }
+    }
+}
+
 /// What a build did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
@@ -121,12 +129,7 @@ pub fn build(
             "{same}: is input and output at once; choose another output"
         )));
     }
-    // Decoding and the rows of what is decoded are all there is in memory while inputs are read.
-    let said = OpenOptions {
-        colour_depth: options.colour_depth,
-        chunk_bytes_max: Some(options.memory_bytes / 4),
-    };
-    build_sources(open_with(inputs, &said, task)?, out, options, task)
+    build_sources(open_with(inputs, &options.opening(), task)?, out, options, task)
 }
 
 /// As [`build`], from opened inputs.
@@ -161,13 +164,16 @@ pub fn build_shared(
     check(&sources, options)?;
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let scratch = Scratch::new(&folder)?;
-    let goes_on = options.resume == Resume::Now;
+    // What was stopped between its last two acts, taking its name and deleting its journal, is finished.
+    let goes_on = options.resume == Resume::Now && FileWriter::has_left(out);
+    let resume =
+        if options.resume == Resume::Now && !goes_on { Resume::Later } else { options.resume };
     let mut writer = if goes_on { FileWriter::resume(out)? } else { FileWriter::create(out)? };
     writer.keep(goes_on);
     let identity = Identity::of(&sources, options, &shares);
-    let journal = Journal::open(out, options.resume, identity)?;
+    let journal = Journal::open(out, resume, identity)?;
     let mut store = Store { writer, scratch, journal, borders: None };
-    if goes_on && !store.journal.is_resumed() {
+    if options.resume == Resume::Now && !store.journal.is_resumed() {
         task.note("there is nothing to resume; starting afresh");
     }
     let built = build_into(&mut store, sources, (out, &folder), options, shares, task);

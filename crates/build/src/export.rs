@@ -1,14 +1,14 @@
-//! From an .esker file back to a scan format: the nodes that a filter wants, in the order of their pages, are
-//! read and decoded in parallel, encoded for the format, and written in order while the next ones are decoded. What
-//! the node table and the statistics show to be unwanted is not read. Without a filter, count and multiset hash
-//! of what was handed to the writer must be the footer's.
+//! From an .esker file, and those that it names, back to a scan format: tree by tree, the oldest first, the nodes
+//! that a filter wants, in the order of their pages, are read and decoded in parallel, encoded for the format, and
+//! written in order while the next ones are decoded. What the node table and the statistics show to be unwanted is
+//! not read. Without a filter, count and multiset hash of what was handed to the writer must be each footer's.
 
 use crate::error::BuildError;
 use esker_format::error::Fault;
-use esker_format::{EskerFile, FormatError, PagePoints, SourceRecord};
+use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
-use esker_points::{AttrType, Batch, Filter, MultisetHash, Schema, Task};
+use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
 use esker_scan::write::{self, Encode, Encoded, Origin, Outline, Output, Target};
 use esker_scan::{Crs, ScanError};
 use rayon::prelude::*;
@@ -21,15 +21,17 @@ const GROUP_BYTES_A_THREAD: u64 = 2 << 20;
 /// What an export did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
-    /// Points of the file.
+    /// Points of all trees.
     pub points_in: u64,
     /// Points written.
     pub points_out: u64,
-    /// Multiset hash of the points written; the file's, where all were.
+    /// Multiset hash of the points written; the sum of the trees', where all were.
     pub hash: MultisetHash,
     /// Whether all were asked for.
     pub is_whole: bool,
-    /// Nodes of the file.
+    /// Trees.
+    pub trees: u64,
+    /// Nodes of all trees.
     pub nodes: u64,
     /// Nodes whose pages were read.
     pub nodes_read: u64,
@@ -62,67 +64,89 @@ struct Part {
     read: u64,
 }
 
-/// Writes the points that `filter` wants to `out`, in the format that its ending names, in the current rayon
-/// pool. Nothing is left under the final name where it fails.
+/// Writes the points that `filter` wants of all trees to `out`, in the format that its ending names, in the current
+/// rayon pool. Nothing is left under the final name where it fails. A spacing is that of each tree's sample.
 ///
 /// # Errors
-/// Where the file is damaged, the format cannot hold its attributes, no point is wanted although there are some,
+/// Where a file is damaged, the format cannot hold the attributes, no point is wanted although there are some,
 /// the disk is full, or on request.
 pub fn export(
-    file: &EskerFile,
+    forest: &Forest,
     out: &Path,
     filter: &Filter,
     task: &dyn Task,
 ) -> Result<Exported, BuildError> {
     let target = Target::of(out)?;
     let wrong = |e: esker_points::FilterError| BuildError::Options(e.to_string());
-    let on_lattice = filter.on(&file.metadata().lattice).map_err(wrong)?;
-    file.check_verbatim()?;
-    let takes = plan(file, &on_lattice)?;
-    let points_max = takes.iter().map(|t| t.prefix as u64).sum();
-    let schema = Arc::new(file.layout().schema().clone());
-    let outline = Outline { lattice: file.metadata().lattice, schema: schema.clone(), points_max };
-    let sources = file.metadata().sources.iter().enumerate();
-    let mut origins = sources.map(|(i, record)| origin(file, i, record));
+    let on_lattice = filter.on(forest.lattice()).map_err(wrong)?;
+    forest.files().try_for_each(EskerFile::check_verbatim)?;
+    // A file names those that were there before it.
+    let mut plans: Vec<(&EskerFile, Vec<Take>)> = Vec::with_capacity(forest.files().len());
+    for file in forest.files() {
+        plans.insert(0, (file, plan(file, &on_lattice)?));
+    }
+    let takes = || plans.iter().flat_map(|(_, takes)| takes);
+    let points_max = takes().map(|t| t.prefix as u64).sum();
+    let schema = Arc::new(forest.schema().clone());
+    let outline = Outline { lattice: *forest.lattice(), schema: schema.clone(), points_max };
+    let mut origins = plans.iter().flat_map(|(file, _)| {
+        let sources = file.metadata().sources.iter().enumerate();
+        sources.map(move |(i, record)| origin(file, i, record))
+    });
     let started = write::create(out, target, &outline, &mut origins)?;
 
     task.phase("exporting", Some(points_max), "points");
-    let reader = Reader { file, filter: &on_lattice, schema, encode: started.encode };
-    let (points_out, hash, output) = reader.run(&takes, started.output, task)?;
-    let footer = file.footer();
-    if points_out == 0 && footer.points > 0 {
-        let path = file.path().display();
-        return Err(BuildError::Options(format!(
-            "{path}: none of its {} points is wanted; nothing was written",
-            footer.points
-        )));
-    }
     let is_whole = filter.is_all();
-    if is_whole && (points_out, hash) != (footer.points, footer.hash) {
-        return Err(BuildError::Differs(format!(
-            "{}: its {points_out} points (hash {hash}) are not those that its footer tells ({}, hash {}); \
-             nothing was written",
-            file.path().display(),
-            footer.points,
-            footer.hash
+    let mut output = started.output;
+    let (mut points_out, mut hash) = (0, MultisetHash::default());
+    for (file, takes) in &plans {
+        let reader = Reader::new(file, &on_lattice, schema.clone(), started.encode.clone());
+        let (points, own) = reader.run(takes, &mut *output, task)?;
+        if is_whole {
+            prove(file, points, own)?;
+        }
+        points_out += points;
+        hash += own;
+    }
+    let points_in = forest.points();
+    if points_out == 0 && points_in > 0 {
+        let path = forest.path().display();
+        return Err(BuildError::Options(format!(
+            "{path}: none of its {points_in} points is wanted; nothing was written"
         )));
     }
     task.check()?;
     let bytes_out = output.finish()?;
     let mut notes = started.notes;
-    notes.extend(note_absent(file));
+    notes.extend(note_absent(forest));
     Ok(Exported {
-        points_in: footer.points,
+        points_in,
         points_out,
         hash,
         is_whole,
-        nodes: footer.nodes,
-        nodes_read: takes.len() as u64,
-        bytes_read: takes.iter().map(|t| u64::from(t.page_bytes)).sum(),
+        trees: plans.len() as u64,
+        nodes: forest.table().nodes.len() as u64,
+        nodes_read: takes().count() as u64,
+        bytes_read: takes().map(|t| u64::from(t.page_bytes)).sum(),
         bytes_out,
         format: started.format,
         notes,
     })
+}
+
+/// Whether these are all points of a file.
+fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildError> {
+    let footer = file.footer();
+    if (points, hash) == (footer.points, footer.hash) {
+        return Ok(());
+    }
+    Err(BuildError::Differs(format!(
+        "{}: its {points} points (hash {hash}) are not those that its footer tells ({}, hash {}); \
+         nothing was written",
+        file.path().display(),
+        footer.points,
+        footer.hash
+    )))
 }
 
 /// What of a source can be restored.
@@ -162,31 +186,50 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
 }
 
 /// Attributes that some points lack, and which are zero there in the export.
-fn note_absent(file: &EskerFile) -> Option<String> {
-    let layout = file.layout();
-    let lacks = |a: &usize| (0..layout.classes().len()).any(|c| !layout.has_attribute(c, *a));
-    let attributes = &layout.schema().attributes;
-    let absent: Vec<&str> =
-        (0..attributes.len()).filter(lacks).map(|a| attributes[a].name.as_str()).collect();
-    let names = absent.join(", ");
-    (!absent.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
+fn note_absent(forest: &Forest) -> Option<String> {
+    let is_in_all = |file: &EskerFile, attribute: &Attribute| {
+        let layout = file.layout();
+        let own = layout.schema().find_typed(&attribute.name, attribute.ty);
+        own.is_some_and(|own| (0..layout.classes().len()).all(|c| layout.has_attribute(c, own)))
+    };
+    // A tree without a point lacks nothing.
+    let lacks =
+        |a: &&Attribute| forest.files().any(|file| file.footer().points > 0 && !is_in_all(file, a));
+    let absent = forest.schema().attributes.iter().filter(lacks);
+    let names = absent.map(|a| a.name.as_str()).collect::<Vec<_>>().join(", ");
+    (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
 }
 
+/// Reads a tree.
 struct Reader<'a> {
     file: &'a EskerFile,
     filter: &'a LatticeFilter,
+    /// The attributes of all trees.
     schema: Arc<Schema>,
+    /// The tree's own for each of these.
+    own: Vec<Option<usize>>,
     encode: Arc<dyn Encode>,
 }
 
-impl Reader<'_> {
-    /// Reads and writes: number and hash of the points, and the output, which is still to be finished.
+impl<'a> Reader<'a> {
+    fn new(
+        file: &'a EskerFile,
+        filter: &'a LatticeFilter,
+        schema: Arc<Schema>,
+        encode: Arc<dyn Encode>,
+    ) -> Self {
+        let find = |a: &Attribute| file.layout().schema().find_typed(&a.name, a.ty);
+        let own = schema.attributes.iter().map(find).collect();
+        Self { file, filter, schema, own, encode }
+    }
+
+    /// Reads and writes: number and hash of the points.
     fn run(
         &self,
         takes: &[Take],
-        mut output: Box<dyn Output>,
+        output: &mut dyn Output,
         task: &dyn Task,
-    ) -> Result<(u64, MultisetHash, Box<dyn Output>), BuildError> {
+    ) -> Result<(u64, MultisetHash), BuildError> {
         let (mut points, mut hash) = (0, MultisetHash::default());
         let mut ready = Vec::new();
         let mut put = |parts: Vec<Part>| -> Result<(), BuildError> {
@@ -206,7 +249,7 @@ impl Reader<'_> {
             ready = decoded?;
         }
         put(ready)?;
-        Ok((points, hash, output))
+        Ok((points, hash))
     }
 
     fn decode(&self, group: &[Take], task: &dyn Task) -> Result<Vec<Part>, BuildError> {
@@ -227,12 +270,19 @@ impl Reader<'_> {
         drop(page);
         self.choose(take, &mut points)?;
         let hash = points.hash(self.file.layout());
-        let batch = Batch {
-            schema: self.schema.clone(),
-            positions: points.positions,
-            columns: points.columns,
-        };
+        let batch = self.batch(points);
         Ok(Part { encoded: self.encode.encode(&batch), hash, read: take.prefix as u64 })
+    }
+
+    /// The points with the attributes of all trees, zeros where this one has none.
+    fn batch(&self, mut points: PagePoints) -> Batch {
+        let count = points.len();
+        let column = |(own, attribute): (&Option<usize>, &Attribute)| match own {
+            Some(own) => std::mem::take(&mut points.columns[*own]),
+            None => vec![0; count * attribute.ty.size()],
+        };
+        let columns = self.own.iter().zip(&self.schema.attributes).map(column).collect();
+        Batch { schema: self.schema.clone(), positions: points.positions, columns }
     }
 
     /// Leaves the points that are wanted.
@@ -247,7 +297,7 @@ impl Reader<'_> {
         let [min, max] = self.file.node(take.node)?.own_box();
         let test = self.filter.in_box(min, max);
         let layout = self.file.layout();
-        let classes = self.schema.find_typed(names::CLASSIFICATION, AttrType::U8);
+        let classes = layout.schema().find_typed(names::CLASSIFICATION, AttrType::U8);
         let class_of = |i: usize| {
             let has = |a: &usize| layout.has_attribute(points.class(i), *a);
             classes.filter(has).map(|a| points.columns[a][i])
@@ -260,7 +310,7 @@ impl Reader<'_> {
 
     /// Leaves the points at which `kept` is true; those past its end go.
     fn keep(&self, points: &mut PagePoints, kept: &[bool]) {
-        let attributes = self.schema.attributes.iter();
+        let attributes = self.file.layout().schema().attributes.iter();
         for (column, size) in points.columns.iter_mut().zip(attributes.map(|a| a.ty.size())) {
             compact(column, size, kept);
         }

@@ -239,7 +239,7 @@ impl Intake {
         let finest = |axis: usize| {
             self.grids.iter().map(|g| g.grid.scale[axis]).fold(f64::INFINITY, f64::min)
         };
-        if (0..3).any(|axis| scale[axis] > finest(axis)) {
+        if self.lattice.is_none() && (0..3).any(|axis| scale[axis] > finest(axis)) {
             task.note(
                 "the inputs' bounds need a lattice coarser than their coordinates; measuring them",
             );

@@ -8,7 +8,7 @@ mod given;
 
 use cloud::below;
 use esker_build::{BuildError, Options, build_sources, export};
-use esker_format::EskerFile;
+use esker_format::{Footer, Forest};
 use esker_points::task::Silent;
 use esker_points::{AttrType, Filter, Task};
 use given::{Given, boxed, given, names_in};
@@ -25,11 +25,16 @@ fn sources() -> Vec<Given> {
     vec![classed, bare.with("intensity", AttrType::U16, |i| i + 1)]
 }
 
-fn built(folder: &Path) -> EskerFile {
+fn built(folder: &Path) -> Forest {
     let out = folder.join("in.esker");
     let options = Options { node_capacity: 256, ..Default::default() };
     build_sources(boxed(&sources()), &out, &options, &Silent).unwrap();
-    EskerFile::open(&out).unwrap()
+    Forest::open(&out).unwrap()
+}
+
+/// The footer of the only file.
+fn footer(file: &Forest) -> &Footer {
+    file.files().next().unwrap().footer()
 }
 
 fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
@@ -39,7 +44,7 @@ fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
 }
 
 /// Lines of the export as text.
-fn lines(file: &EskerFile, folder: &Path, filter: &Filter) -> Vec<String> {
+fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
     let out = folder.join("out.csv");
     let report = export(file, &out, filter, &Silent).unwrap();
     let text = std::fs::read_to_string(&out).unwrap();
@@ -55,8 +60,8 @@ fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
     let file = built(folder.path());
     let report =
         export(&file, &folder.path().join("out.las"), &Filter::default(), &Silent).unwrap();
-    assert_eq!((report.points_out, report.hash), (32_000, file.footer().hash));
-    assert_eq!(report.nodes_read, file.footer().nodes);
+    assert_eq!((report.points_out, report.hash), (32_000, footer(&file).hash));
+    assert_eq!(report.nodes_read, footer(&file).nodes);
     assert_eq!(report.format, "LAS 1.4, point format 6");
     assert_eq!(
         report.notes,

@@ -10,13 +10,23 @@ use esker_build::onto::OFF_LATTICE;
 use esker_build::{BuildError, Options, against_sources, append_sources, build_sources, merge};
 use esker_format::{EskerFile, Forest, PagePoints};
 use esker_points::task::Silent;
-use esker_points::{AttrType, ColourDepth, MultisetHash};
+use esker_points::{AttrType, ColourDepth, MultisetHash, Task};
 use esker_scan::source::Crs;
 use given::{Given, boxed, given, hash_of};
 use std::path::{Path, PathBuf};
 
 fn options() -> Options {
     Options { node_capacity: 256, ..Default::default() }
+}
+
+/// Keeps what is noted.
+#[derive(Default)]
+struct Notes(std::sync::Mutex<Vec<String>>);
+
+impl Task for Notes {
+    fn note(&self, line: &str) {
+        self.0.lock().unwrap().push(line.into());
+    }
 }
 
 fn scan(name: &str, seed: u64, count: u64) -> Given {
@@ -60,6 +70,16 @@ impl Yard {
         std::io::Read::read_to_end(&mut file, &mut bytes).unwrap();
         bytes
     }
+}
+
+#[test]
+fn finer_scans_are_appended_without_measuring_them() {
+    let yard = Yard::new();
+    yard.build("a", &[scan("a.las", 1, 2000)]);
+    let finer = given("b.las", [0.001; 3], (0..2000).map(|i| [i, 2 * i, 3]).collect());
+    let (old, notes) = (Forest::open(&yard.at("a")).unwrap(), Notes::default());
+    let report = append_sources(&old, boxed(&[finer]), &yard.at("b"), &options(), &notes).unwrap();
+    assert_eq!((report.points_out, notes.0.into_inner().unwrap()), (2000, Vec::new()));
 }
 
 fn hash(forest: &Forest) -> MultisetHash {

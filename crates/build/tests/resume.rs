@@ -275,6 +275,17 @@ fn with_nothing_to_resume_a_build_starts_afresh_and_says_so() {
 }
 
 #[test]
+fn a_build_that_took_its_name_but_kept_its_journal_is_built_again() {
+    let (place, whole) = cut();
+    let journal = std::fs::read(place.journal()).unwrap();
+    assert_eq!(place.run(&sources(), Resume::Now, LITTLE, u64::MAX).0, Ended::Done);
+    assert!(place.file() == whole);
+    std::fs::write(place.journal(), journal).unwrap();
+    assert_eq!(place.run(&sources(), Resume::Now, LITTLE, u64::MAX).0, Ended::Done);
+    assert!(place.file() == whole);
+}
+
+#[test]
 fn damage_is_told_or_harmless() {
     let restore = |from: &Path, to: &Path| {
         for name in names_in(from) {

@@ -68,7 +68,10 @@ fn run_build(args: Build, stop: Arc<AtomicBool>) -> Result<()> {
 fn run_append(args: Append, stop: Arc<AtomicBool>) -> Result<()> {
     let progress = Progress::new(args.progress.into(), stop);
     let Append { old, inputs, out, how, .. } = &args;
-    let options = resumable(how, args.resume);
+    let mut options = resumable(how, args.resume);
+    if how.node_capacity.is_none() {
+        options.node_capacity = build::node_capacity(old)?;
+    }
     let (report, seconds) = build::append(old, inputs, out, &options, how.threads, &progress)?;
     drop(progress);
     print(args.json, &build::json(&report, seconds), || build::text(&report, seconds, out))
@@ -203,7 +206,7 @@ fn options(how: &BuildHow) -> BuildOptions {
     BuildOptions {
         memory_bytes: how.memory.unwrap_or(default.memory_bytes),
         scratch: how.scratch.clone(),
-        node_capacity: how.node_capacity,
+        node_capacity: how.node_capacity.unwrap_or(default.node_capacity),
         colour_depth: how.colour_bits.map(Into::into),
         compress: how.compress.into(),
         normals: how.normals.into(),

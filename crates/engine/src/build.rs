@@ -4,6 +4,7 @@ use crate::quantity::{grouped, readable_bytes};
 use crate::{output, pool};
 use anyhow::Result;
 use esker_build::{Options, Report};
+use esker_format::EskerFile;
 use esker_points::Task;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -24,6 +25,14 @@ pub fn build(
     output::may_write(out, inputs)?;
     let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// Points that a node of a built file holds.
+///
+/// # Errors
+/// Where the file does not open.
+pub fn node_capacity(file: &Path) -> Result<u32> {
+    Ok(EskerFile::open(file)?.metadata().node_capacity)
 }
 
 /// Builds `out` from scans onto the lattice of `old`, which it names; nothing of that is written again.

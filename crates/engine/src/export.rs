@@ -1,11 +1,11 @@
-//! Exporting as a call: an .esker file, or the part of it that is wanted, as a scan; the polygon that the user
-//! names, and the report as JSON and as text.
+//! Exporting as a call: an .esker file with all that it names, or the part of it that is wanted, as a scan; the
+//! polygon that the user names, and the report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
 use crate::{output, pool};
 use anyhow::{Context, Result, bail, ensure};
 use esker_build::Exported;
-use esker_format::EskerFile;
+use esker_format::Forest;
 use esker_points::filter::Polygon;
 use esker_points::{Filter, Task};
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ use std::time::Instant;
 /// Bytes of a polygon's file at most.
 const POLYGON_BYTES_MAX: u64 = 64 << 20;
 
-/// Writes the points of `file` that `filter` wants to `out`, on so many threads (0: one a core).
+/// Writes the points of `file`, and of those that it names, that `filter` wants to `out`, on so many threads (0: one a core).
 ///
 /// # Errors
 /// Where the file is damaged, nothing is wanted, the disk is full, or on request; nothing is left under the
@@ -32,8 +32,8 @@ pub fn export(
     let start = Instant::now();
     output::may_write(out, &[file.to_owned()])?;
     let report = pool::run(threads, || {
-        let file = EskerFile::open(file)?;
-        Ok(esker_build::export(&file, out, filter, task)?)
+        let forest = Forest::open(file)?;
+        Ok(esker_build::export(&forest, out, filter, task)?)
     })?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
@@ -107,6 +107,7 @@ pub fn json(report: &Exported, seconds: f64) -> Value {
         "multiset_hash": report.hash.to_string(),
         "filtered": !report.is_whole,
         "hash_equal": report.is_whole.then_some(true),
+        "trees": report.trees,
         "nodes": report.nodes,
         "nodes_read": report.nodes_read,
         "bytes_read": report.bytes_read,
@@ -129,7 +130,8 @@ pub fn text(report: &Exported, seconds: f64, out: &Path) -> String {
         report.bytes_out as f64 / report.points_out.max(1) as f64,
     )];
     lines.push(if report.is_whole {
-        format!("proof: all points of the file, multiset hash {}", report.hash)
+        let of = if report.trees > 1 { "of all trees" } else { "of the file" };
+        format!("proof: all points {of}, multiset hash {}", report.hash)
     } else {
         format!(
             "filtered: {} of {} points, from {} of {} nodes, multiset hash {}",

@@ -9,6 +9,7 @@ use crate::metadata::Metadata;
 use crate::statistics::Statistics;
 use crate::table;
 use esker_points::{MultisetHash, NodeTable};
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -72,6 +73,14 @@ fn stands_at(_file: &File, _path: &Path) -> bool {
     true
 }
 
+/// What a file is called until it is finished.
+fn partial_name(name: &OsStr) -> OsString {
+    let mut hidden = OsString::from(".");
+    hidden.push(name);
+    hidden.push(".partial");
+    hidden
+}
+
 impl FileWriter {
     /// Begins a file that will stand at `path`.
     ///
@@ -95,6 +104,7 @@ impl FileWriter {
             what: "write it",
             source: io::Error::other("the path names no file"),
         })?;
+        let partial = path.with_file_name(partial_name(name));
         // The rename at the end would put a file in the place of a device or fail on a folder.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(FormatError::Io {
@@ -103,15 +113,17 @@ impl FileWriter {
                 source: io::Error::other("something that is no file has this name"),
             });
         }
-        let mut hidden = std::ffi::OsString::from(".");
-        hidden.push(name);
-        hidden.push(".partial");
-        let partial = path.with_file_name(hidden);
         let file = open_alone(&partial).map_err(io_error(path, "write it"))?;
         let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
         let mut writer = Self { path: path.into(), partial, out, offset: 0, is_kept: false };
         writer.write(&header())?;
         Ok(writer)
+    }
+
+    /// Whether a writer of `path` has left anything, or is still at it.
+    pub fn has_left(path: &Path) -> bool {
+        let name = path.file_name().map(partial_name);
+        name.is_some_and(|name| path.with_file_name(name).exists())
     }
 
     /// Whether what is written stays where the writer is dropped before its end.
