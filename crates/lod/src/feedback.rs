@@ -1,8 +1,8 @@
 //! What the last finished frame hides of the next: its own depth, in coarse tiles. A box is looked for in
 //! the picture of that frame: it is hidden where all tiles about it are covered and nearer. Turning the
 //! camera costs nothing, since a depth picture holds for all directions from its eye. Moving it does: the
-//! box's place in the old picture is grown by the parallax that anything there can have, and where the
-//! depths there differ by so much that a gap may have opened between them, nothing is hidden.
+//! box's place in the old picture is grown by the parallax that anything there can have, and where
+//! depths side by side differ by so much that a gap may have opened between them, nothing is hidden.
 
 use crate::grid::{DepthGrid, SIDE};
 use crate::occlusion::Occlusion;
@@ -59,14 +59,39 @@ pub fn tiles_of(depth: &[f32], width: usize, height: usize) -> Vec<DepthTile> {
     tiles
 }
 
+/// What some tiles show.
+#[derive(Clone, Copy, Debug)]
+struct Range {
+    /// The nearest depth.
+    nearest: f32,
+    /// The farthest; infinite where something is not covered.
+    farthest: f32,
+    /// How far pixels that touch can move apart when the eye moves: the greatest difference of the inverse depths of
+    /// a tile and those around it.
+    opening: f32,
+}
+
+impl Range {
+    const NOTHING: Self = Self { nearest: f32::INFINITY, farthest: 0.0, opening: 0.0 };
+
+    /// The range that has both.
+    fn join(self, other: Self) -> Self {
+        Self {
+            nearest: self.nearest.min(other.nearest),
+            farthest: self.farthest.max(other.farthest),
+            opening: self.opening.max(other.opening),
+        }
+    }
+}
+
 /// The depth of a finished frame, looked at from where the next one is seen.
 #[derive(Clone, Debug)]
 pub struct DepthFeedback {
     /// The view of that frame.
     old: Projection,
     grid: Arc<DepthGrid>,
-    /// Nearest and farthest depths of the tiles, and of ever coarser ones.
-    ranges: Arc<Vec<Vec<[f32; 2]>>>,
+    /// What the tiles show, and ever coarser ones.
+    ranges: Arc<Vec<Vec<Range>>>,
     /// The view that is asked for.
     new: Projection,
     /// Most pixels that anything at depth 1 moves on the old picture between the two.
@@ -101,7 +126,7 @@ impl DepthFeedback {
     /// the tile shows nothing.
     pub fn nearest_at(&self, place: DVec2) -> Option<f64> {
         let at = place * self.grid.size_px();
-        let [nearest, _] = self.range_within(at, at);
+        let nearest = f64::from(self.range_within(at, at).nearest);
         (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
     }
 
@@ -154,13 +179,13 @@ impl DepthFeedback {
             {
                 return false;
             }
-            let [front, back] = self.range_within(low, high);
-            if back >= nearest * (1.0 - 1e-5) {
+            let range = self.range_within(low, high);
+            if f64::from(range.farthest) >= nearest * (1.0 - 1e-5) {
                 return false;
             }
-            let needed = self.parallax * (1.0 / front - 1.0 / nearest);
+            let needed = self.parallax * (1.0 / f64::from(range.nearest) - 1.0 / nearest);
             if needed <= reach {
-                return self.parallax * (1.0 / front - 1.0 / back) <= GAP_MAX_PX;
+                return self.parallax * f64::from(range.opening) <= GAP_MAX_PX;
             }
             // Some more than is needed, so that the next round is mostly the last.
             reach = needed * 1.1;
@@ -168,40 +193,45 @@ impl DepthFeedback {
         false
     }
 
-    /// Nearest and farthest depth of the tiles that a rectangle of the old picture touches, or of some
-    /// more: of large rectangles, by coarser tiles.
-    fn range_within(&self, low: DVec2, high: DVec2) -> [f64; 2] {
+    /// What the tiles show that a rectangle of the old picture touches, or some more: of large rectangles, coarser
+    /// tiles.
+    fn range_within(&self, low: DVec2, high: DVec2) -> Range {
         let tile = |at: DVec2| (at * self.grid.tiles_per_px()).clamp(DVec2::ZERO, LAST).as_uvec2();
         let (low, high) = (tile(low), tile(high));
         let extent = (high - low).max_element();
         let level = (u32::BITS - (extent / LOOKED_AT).leading_zeros()) as usize;
         let level = level.min(self.ranges.len() - 1);
         let side = SIDE >> level;
-        let mut range = [f32::INFINITY, 0.0];
+        let mut range = Range::NOTHING;
         for y in low.y as usize >> level..=high.y as usize >> level {
             for x in low.x as usize >> level..=high.x as usize >> level {
-                range = join(range, self.ranges[level][y * side + x]);
+                range = range.join(self.ranges[level][y * side + x]);
             }
         }
-        range.map(f64::from)
+        range
     }
 }
 
-/// The range of depths that has both.
-fn join(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
-}
-
-/// Depth ranges of the tiles, then of 2 x 2 of them, and so on to one for all.
-fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<[f32; 2]>> {
-    let mut levels = vec![tiles.iter().map(|t| [t.nearest, t.farthest]).collect::<Vec<_>>()];
+/// What the tiles show, then 2 x 2 of them, and so on to one for all.
+fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<Range>> {
+    let range = |(i, tile): (usize, &DepthTile)| {
+        let (x, y) = (i % TILES, i / TILES);
+        let [rows, columns] = [y, x].map(|c| c.saturating_sub(1)..(c + 2).min(TILES));
+        let (mut nearest, mut farthest) = (tile.nearest, tile.farthest);
+        for tile in rows.flat_map(|y| &tiles[y * TILES..][columns.clone()]) {
+            (nearest, farthest) = (nearest.min(tile.nearest), farthest.max(tile.farthest));
+        }
+        let opening = nearest.recip() - farthest.recip();
+        Range { nearest: tile.nearest, farthest: tile.farthest, opening }
+    };
+    let mut levels = vec![tiles.iter().enumerate().map(range).collect::<Vec<_>>()];
     let mut side = SIDE;
     while side > 1 {
         let finer = &levels[levels.len() - 1];
         let coarser = (0..side * side / 4).map(|i| {
             let at = i / (side / 2) * 2 * side + i % (side / 2) * 2;
             let [a, b, c, d] = [at, at + 1, at + side, at + side + 1].map(|i| finer[i]);
-            join(join(a, b), join(c, d))
+            a.join(b).join(c.join(d))
         });
         let coarser = coarser.collect();
         levels.push(coarser);
