@@ -18,7 +18,7 @@ override NORMALS: bool = false;
 const RADIUS_FACTOR_NORMALS: f32 = 1.4;
 const RADIUS_FACTOR_BARE: f32 = 1.15;
 const RADIUS_MARGIN_PX_NORMALS: f32 = 0.35;
-const RADIUS_MARGIN_PX_BARE: f32 = 0.52;
+const RADIUS_MARGIN_PX_BARE: f32 = 0.5;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
 const BARE_REACH: f32 = 2.0;
@@ -81,7 +81,8 @@ fn gather(pixel: u32, depth_bits: u32) {
     // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
     let place = place_of(draw, offset, depth);
     let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
-    let displaced = clamp(centre - place, vec2<f32>(-0.5), vec2<f32>(0.5));
+    let within = vec2<f32>(select(0.0, 0.5, NORMALS));
+    let displaced = clamp(centre - place, -within, within);
     var reach = radius * BARE_REACH;
     if NORMALS {
         let normal = normal_to_eye(paint.w, draw, offset, radius_px);

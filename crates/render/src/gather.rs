@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
 /// Added to radii in the picture, pixels, with normals and without: pixels are covered where their centres are. With 0.2 the far side shows
 /// through a sphere of half a point a pixel.
-const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.52];
+const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
 /// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
 /// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
 const MINOR_FACTOR: f32 = 1.3;
@@ -227,9 +227,11 @@ fn gather_level<const NORMALS: bool>(
             let radius_px = (hit.radius * focal_px / depth
                 + RADIUS_MARGIN_PX[usize::from(!NORMALS)])
             .min(RADIUS_MAX);
-            // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+            // From the point's place to the pixel's centre: within the pixel, however the place was rounded. Without
+            // normals the place serves no plane: arriving nodes then change less where points count as pixels' centres.
             let centre = Vec2::new(x as f32, row.y as f32) + 0.5;
-            let displaced = (centre - hit.place).clamp(Vec2::splat(-0.5), Vec2::splat(0.5));
+            let within = if NORMALS { Vec2::splat(0.5) } else { Vec2::ZERO };
+            let displaced = (centre - hit.place).clamp(-within, within);
             let reach = if NORMALS && hit.normal.truncate() != Vec3::ZERO {
                 let plate = lens.thickness(hit.normal, hit.place);
                 hit.radius * (THICKNESS / RADIUS_FACTOR[0]) * plate
