@@ -79,7 +79,8 @@ fn one_cloud() {
 fn exported() {
     let folder = Folder::new();
     // Text that has what no record of LAS has, so that trees lack attributes of each other's.
-    let line = |i: u32| format!("{}.25 {}.5 {} {} {}\n", i % 40, i % 23, i % 7, i, 255 - i % 200);
+    let at = |i: u32| format!("{}.25 {}.5 {}", 691_000 + i % 40, 5_334_995 + i % 11, 521 + i % 7);
+    let line = |i: u32| format!("{} {} {}\n", at(i), i, 255 - i % 200);
     let text: String =
         std::iter::once("x y z quality intensity\n".into()).chain((0..900).map(line)).collect();
     let first = Path::new("synthetic:office:30k:1");
@@ -115,11 +116,12 @@ fn exported() {
     let lines = std::fs::read_to_string(folder.file("c.csv")).unwrap();
     assert_eq!(lines.lines().count(), 50_901);
     // A box takes its points out of every tree.
-    let part = export(&c, &folder.file("part.csv"), &["--box", "0,0,20,10"]).json();
+    let part =
+        export(&c, &folder.file("part.csv"), &["--box", "691000,5334990,691020,5335000"]).json();
     let inside = |line: &&str| {
         let mut numbers = line.split(',').map(|n| n.parse::<f64>().unwrap());
-        let mut within = |most: f64| (0.0..=most).contains(&numbers.next().unwrap());
-        within(20.0) && within(10.0)
+        let mut within = |low: f64, high: f64| (low..=high).contains(&numbers.next().unwrap());
+        within(691_000.0, 691_020.0) && within(5_334_990.0, 5_335_000.0)
     };
     let expected = lines.lines().skip(1).filter(inside).count();
     assert_eq!(part["points_out"].as_u64(), Some(expected as u64));
