@@ -15,7 +15,8 @@ use crate::scratch::Scratch;
 use crate::shares::Shares;
 use crate::space::{Needs, free_bytes};
 use crate::store::Store;
-use crate::tree::{Context, assemble};
+use crate::subtree::assemble;
+use crate::tree::Context;
 use esker_format::{
     Codec, CrsRecord, FileWriter, Histograms, Metadata, Normals, PageLayout, SourceRecord,
     Statistics,

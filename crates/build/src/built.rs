@@ -4,7 +4,8 @@ use crate::record::{Kind, Reading, Record};
 use crate::row::{RowLayout, Rows};
 use crate::shape::Moments;
 use crate::store::Outgoing;
-use crate::tree::{Children, Context, Pending, Subtree};
+use crate::subtree::{Children, Subtree};
+use crate::tree::{Context, Pending};
 use esker_format::{Histograms, NodeStatistics};
 use esker_points::{Cell, MultisetHash, Node};
 use std::ops::Range;
@@ -78,7 +79,7 @@ impl Built {
         self.outgoing.record = Some(record);
     }
 
-    /// Keeps a cell with only the rows that it offers.
+    /// Keeps a cell with only the rows of its root.
     pub fn hold(&mut self, mut pending: Pending, rows: &Rows<'_>) {
         self.place(&mut pending.children);
         let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
@@ -132,9 +133,9 @@ impl PartRead {
     }
 }
 
-/// A cell that is built but for its root, with the rows that the root offers.
+/// A cell that is built but for its root, with the rows that the root has.
 pub struct Held {
-    /// The cell; what it offers is all of the rows.
+    /// The cell; what it has is all of the rows.
     pub pending: Pending,
     /// The rows.
     pub rows: Vec<u8>,
@@ -143,10 +144,11 @@ pub struct Held {
 impl Held {
     /// Writes it down; all pages below it have their places.
     pub fn put(&self, record: &mut Record) {
-        let Pending { cell, moments, turns, radii, children, .. } = &self.pending;
+        let Pending { cell, moments, sampled, turns, radii, children, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
+        record.put(*sampled as u64);
         record.put_all(turns);
         record.put_all(radii);
         record.put_all(&self.rows);
@@ -170,11 +172,13 @@ impl Held {
     pub fn get(from: &mut Reading<'_>, stride: usize, attributes: usize) -> Option<Self> {
         let cell = Cell { corner: from.get()?, log2: from.get()? };
         let moments = Moments::from_numbers(from.get()?);
+        let sampled = usize::try_from(from.get::<u64>()?).ok()?;
         let (turns, radii): (Vec<u16>, Vec<f32>) = (from.get_all()?, from.get_all()?);
         let rows: Vec<u8> = from.get_all()?;
         let count = rows.len() / stride;
         let fits = |len: usize| len == 0 || len == count;
-        if !rows.len().is_multiple_of(stride) || turns.len() != radii.len() || !fits(turns.len()) {
+        let fits_rows = rows.len().is_multiple_of(stride) && sampled <= count;
+        if !fits_rows || turns.len() != radii.len() || !fits(turns.len()) {
             return None;
         }
         let mut trees: Vec<Subtree> = Vec::new();
@@ -189,7 +193,7 @@ impl Held {
         }
         let children: Children = trees.into_iter().collect();
         let offered = (0..count as u32).collect();
-        let pending = Pending { cell, moments, offered, turns, radii, children };
+        let pending = Pending { cell, moments, offered, sampled, turns, radii, children };
         Some(Self { pending, rows })
     }
 }

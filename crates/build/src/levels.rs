@@ -13,7 +13,8 @@ use crate::record::Kind;
 use crate::row::{Rows, position};
 use crate::shape::Moments;
 use crate::store::Store;
-use crate::tree::{Context, Subtree};
+use crate::subtree::Subtree;
+use crate::tree::Context;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
 

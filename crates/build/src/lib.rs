@@ -41,6 +41,7 @@ mod space;
 mod spacing;
 mod store;
 mod stored;
+mod subtree;
 mod taking;
 mod thin;
 mod tree;

@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::onto::Merged;
-use crate::tree::Subtree;
+use crate::subtree::Subtree;
 use esker_points::{MultisetHash, NodeTable};
 
 /// The hash of all points of a tree.

@@ -1,6 +1,6 @@
 //! The tree, bottom-up: a cell with no more points than a node holds offers them all; a larger one offers
 //! an even sample of what its children offer, and what it takes, they lose. A node is finished, and its
-//! page made, when the cell above has taken its share.
+//! page made, when the cell above has taken its share. A cell that has few points left gives them to the node above.
 
 use crate::candidates::Candidates;
 use crate::contour;
@@ -9,16 +9,21 @@ use crate::row::{RowLayout, Rows};
 use crate::sample::{choose, place};
 use crate::shape::{Moments, Shape};
 use crate::spacing::{radii, spacing};
+use crate::subtree::{Children, Subtree};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
 use esker_format::{Histograms, NodeStatistics, PageLayout, Ranges, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
-use esker_points::{Cell, MultisetHash, Node, NodeTable, quant};
+use esker_points::{Cell, Node, morton, quant};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Mutex;
 
 /// A radius is at most so many times its node's spacing: a lone point must not become a blob.
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
+/// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
+/// at most this part of what a node holds, so that it stays an even sample.
+const GIVEN: usize = 16;
 /// A cell is not split before it has so many nodes' points.
 const LEAF_NODES: usize = 2;
 
@@ -42,69 +47,17 @@ pub struct Pending {
     pub cell: Cell,
     /// Of all points in the cell.
     pub moments: Moments,
-    /// What it offers: rows, ascending (which is along the Morton curve).
+    /// What it offers: rows, ascending (which is along the Morton curve); then those that it does not offer, but
+    /// has been given by cells below that had few left.
     pub offered: Vec<u32>,
-    /// The turn of each of these in thinning; empty where no sample has placed them.
+    /// How many it offers.
+    pub sampled: usize,
+    /// The turn of each of these rows in thinning; empty where no sample has placed them.
     pub turns: Vec<u16>,
     /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
     pub radii: Vec<f32>,
     /// What lies below.
     pub children: Children,
-}
-
-/// A finished node and all below it.
-pub struct Subtree {
-    /// Its record; links and the page's place are set when the table is assembled.
-    pub node: Node,
-    /// Its page, until it is written.
-    pub page: Vec<u8>,
-    /// Of its own points.
-    pub statistics: NodeStatistics,
-    /// Hash of its own points.
-    pub hash: MultisetHash,
-    /// Least and greatest lattice coordinates of its own points.
-    pub bounds: [[u32; 3]; 2],
-    /// Its children, in Morton order.
-    pub children: Children,
-}
-
-/// Children, which are dropped one after the other: a chain of continuations is longer than a stack.
-#[derive(Default)]
-pub struct Children(Vec<Subtree>);
-
-impl Children {
-    /// The children themselves.
-    pub fn take(&mut self) -> Vec<Subtree> {
-        std::mem::take(&mut self.0)
-    }
-}
-
-impl std::ops::Deref for Children {
-    type Target = Vec<Subtree>;
-    fn deref(&self) -> &Vec<Subtree> {
-        &self.0
-    }
-}
-
-impl std::ops::DerefMut for Children {
-    fn deref_mut(&mut self) -> &mut Vec<Subtree> {
-        &mut self.0
-    }
-}
-
-impl FromIterator<Subtree> for Children {
-    fn from_iter<I: IntoIterator<Item = Subtree>>(trees: I) -> Self {
-        Self(trees.into_iter().collect())
-    }
-}
-
-impl Drop for Children {
-    fn drop(&mut self) {
-        let mut open = self.take();
-        while let Some(mut tree) = open.pop() {
-            open.append(&mut tree.children);
-        }
-    }
 }
 
 impl Context {
@@ -131,10 +84,11 @@ impl Context {
     }
 
     /// A cell that is not split: it offers all of its points.
-    pub fn leaf(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
+    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
         Pending {
             cell,
             moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
+            sampled: points.len(),
             offered: points.collect(),
             turns: Vec::new(),
             radii: Vec::new(),
@@ -149,7 +103,7 @@ impl Context {
     }
 
     /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
-    pub fn coincident(&self, rows: &Rows<'_>, points: std::ops::Range<u32>, cell: Cell) -> Pending {
+    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
         let mut head = self.leaf(rows, points.start..points.start + self.capacity as u32, cell);
         let rest = (points.start + self.capacity as u32..points.end).step_by(self.capacity);
         for first in rest.rev() {
@@ -176,15 +130,21 @@ impl Context {
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
-        let offered: Vec<u32> = children.iter().flat_map(|c| c.offered.iter().copied()).collect();
+        let offered: Vec<u32> =
+            children.iter().flat_map(|c| c.offered[..c.sampled].iter().copied()).collect();
         let dimension = Shape::of(moments.covariance(self.scale)).dimension;
         let candidates = Candidates::new(rows, &offered, &cell, self.scale);
         let placed = placed(&children, offered.len());
-        let mut turns = choose(&candidates, &placed, self.capacity, self.edge(&cell), dimension);
+        // What is left of cells with few points has its place beside the sample.
+        let (few, given_max) = self.few(&children);
+        // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
+        let samples = children.iter().filter(|c| !is_leaf(c)).map(|c| c.sampled);
+        let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
+        let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
         for child in children {
-            let part = start..start + child.offered.len();
+            let part = start..start + child.sampled;
             start = part.end;
             // A node keeps a point of its own, or it could not stand between the one above and those below.
             if !child.children.is_empty() && turns[part.clone()].iter().all(|t| *t != LAST_TURN) {
@@ -199,14 +159,65 @@ impl Context {
             cell,
             moments,
             offered: chosen.iter().map(|&i| offered[i]).collect(),
+            sampled: chosen.len(),
             turns: chosen.iter().map(|&i| turns[i]).collect(),
             radii: chosen.iter().map(|&i| radii[i]).collect(),
             children: Children::default(),
         };
         let above = self.spacing(&pending, chosen.len(), dimension, None);
+        let mut few = few.into_iter();
+        for (child, part) in parts.extract_if(.., |_| few.next() == Some(true)) {
+            self.give(rows, child, &turns[part], above, &mut pending);
+        }
         let finish = |(child, part)| self.finish(rows, child, &turns[part], Some(above));
-        pending.children = Children(parts.into_par_iter().filter_map(finish).collect());
+        pending.children = parts.into_par_iter().filter_map(finish).collect::<Vec<_>>().into();
         pending
+    }
+
+    /// Which cells have few points, and how many those are, as far as the node above has room for them.
+    fn few(&self, children: &[Pending]) -> (Vec<bool>, usize) {
+        let mut least: Vec<usize> =
+            (0..children.len()).filter(|&i| is_leaf(&children[i])).collect();
+        least.sort_by_key(|&i| children[i].sampled);
+        let (mut few, mut points) = (vec![false; children.len()], 0);
+        for i in least {
+            few[i] = (points + children[i].sampled) * GIVEN <= self.capacity;
+            points += if few[i] { children[i].sampled } else { 0 };
+        }
+        (few, points)
+    }
+
+    /// Gives what is left of a leaf to the cell above, whose sample has the spacing `above`.
+    fn give(
+        &self,
+        rows: &Rows<'_>,
+        mut leaf: Pending,
+        taken: &[u16],
+        above: f64,
+        to: &mut Pending,
+    ) {
+        let dimension = Shape::of(leaf.moments.covariance(self.scale)).dimension;
+        self.place(rows, &mut leaf, taken, Some(above), dimension);
+        let spacing = self.spacing(&leaf, leaf.sampled, dimension, Some(above)) as f32;
+        for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
+            to.offered.push(leaf.offered[i]);
+            to.turns.push(leaf.turns[i]);
+            to.radii.push(if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing });
+        }
+    }
+
+    /// Gives a leaf's points their turns and radii.
+    fn place(
+        &self,
+        rows: &Rows<'_>,
+        leaf: &mut Pending,
+        taken: &[u16],
+        above: Option<f64>,
+        dimension: u32,
+    ) {
+        let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale);
+        leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
+        leaf.radii = self.radii(&candidates, |_| true, dimension);
     }
 
     /// Finishes a cell of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
@@ -221,31 +232,33 @@ impl Context {
     ) -> Option<Subtree> {
         let shape = Shape::of(pending.moments.covariance(self.scale));
         if pending.turns.is_empty() {
-            let cell = &pending.cell;
-            let candidates = Candidates::new(rows, &pending.offered, cell, self.scale);
-            let edge = self.edge(cell);
-            pending.turns = place(&candidates, taken, above, edge, shape.dimension);
-            pending.radii = self.radii(&candidates, |_| true, shape.dimension);
+            self.place(rows, &mut pending, taken, above, shape.dimension);
         }
         let is_own = |i: &u32| taken.get(*i as usize).is_none_or(|&turn| turn == LAST_TURN);
-        let own: Vec<u32> = (0..pending.offered.len() as u32).filter(is_own).collect();
+        let mut own: Vec<u32> = (0..pending.offered.len() as u32).filter(is_own).collect();
+        let is_given = |i: u32| i as usize >= pending.sampled;
+        if pending.offered.len() > pending.sampled {
+            own.sort_by_cached_key(|&i| {
+                morton::encode3(rows.position(pending.offered[i as usize]))
+            });
+        }
         let turns: Vec<u16> = own.iter().map(|&i| pending.turns[i as usize]).collect();
         let count = own.len().div_ceil(self.capacity) as u32;
         let part_of = parts(&turns, count as usize);
-        let mut drawn = pending.offered.len();
+        let mut drawn = pending.sampled;
         let full = self.spacing(&pending, drawn, shape.dimension, above);
         let mut below = std::mem::take(&mut pending.children);
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
             let spacing = self.spacing(&pending, drawn, shape.dimension, above);
-            drawn -= points.len();
+            drawn -= points.iter().filter(|i| !is_given(**i)).count();
             let mut tree = self.node(rows, &pending, &points, &shape, [spacing, full], below);
             if part == 0 {
                 return Some(tree);
             }
             tree.node.shape |= SHAPE_CONTINUATION;
-            below = Children(vec![tree]);
+            below = vec![tree].into();
         }
         None
     }
@@ -311,8 +324,9 @@ impl Context {
     /// The spacing of the first `drawn` of a cell's points: never more than that of the sample above, never zero.
     fn spacing(&self, pending: &Pending, drawn: usize, dimension: u32, above: Option<f64>) -> f64 {
         let step = self.scale.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-        let own = spacing(&pending.turns, drawn, pending.moments.count as usize, dimension);
-        let few = pending.offered.len() < 8;
+        let turns = &pending.turns[..pending.sampled];
+        let own = spacing(turns, drawn, pending.moments.count as usize, dimension);
+        let few = pending.sampled < 8;
         let spacing = match above {
             Some(above) if few || own > above => above,
             _ => own,
@@ -327,6 +341,11 @@ impl Context {
     }
 }
 
+/// Whether a cell was not split: only then it has neither turns yet nor nodes below.
+fn is_leaf(cell: &Pending) -> bool {
+    cell.turns.is_empty() && cell.children.is_empty()
+}
+
 /// The turns that cells below have given to what they offer, in all so many; empty where none has.
 fn placed(children: &[Pending], offered: usize) -> Vec<u16> {
     if children.iter().all(|c| c.turns.is_empty()) {
@@ -334,8 +353,9 @@ fn placed(children: &[Pending], offered: usize) -> Vec<u16> {
     }
     let mut turns = Vec::with_capacity(offered);
     for child in children {
-        turns.extend_from_slice(&child.turns);
-        turns.resize(turns.len() + child.offered.len() - child.turns.len(), LAST_TURN);
+        let known = &child.turns[..child.turns.len().min(child.sampled)];
+        turns.extend_from_slice(known);
+        turns.resize(turns.len() + child.sampled - known.len(), LAST_TURN);
     }
     turns
 }
@@ -353,34 +373,4 @@ fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
     let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap_or(0);
     node.hot_shift = quant::hot_shift(extent);
     [min, max]
-}
-
-/// The node table of a tree, and the statistics of its nodes in the table's order: siblings together,
-/// parents before children.
-pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
-    let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
-    let mut open = Vec::new();
-    if let Some(mut root) = root {
-        root.node.parent = esker_points::node::NONE;
-        table.nodes.push(root.node);
-        statistics.push(root.statistics);
-        open.push((0u32, root.children.take()));
-    }
-    while let Some((parent, children)) = open.pop() {
-        if children.is_empty() {
-            continue;
-        }
-        let first = table.nodes.len() as u32;
-        table.nodes[parent as usize].first_child = first;
-        table.nodes[parent as usize].child_count = children.len() as u8;
-        let mut below = Vec::with_capacity(children.len());
-        for (i, mut child) in children.into_iter().enumerate() {
-            child.node.parent = parent;
-            table.nodes.push(child.node);
-            statistics.push(child.statistics);
-            below.push((first + i as u32, child.children.take()));
-        }
-        open.extend(below.into_iter().rev());
-    }
-    (table, statistics)
 }

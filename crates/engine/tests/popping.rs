@@ -106,6 +106,8 @@ struct Worst {
     /// Shares of the picture that were covered at full density alone, and by the cut alone.
     holes: f64,
     blobs: f64,
+    /// What an arrival, or several, added to the latter at a view.
+    blobs_added: f64,
     arrivals: usize,
 }
 
@@ -164,7 +166,7 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
         let leg = (at as usize).min(legs - 1);
         let view = path.between(leg + 1, at - leg as f64);
         let full = whole.draw(&view, &whole.select(&view, &AllResident, 0.0), &mut renderer);
-        let mut before = f64::INFINITY;
+        let (mut before, mut blobs_least) = (f64::INFINITY, f64::INFINITY);
         for arrival in 0.. {
             let cut = whole.select(&view, &known, 1.0);
             let picture = whole.draw(&view, &cut, &mut renderer);
@@ -173,6 +175,8 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
             before = error;
             let [holes, blobs] = uncovered(&picture, &full);
             (worst.holes, worst.blobs) = (worst.holes.max(holes), worst.blobs.max(blobs));
+            blobs_least = blobs.min(blobs_least);
+            worst.blobs_added = worst.blobs_added.max(blobs - blobs_least);
             let may_come = |m: &&Missing| known.0[nodes[m.node as usize].parent as usize];
             let worth = |m: &&Missing| order.worth(whole, &view, m);
             let next =
@@ -194,14 +198,12 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32) {
         let worst = fly(&whole, &path, 3, 20, order);
         println!("{order:?}: {worst:?}");
         assert!(worst.arrivals > 60, "{order:?}: {worst:?}");
-        // No loader asks for nodes at random: then what continues a cell may be long in coming.
-        let (rise, blobs) = match order {
-            Order::Random(_) => (0.03, 0.05),
-            _ => (0.02, 0.02),
-        };
-        assert!(worst.rise <= rise, "{order:?}: a node pops: {worst:?}");
+        assert!(worst.rise <= 0.02, "{order:?}: a node pops: {worst:?}");
         assert!(worst.holes <= 0.02, "{order:?}: holes: {worst:?}");
-        assert!(worst.blobs <= blobs, "{order:?}: blobs: {worst:?}");
+        assert!(worst.blobs_added <= 0.005, "{order:?}: blobs: {worst:?}");
+        // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to chance.
+        let blobs_max = if matches!(order, Order::Random(_)) { 0.05 } else { 0.02 };
+        assert!(worst.blobs <= blobs_max, "{order:?}: blobs: {worst:?}");
     }
 }
 

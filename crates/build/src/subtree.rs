@@ -1,0 +1,95 @@
+//! Finished nodes: a node and all below it, and the node table and statistics that they make.
+
+use esker_format::NodeStatistics;
+use esker_points::{MultisetHash, Node, NodeTable};
+
+/// A finished node and all below it.
+pub struct Subtree {
+    /// Its record; links and the page's place are set when the table is assembled.
+    pub node: Node,
+    /// Its page, until it is written.
+    pub page: Vec<u8>,
+    /// Of its own points.
+    pub statistics: NodeStatistics,
+    /// Hash of its own points.
+    pub hash: MultisetHash,
+    /// Least and greatest lattice coordinates of its own points.
+    pub bounds: [[u32; 3]; 2],
+    /// Its children, in Morton order.
+    pub children: Children,
+}
+
+/// Children, which are dropped one after the other: a chain of continuations is longer than a stack.
+#[derive(Default)]
+pub struct Children(Vec<Subtree>);
+
+impl Children {
+    /// The children themselves.
+    pub fn take(&mut self) -> Vec<Subtree> {
+        std::mem::take(&mut self.0)
+    }
+}
+
+impl From<Vec<Subtree>> for Children {
+    fn from(trees: Vec<Subtree>) -> Self {
+        Self(trees)
+    }
+}
+
+impl std::ops::Deref for Children {
+    type Target = Vec<Subtree>;
+    fn deref(&self) -> &Vec<Subtree> {
+        &self.0
+    }
+}
+
+impl std::ops::DerefMut for Children {
+    fn deref_mut(&mut self) -> &mut Vec<Subtree> {
+        &mut self.0
+    }
+}
+
+impl FromIterator<Subtree> for Children {
+    fn from_iter<I: IntoIterator<Item = Subtree>>(trees: I) -> Self {
+        Self(trees.into_iter().collect())
+    }
+}
+
+impl Drop for Children {
+    fn drop(&mut self) {
+        let mut open = self.take();
+        while let Some(mut tree) = open.pop() {
+            open.append(&mut tree.children);
+        }
+    }
+}
+
+/// The node table of a tree, and the statistics of its nodes in the table's order: siblings together,
+/// parents before children.
+pub fn assemble(root: Option<Subtree>) -> (NodeTable, Vec<NodeStatistics>) {
+    let (mut table, mut statistics) = (NodeTable::default(), Vec::new());
+    let mut open = Vec::new();
+    if let Some(mut root) = root {
+        root.node.parent = esker_points::node::NONE;
+        table.nodes.push(root.node);
+        statistics.push(root.statistics);
+        open.push((0u32, root.children.take()));
+    }
+    while let Some((parent, children)) = open.pop() {
+        if children.is_empty() {
+            continue;
+        }
+        let first = table.nodes.len() as u32;
+        table.nodes[parent as usize].first_child = first;
+        table.nodes[parent as usize].child_count = children.len() as u8;
+        let mut below = Vec::with_capacity(children.len());
+        for (i, mut child) in children.into_iter().enumerate() {
+            child.node.parent = parent;
+            table.nodes.push(child.node);
+            statistics.push(child.statistics);
+            below.push((first + i as u32, child.children.take()));
+        }
+        open.extend(below.into_iter().rev());
+    }
+    (table, statistics)
+}
