@@ -26,7 +26,7 @@ fn terrain() -> &'static Path {
         let name = format!("{}-terrain.esker", env!("CARGO_CRATE_NAME"));
         let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         let normals = NormalsMode::Estimate;
-        let options = esker_build::Options { node_capacity: 4096, normals, ..Default::default() };
+        let options = esker_build::Options { node_capacity: 1024, normals, ..Default::default() };
         let scan = PathBuf::from("synthetic:terrain:60000:5");
         esker_build::build(&[scan], &out, &options, &Silent).unwrap();
         out
