@@ -250,6 +250,7 @@ fn every_way_to_show_a_window_shows_the_picture() {
 fn settings_change_while_it_runs_and_the_view_stays() {
     let Some(stand) = stand() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
+        {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "press", "key": "M"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "points.png"},
         {"do": "press", "key": "M"}, {"do": "press", "key": "O"},
         {"do": "wait", "seconds": 0.2}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "surface.png"},
