@@ -420,7 +420,7 @@ pub struct Render {
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Points alone, or closed surfaces.
+    /// Points alone, closed surfaces, or splats.
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodArg,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates. Every part may be missing;

@@ -21,7 +21,7 @@ pub struct Args {
     /// Width and height of the window, in points.
     #[arg(long, default_value = "1280x800", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
-    /// Points alone, or closed surfaces.
+    /// Points alone, closed surfaces, or splats.
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodArg,
     /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
