@@ -1,16 +1,52 @@
-//! `esker bench render` and `esker bench leave-out`: their arguments and the calls.
+//! `esker bench`: its arguments and the calls.
 
-use crate::args::{DrawWithArgs, MethodArg, ProgressArg, parse_camera, parse_points};
-use crate::commands::print;
-use anyhow::Result;
-use clap::Args as ClapArgs;
-use esker_engine::bench::{leave_out, render, splats};
+use crate::output::Output;
+use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, parse_camera};
+use anyhow::{Context, Result, bail};
+use clap::{Args as ClapArgs, Subcommand, ValueEnum};
+use esker_engine::bench::build::Against;
+use esker_engine::bench::draw::POINTS_MAX;
+use esker_engine::bench::stream::Settings;
+use esker_engine::bench::{build, draw, leave_out, process, render, report, splats, stream};
 use esker_engine::camera::Camera;
 use esker_engine::progress::Progress;
 use esker_engine::quantity;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+
+#[derive(Subcommand)]
+pub enum Benchmark {
+    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times, bytes
+    /// read, memory against the budgets; with and without the depth test.
+    Stream(Box<Stream>),
+    /// Draw points that lie in memory and measure how many a second become pixels, by every path of the GPU
+    /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
+    Draw(Box<Draw>),
+    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does: project, pull-push, shade and
+    /// total milliseconds, beside the time in which the same bytes are copied.
+    Render(Box<BenchRender>),
+    /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident, milliseconds.
+    LeaveOut(Box<LeaveOut>),
+    /// Build scans beside a rival program, turn by turn: seconds, CPU time, memory, scratch space, bytes out, and
+    /// what decoding alone takes.
+    Build(BenchBuild),
+    /// Read scans and drop their points: the floor of building.
+    Decode(Decode),
+}
+
+/// Runs a benchmark.
+pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
+    match benchmark {
+        Benchmark::Stream(args) => run_stream(*args, stop),
+        Benchmark::Draw(args) => run_draw(*args, stop),
+        Benchmark::Render(args) => run_render(*args, stop),
+        Benchmark::LeaveOut(args) => run_leave_out(*args, stop),
+        Benchmark::Build(args) => run_build(args, stop),
+        Benchmark::Decode(args) => run_decode(args, stop),
+    }
+}
 
 #[derive(ClapArgs)]
 pub struct BenchRender {
@@ -33,15 +69,10 @@ pub struct BenchRender {
     pub method: Option<MethodArg>,
     #[command(flatten)]
     pub with: DrawWithArgs,
-    /// Threads; one a core where not said.
-    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
-    pub threads: usize,
-    /// Print one JSON object, as the last line of standard output.
-    #[arg(long)]
-    pub json: bool,
-    /// How progress is shown on standard error.
-    #[arg(long, value_enum, default_value_t)]
-    pub progress: ProgressArg,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(ClapArgs)]
@@ -57,21 +88,150 @@ pub struct LeaveOut {
     pub camera: Camera,
     #[command(flatten)]
     pub with: DrawWithArgs,
-    /// Threads; one a core where not said.
-    #[arg(long, value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
-    pub threads: usize,
-    /// Print one JSON object, as the last line of standard output.
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
+pub struct BenchBuild {
+    /// Scans; each is built by itself, in a process of its own, into a temporary file.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// A rival: the path of PotreeConverter or copc_converter, or a command line such as
+    /// "program -i {in} -o {out}".
+    #[arg(long, value_name = "PROGRAM", value_parser = parse_against)]
+    pub against: Option<Against>,
+    /// Runs that medians are taken of.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub runs: usize,
+    /// Memory that our builds may use; half of what the machine grants where not said.
+    #[arg(long, value_parser = quantity::bytes)]
+    pub memory: Option<u64>,
+    /// Threads of ours; one a core where not said.
+    #[arg(long, value_parser = quantity::threads)]
+    pub threads: Option<usize>,
+    /// Folder for all outputs and scratch files, which are deleted after each run; the system's where not said.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+    /// Further options of `esker build`, for ours.
+    #[arg(last = true, value_name = "OPTIONS")]
+    pub options: Vec<OsString>,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
+pub struct Decode {
+    /// The scans.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
+pub struct Stream {
+    /// .esker files; scans, and synthetic:SCENE:POINTS:SEED, are built first, into a temporary file. Each
+    /// is measured in a process of its own.
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    /// The camera's path; where not said: an overview, nearer, then a dense place.
+    #[arg(long, value_name = "PATH.json")]
+    pub path: Option<PathBuf>,
+    /// Drawing memory (in main memory, for the CPU renderer).
+    #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
+    pub budget_gpu: u64,
+    /// Main memory beside that: table, statistics, staging, the renderer's buffers.
+    #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
+    pub budget_ram: u64,
+    #[command(flatten)]
+    pub with: DrawWithArgs,
+    /// Draw what is hidden, too. Else the flight without the depth test is measured beside the one with.
     #[arg(long)]
-    pub json: bool,
-    /// How progress is shown on standard error.
-    #[arg(long, value_enum, default_value_t)]
-    pub progress: ProgressArg,
+    pub no_occlusion: bool,
+    /// Empty the system's cache of the file before each flight, and compare loading a view with plain
+    /// reads of the same ranges.
+    #[arg(long)]
+    pub cold: bool,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    /// Measure with the settings of kanzok2015 as well: 5 buffers on their way, one loader, 2,000 nodes.
+    #[arg(long)]
+    pub paper: bool,
+    /// Whose settings a single run has.
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub settings: SettingsArg,
+    /// Build scans once with each of these node capacities, such as 32768,65536,131072.
+    #[arg(long, value_delimiter = ',', value_name = "N,N")]
+    pub capacities: Vec<u32>,
+    /// Folder for a picture of each view.
+    #[arg(long, value_name = "DIR")]
+    pub pictures: Option<PathBuf>,
+    #[command(flatten)]
+    pub how: BuildHow,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(ClapArgs)]
+pub struct Draw {
+    /// An .esker file, whose points are drawn in its order; generated points where not said.
+    #[arg(value_name = "FILE", conflicts_with = "points")]
+    pub file: Option<PathBuf>,
+    /// Numbers of generated points, such as 1M,20M; where not said 1, 5 and 20 million, on a GPU from 1 million
+    /// to as many as fit.
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = parse_points)]
+    pub points: Vec<u64>,
+    /// Widths and heights in pixels.
+    #[arg(
+        long,
+        value_name = "WxH,WxH",
+        value_delimiter = ',',
+        default_value = "1024x1024,1920x1080",
+        value_parser = quantity::picture_size
+    )]
+    pub size: Vec<[u32; 2]>,
+    #[command(flatten)]
+    pub with: DrawWithArgs,
+    /// Positions on the GPU, at most.
+    #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = quantity::bytes)]
+    pub budget_gpu: u64,
+    /// Positions in main memory, for the CPU renderer, at most.
+    #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = quantity::bytes)]
+    pub budget_ram: u64,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum SettingsArg {
+    /// Esker's.
+    #[default]
+    Own,
+    /// Those of kanzok2015.
+    Paper,
+}
+
+impl From<SettingsArg> for Settings {
+    fn from(arg: SettingsArg) -> Self {
+        match arg {
+            SettingsArg::Own => Self::Own,
+            SettingsArg::Paper => Self::Paper,
+        }
+    }
 }
 
 /// Table 1.
-pub fn render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     if args.method.is_some_and(|method| method == MethodArg::Ewa) {
-        return splats(args, stop);
+        return run_splats(args, stop);
     }
     if args.size.is_empty() {
         args.size = vec![[512, 512], [1024, 1024]];
@@ -81,39 +241,108 @@ pub fn render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
         points: args.points,
         sizes: args.size,
         with: (&args.with).into(),
-        threads: args.threads,
+        threads: args.threads.count,
     };
-    let progress = Progress::new(args.progress.into(), stop);
-    let report = render::measure(&request, &progress)?;
-    drop(progress);
-    print(args.json, &report, || render::text(&report))
+    args.output.report(stop, |progress| render::measure(&request, progress), render::text)
 }
 
 /// Table 1 of the other paper.
-fn splats(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+fn run_splats(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     let request = splats::Request {
         splats: args.points,
         sizes: args.size,
         with: (&args.with).into(),
-        threads: args.threads,
+        threads: args.threads.count,
     };
-    let progress = Progress::new(args.progress.into(), stop);
-    let report = splats::measure(&request, &progress)?;
-    drop(progress);
-    print(args.json, &report, || splats::text(&report))
+    args.output.report(stop, |progress| splats::measure(&request, progress), splats::text)
 }
 
 /// What leaving out saves.
-pub fn leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
+fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
     let request = leave_out::Request {
         files: args.files,
         size: args.size,
         camera: args.camera,
         with: (&args.with).into(),
-        threads: args.threads,
+        threads: args.threads.count,
     };
-    let progress = Progress::new(args.progress.into(), stop);
-    let report = leave_out::measure(&request, &progress)?;
-    drop(progress);
-    print(args.json, &report, || leave_out::text(&report))
+    args.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
+}
+fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
+    let plan = process::Plan {
+        request: stream::Request {
+            path: args.path,
+            with: (&args.with).into(),
+            budget_gpu_bytes: args.budget_gpu,
+            budget_ram_bytes: args.budget_ram,
+            size: args.size,
+            occlusion: !args.no_occlusion,
+            cold: args.cold,
+            settings: args.settings.into(),
+            pictures: args.pictures,
+            threads: args.how.threads.count,
+        },
+        inputs: args.inputs,
+        paper_too: args.paper,
+        capacities: args.capacities,
+        build: args.how.options(),
+        program: std::env::current_exe().context("cannot find the program itself")?,
+    };
+    args.output.report(stop, |progress| process::stream(&plan, progress), report::text)
+}
+
+fn run_draw(args: Draw, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = draw::Request {
+        file: args.file,
+        points: args.points,
+        sizes: args.size,
+        with: (&args.with).into(),
+        budget_gpu_bytes: args.budget_gpu,
+        budget_ram_bytes: args.budget_ram,
+        threads: args.threads.count,
+    };
+    args.output.report(stop, |progress| draw::measure(&request, progress), draw::text)
+}
+
+fn run_build(args: BenchBuild, stop: Arc<AtomicBool>) -> Result<()> {
+    let threads: Vec<_> = args.threads.iter().map(|n| format!("--threads={n}").into()).collect();
+    let memory = args.memory.iter().map(|bytes| format!("--memory={bytes}").into());
+    let plan = build::Plan {
+        inputs: args.inputs,
+        against: args.against,
+        runs: args.runs,
+        folder: args.scratch,
+        build_words: memory.chain(threads.clone()).chain(args.options).collect(),
+        decode_words: threads,
+        esker: std::env::current_exe().context("cannot find the program itself")?,
+    };
+    let report = args.output.watch(stop, |progress| build::measure(&plan, progress))?;
+    args.output.print(&report, || build::text(&report))?;
+    match build::failure(&report) {
+        Some(failure) => bail!(failure),
+        None => Ok(()),
+    }
+}
+
+fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
+    let (inputs, threads) = (&args.inputs, args.threads.count);
+    let decode = |progress: &Progress| build::decode(inputs, threads, progress);
+    args.output.report(stop, decode, build::decode_text)
+}
+
+fn parse_against(text: &str) -> Result<Against, String> {
+    Against::parse(text).map_err(|e| format!("{e:#}"))
+}
+
+pub fn parse_points(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.as_bytes().last() {
+        Some(b'k') => (&text[..text.len() - 1], 1_000),
+        Some(b'M') => (&text[..text.len() - 1], 1_000_000),
+        Some(b'G') => (&text[..text.len() - 1], 1_000_000_000),
+        _ => (text, 1),
+    };
+    let points = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    points.filter(|points| (1..=POINTS_MAX).contains(points)).ok_or_else(|| {
+        format!("`{text}` is no number of points from 1 to {POINTS_MAX}, such as 20M")
+    })
 }

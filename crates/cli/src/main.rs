@@ -5,6 +5,8 @@ mod args;
 mod bench;
 mod commands;
 mod export;
+mod output;
+mod shared;
 mod view;
 
 use clap::Parser;

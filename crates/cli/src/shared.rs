@@ -1,0 +1,252 @@
+//! Groups of options that several commands share.
+
+use clap::{Args as ClapArgs, ValueEnum};
+use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
+use esker_engine::camera::Camera;
+use esker_engine::{
+    Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon,
+    Resume, export, quantity,
+};
+use std::path::PathBuf;
+
+/// How many threads work.
+#[derive(ClapArgs)]
+pub struct Threads {
+    /// Threads; one a core where not said.
+    #[arg(long = "threads", value_name = "N", value_parser = quantity::threads, default_value = "0", hide_default_value = true)]
+    pub count: usize,
+}
+
+/// How scans are built, wherever they are.
+#[derive(ClapArgs)]
+pub struct BuildHow {
+    /// Memory that building may use, such as 4GiB; half of what the machine grants where not said.
+    #[arg(long, value_parser = quantity::bytes)]
+    pub memory: Option<u64>,
+    /// Folder for what does not fit memory; the system's where not said.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
+    /// Points that a node holds: 65536, or as many as in the file that is appended to, where not said.
+    #[arg(long)]
+    pub node_capacity: Option<u32>,
+    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input where not said.
+    #[arg(long, value_enum)]
+    pub colour_bits: Option<ColourBits>,
+    /// How attributes that are not drawn are compressed; nothing is lost.
+    #[arg(long, value_enum, default_value_t)]
+    pub compress: Compress,
+    /// Take coordinates as they are where inputs name different coordinate reference systems.
+    #[arg(long)]
+    pub ignore_crs: bool,
+    /// Where the normals that are drawn come from.
+    #[arg(long, value_enum, default_value_t)]
+    pub normals: NormalsArg,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+impl BuildHow {
+    /// For a build that is kept where it is cut short.
+    pub fn resumable(&self, goes_on: bool) -> BuildOptions {
+        let resume = if goes_on { Resume::Now } else { Resume::Later };
+        BuildOptions { resume, ..self.options() }
+    }
+
+    /// What they say.
+    pub fn options(&self) -> BuildOptions {
+        let default = BuildOptions::default();
+        BuildOptions {
+            memory_bytes: self.memory.unwrap_or(default.memory_bytes),
+            scratch: self.scratch.clone(),
+            node_capacity: self.node_capacity.unwrap_or(default.node_capacity),
+            colour_depth: self.colour_bits.map(Into::into),
+            compress: self.compress.into(),
+            normals: self.normals.into(),
+            ignore_crs: self.ignore_crs,
+            ..default
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ColourBits {
+    /// 0 to 255 in 16-bit fields.
+    #[value(name = "8")]
+    Eight,
+    /// The full 16 bits, or 8 bits in the upper byte.
+    #[value(name = "16")]
+    Sixteen,
+}
+
+impl From<ColourBits> for ColourDepth {
+    fn from(arg: ColourBits) -> Self {
+        match arg {
+            ColourBits::Eight => Self::Eight,
+            ColourBits::Sixteen => Self::Sixteen,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum NormalsArg {
+    /// From the scans, where they bring any.
+    #[default]
+    Keep,
+    /// Estimated for all points, from their neighbours.
+    Estimate,
+    /// None.
+    None,
+}
+
+impl From<NormalsArg> for NormalsMode {
+    fn from(arg: NormalsArg) -> Self {
+        match arg {
+            NormalsArg::Keep => Self::Keep,
+            NormalsArg::Estimate => Self::Estimate,
+            NormalsArg::None => Self::None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum Compress {
+    /// LZ4: costs little.
+    #[default]
+    Fast,
+    /// Zstandard: smaller, slower.
+    Small,
+    /// Not at all.
+    None,
+}
+
+impl From<Compress> for Codec {
+    fn from(arg: Compress) -> Self {
+        match arg {
+            Compress::Fast => Self::Fast,
+            Compress::Small => Self::Small,
+            Compress::None => Self::None,
+        }
+    }
+}
+
+/// Which points are wanted; all where nothing is said.
+#[derive(ClapArgs)]
+pub struct FilterArgs {
+    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen from above.
+    #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
+    pub bounds: Option<Bounds>,
+    /// Points over this polygon, its edges included, in the scan's coordinates: corners as "x,y x,y x,y", or a
+    /// file of such lines or of GeoJSON.
+    #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
+    pub polygon: Option<Polygon>,
+    /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
+    #[arg(long, value_name = "CLASSES")]
+    pub classes: Option<Classes>,
+    /// An even sample whose points are about this far apart, in the scan's unit.
+    #[arg(long, value_name = "S")]
+    pub max_spacing: Option<f64>,
+}
+
+impl From<FilterArgs> for Filter {
+    fn from(args: FilterArgs) -> Self {
+        let FilterArgs { bounds, polygon, classes, max_spacing } = args;
+        Self { bounds, polygon, classes, max_spacing }
+    }
+}
+
+fn parse_polygon(word: &str) -> Result<Polygon, String> {
+    export::polygon(word).map_err(|e| format!("{e:#}"))
+}
+
+/// What draws.
+#[derive(ClapArgs)]
+pub struct DrawWithArgs {
+    /// What draws: a GPU where there is a real one, else the CPU (auto); a GPU or nothing; the CPU.
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// How a GPU makes pixels of points; the best that it has where not said.
+    #[arg(long, value_enum, hide = true)]
+    pub gpu_path: Option<PathArg>,
+    /// The interface that a GPU is driven by.
+    #[arg(long, value_enum, hide = true)]
+    pub gpu_api: Option<ApiArg>,
+    /// A driver on the CPU counts as a GPU, too.
+    #[arg(long, hide = true)]
+    pub gpu_software: bool,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub enum BackendArg {
+    /// A GPU where there is a real one, else the CPU.
+    #[default]
+    Auto,
+    /// A GPU or an error.
+    Gpu,
+    /// The CPU renderer.
+    Cpu,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum PathArg {
+    /// One 64-bit atomic minimum a point.
+    Atomics,
+    /// Point primitives.
+    Primitives,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ApiArg {
+    Vulkan,
+    Gl,
+    Metal,
+    Dx12,
+}
+
+impl From<&DrawWithArgs> for DrawWith {
+    fn from(args: &DrawWithArgs) -> Self {
+        let backend = match args.backend {
+            BackendArg::Auto => Backend::Auto,
+            BackendArg::Gpu => Backend::Gpu,
+            BackendArg::Cpu => Backend::Cpu,
+        };
+        let path = args.gpu_path.map(|path| match path {
+            PathArg::Atomics => ProjectPath::Atomics,
+            PathArg::Primitives => ProjectPath::Primitives,
+        });
+        let api = args.gpu_api.map(|api| match api {
+            ApiArg::Vulkan => Api::Vulkan,
+            ApiArg::Gl => Api::Gl,
+            ApiArg::Metal => Api::Metal,
+            ApiArg::Dx12 => Api::Dx12,
+        });
+        let default = GpuRequest::default();
+        let backends = api.map_or(default.backends, Api::backends);
+        let allow_software = args.gpu_software;
+        Self { backend, gpu: GpuRequest { backends, allow_software, path, ..default } }
+    }
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum MethodArg {
+    /// One pixel a point.
+    Points,
+    /// Surfaces closed by pull-push interpolation.
+    #[default]
+    PullPush,
+    /// Splats of exact perspective shape, filtered and blended: for quality.
+    Ewa,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Points => Self::Points,
+            MethodArg::PullPush => Self::PullPush,
+            MethodArg::Ewa => Self::Ewa,
+        }
+    }
+}
+
+pub fn parse_camera(text: &str) -> Result<Camera, String> {
+    Camera::parse(text).map_err(|e| format!("{e:#}"))
+}
