@@ -18,7 +18,11 @@ const READ_BYTES: usize = 1 << 20;
 /// Ranges with less than this between them are read at once, as loaders do.
 const GAP_BYTES: u64 = 64 << 10;
 
-/// Bytes a second of reading a file from its beginning to its end.
+/// Bytes of a file after which its rate is known: reading all of a large one would take longer than the rest of the run.
+const SEQUENTIAL_BYTES_MAX: u64 = 2 << 30;
+
+/// Bytes a second of reading a file from its beginning to its end, of a large one its first
+/// [`SEQUENTIAL_BYTES_MAX`].
 ///
 /// # Errors
 /// Where it cannot be read, or on request.
@@ -28,7 +32,7 @@ pub fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
     let mut buffer = vec![0; READ_BYTES];
     let start = Instant::now();
     let mut bytes = 0u64;
-    loop {
+    while bytes < SEQUENTIAL_BYTES_MAX {
         task.check()?;
         match file.read(&mut buffer).with_context(context)? {
             0 => break,
