@@ -237,17 +237,14 @@ fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
         ([-3.0, 5.5, 2.0], [-20.0, 5.0, 5.0]),
     ]
     .map(|(eye, at)| view(eye.into(), at.into(), DVec3::Y));
-    // In the small nodes one view passes a thousandth by two pixels: a wall of a few points, 0.2 m before the eye, fills
-    // it. Five pixels of its rim are drawn otherwise without the points behind it, and relief tells that to a hundred
-    // around them.
     // Nodes of 4,096 are fuller than they were, so there are fewer to hide: 296, not 427. 69.6 % of them are culled.
-    for (node_capacity, culled_least, changed) in [(1 << 10, 0.8, 1.05e-3), (1 << 12, 0.69, 1e-3)] {
+    for (node_capacity, culled_least) in [(1 << 10, 0.8), (1 << 12, 0.69)] {
         println!("nodes of {node_capacity}");
         let scan = Scan::build(Path::new(&data).join("laz/indoor.laz"), node_capacity);
         let [soft, still, both, moved] = measure(&scan, &views, 0.01);
         assert!(still.culled_share() >= culled_least, "{still:?}");
         for sums in [soft, still, both, moved] {
-            assert!(sums.changed < 5e-4 && sums.changed_most < changed, "{sums:?}");
+            assert!(sums.changed < 5e-4 && sums.changed_most < 1e-3, "{sums:?}");
         }
     }
 }
