@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_engine::bench::build::Against;
 use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
-use esker_engine::bench::{build, draw, leave_out, process, render, report, splats, stream};
+use esker_engine::bench::{build, draw, leave_out, process, render, report, size, splats, stream};
 use esker_engine::camera::Camera;
 use esker_engine::progress::Progress;
 use esker_engine::quantity;
@@ -29,6 +29,9 @@ pub enum Benchmark {
     Render(Box<BenchRender>),
     /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident, milliseconds.
     LeaveOut(Box<LeaveOut>),
+    /// Draw a scene from smaller forms of its planes: error of the picture, of places, colours and normals, against
+    /// bytes a point.
+    Size(BenchSize),
     /// Build scans beside a rival program, turn by turn: seconds, CPU time, memory, scratch space, bytes out, and
     /// what decoding alone takes.
     Build(BenchBuild),
@@ -43,6 +46,7 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
         Benchmark::Draw(args) => run_draw(*args, stop),
         Benchmark::Render(args) => run_render(*args, stop),
         Benchmark::LeaveOut(args) => run_leave_out(*args, stop),
+        Benchmark::Size(args) => run_size(args, stop),
         Benchmark::Build(args) => run_build(args, stop),
         Benchmark::Decode(args) => run_decode(args, stop),
     }
@@ -228,6 +232,20 @@ impl From<SettingsArg> for Settings {
     }
 }
 
+#[derive(ClapArgs)]
+pub struct BenchSize {
+    /// .esker files, or scans.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
+    pub size: [u32; 2],
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub output: Output,
+}
+
 /// Table 1.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     if args.method.is_some_and(|method| method == MethodArg::Ewa) {
@@ -268,6 +286,12 @@ fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
     };
     args.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
 }
+/// Error against size.
+fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {
+    let request = size::Request { files: args.files, size: args.size, threads: args.threads.count };
+    args.output.report(stop, |progress| size::measure(&request, progress), size::text)
+}
+
 fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
     let plan = process::Plan {
         request: stream::Request {
