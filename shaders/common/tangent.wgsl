@@ -8,8 +8,9 @@ const LEAST: f32 = 1.1754944e-38;
 
 // Depth on the plane with this normal at `origin + by` (pixels), over that at `origin`.
 fn along(normal: vec4<f32>, origin: vec2<f32>, by: vec2<f32>) -> f32 {
-    let turn = dot(vec2<f32>(normal.x, -normal.y), by) / facing(normal, origin);
-    return 1.0 / clamp(1.0 + turn, 1.0 / FACTOR_MAX, FACTOR_MAX);
+    let q = facing(normal, origin);
+    let moved = q + dot(vec2<f32>(normal.x, -normal.y), by);
+    return q / clamp(moved, q * FACTOR_MAX, q * (1.0 / FACTOR_MAX));
 }
 
 // Depth that a plate of unit thickness takes along the rays at a place; `normal` has unit length.
@@ -17,7 +18,7 @@ fn thickness(normal: vec4<f32>, at: vec2<f32>) -> f32 {
     return -frame.focal_px / facing(normal, at);
 }
 
-// Of planes turned to the eye, not steeper than can be followed. Never zero.
+// Of planes turned to the eye, not steeper than can be followed. Below zero.
 fn facing(normal: vec4<f32>, at: vec2<f32>) -> f32 {
     let tilt = vec2<f32>(normal.x, -normal.y);
     let q = dot(tilt, at - frame.centre_px) - normal.z * frame.focal_px;

@@ -68,8 +68,8 @@ pub struct BenchRender {
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
-    /// With ewa: splats of one size a second, in one pass and three (table 1 of zwicker2004).
-    #[arg(long, value_enum, conflicts_with = "models")]
+    /// This method alone. With ewa and no model: splats of one size a second, in one pass and three (table 1 of zwicker2004).
+    #[arg(long, value_enum)]
     pub method: Option<MethodArg>,
     #[command(flatten)]
     pub with: DrawWithArgs,
@@ -248,7 +248,7 @@ pub struct BenchSize {
 
 /// Table 1.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
-    if args.method.is_some_and(|method| method == MethodArg::Ewa) {
+    if args.models.is_empty() && args.method == Some(MethodArg::Ewa) {
         return run_splats(args, stop);
     }
     if args.size.is_empty() {
@@ -258,6 +258,7 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
         models: args.models,
         points: args.points,
         sizes: args.size,
+        method: args.method.map(Into::into),
         with: (&args.with).into(),
         threads: args.threads.count,
     };

@@ -2,7 +2,7 @@
 //! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
 //! sRGB on both ends.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use std::sync::LazyLock;
 
 /// What gives points their colour.
@@ -212,6 +212,22 @@ impl Encoder {
         // `as` saturates and takes what is no number for zero.
         c.to_array()
             .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
+    }
+
+    /// Where in the table four intensities are.
+    #[inline(always)]
+    pub(crate) fn entries(c: Vec4) -> [u32; 4] {
+        // A number this large has no bits left for fractions: adding it rounds.
+        const ROUNDS: f32 = (1 << 23) as f32;
+        let last = ENCODE_ENTRIES as f32;
+        let at = (c * last).max(Vec4::ZERO).min(Vec4::splat(last)) + ROUNDS;
+        at.to_array().map(|at| at.to_bits() - ROUNDS.to_bits())
+    }
+
+    /// The byte of an entry.
+    #[inline(always)]
+    pub(crate) fn byte(self, entry: u32) -> u8 {
+        self.0[entry as usize]
     }
 }
 

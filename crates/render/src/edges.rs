@@ -4,37 +4,51 @@
 
 use rayon::prelude::*;
 
+/// Rows that a job has.
+const ROWS: usize = 16;
+/// Pixels that are looked at together.
+const RUN: usize = 16;
+
 /// The pixels of `depth` (infinite where there is nothing), in their order, of which a neighbour to the
 /// side, above or below is farther or nearer by more than the share `near` of its depth.
 pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
     let height = depth.len() / width;
     let row = |y: usize| &depth[y * width..][..width];
-    let rows = (0..height).into_par_iter().with_min_len(8);
-    let found: Vec<Vec<usize>> = rows
-        .map(|y| {
-            let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)].map(row);
-            let mask = steps(above, row(y), below, near);
-            let at_edge = mask.iter().enumerate().filter(|(_, step)| **step != 0);
-            at_edge.map(|(x, _)| y * width + x).collect()
+    let bands = (0..height).into_par_iter().step_by(ROWS);
+    let found: Vec<Vec<usize>> = bands
+        .map(|first| {
+            let (mut mask, mut found) = (vec![0; width], Vec::new());
+            for y in first..height.min(first + ROWS) {
+                let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)].map(row);
+                steps(above, row(y), below, near, &mut mask);
+                for (x, run) in (0..).step_by(RUN).zip(mask.chunks(RUN)) {
+                    if run.iter().fold(0, |any, step| any | step) == 0 {
+                        continue;
+                    }
+                    let at_edge = run.iter().enumerate().filter(|(_, step)| **step != 0);
+                    found.extend(at_edge.map(|(k, _)| y * width + x + k));
+                }
+            }
+            found
         })
         .collect();
     found.concat()
 }
 
 /// Not 0 where a pixel of the middle row is beside a step. Free of branches: it becomes SIMD.
-fn steps(above: &[f32], here: &[f32], below: &[f32], near: f32) -> Vec<u32> {
+fn steps(above: &[f32], here: &[f32], below: &[f32], near: f32, mask: &mut [u32]) {
     // Infinity from infinity is no number, which is no step.
-    let step = |a: f32, b: f32| u32::from((a - b).abs() > near * a.min(b));
-    let mut mask: Vec<u32> =
-        here.iter().zip(above).zip(below).map(|((&h, &a), &b)| step(h, a) | step(h, b)).collect();
+    let step = |a: f32, b: f32| u32::from((a - b).abs() > near * if a < b { a } else { b });
+    for (((mask, &h), &a), &b) in mask.iter_mut().zip(here).zip(above).zip(below) {
+        *mask = step(h, a) | step(h, b);
+    }
     let across = |mask: &mut [u32], here: &[f32], beside: &[f32]| {
         for ((mask, &h), &b) in mask.iter_mut().zip(here).zip(beside) {
             *mask |= step(h, b);
         }
     };
-    across(&mut mask, here, &here[1..]);
+    across(mask, here, &here[1..]);
     across(&mut mask[1..], &here[1..], here);
-    mask
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! onto the picture. Its major axis is twice the radius, across the normal's projection; its minor axis
 //! is the major one times the normal's z, or a little more ([`crate::gather`]).
 
+use crate::lanes::{Lane, Mask};
 use glam::{Vec2, Vec4};
 
 /// Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view
@@ -14,11 +15,18 @@ use glam::{Vec2, Vec4};
 /// a direction the circle alone is left.
 #[inline(always)]
 pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
-    let beyond = from_centre.length_squared() - radius * radius;
-    let along = from_centre.x * normal.x - from_centre.y * normal.y;
-    let (minor, tilt) = (normal.w * normal.w, normal.x * normal.x + normal.y * normal.y);
-    let is_circle = tilt == 0.0;
-    beyond <= 0.0 && (is_circle || along * along * (1.0 - minor) + beyond * (minor * tilt) <= 0.0)
+    let disc = [normal.x, normal.y, normal.w].map(Vec4::splat);
+    covers_at(from_centre.to_array().map(Vec4::splat), Vec4::splat(radius), disc).all()
+}
+
+/// The same of four; of normals x, y and w.
+#[inline(always)]
+pub fn covers_at([x, y]: [Lane; 2], radius: Lane, [nx, ny, share]: [Lane; 3]) -> Mask {
+    let beyond = x * x + y * y - radius * radius;
+    let along = x * nx - y * ny;
+    let (minor, tilt) = (share * share, nx * nx + ny * ny);
+    let form = along * along * (1.0 - minor) + beyond * (minor * tilt);
+    beyond.cmple(Vec4::ZERO) & (tilt.cmpeq(Vec4::ZERO) | form.cmple(Vec4::ZERO))
 }
 
 /// The normal of a disc that faces the viewer: the ellipse is a circle.

@@ -6,13 +6,13 @@
 
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::colour::{ColourBy, MapTable, PLAIN, hue, linear};
-use crate::ellipse::{FACING, UNKNOWN};
 use crate::frame::{ColourPlane, DrawNode, Frame};
-use crate::project::{DrawList, EMPTY, normal_at, unpack};
-use crate::pyramid::{INVALID, Level, for_each_row};
+use crate::lanes::{LANES, Lane, Pixels, directions, only};
+use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
+use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
 use crate::tangent::Lens;
 use esker_points::quant::radius_factor;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
 /// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of its
@@ -52,18 +52,6 @@ struct DrawLookup<'a> {
     positions: Positions<'a>,
     place: NodePlace,
     colour: Vec3,
-}
-
-/// A point that won a pixel.
-pub struct Hit {
-    /// Linear light.
-    pub colour: Vec3,
-    /// Drawn radius, the file's unit.
-    pub radius: f32,
-    /// In view space, unit length, and in w its own z; zero and 1 where the point has none.
-    pub normal: Vec4,
-    /// Where it is on the picture, pixels.
-    pub place: Vec2,
 }
 
 impl<'a> Lookup<'a> {
@@ -110,30 +98,6 @@ impl<'a> Lookup<'a> {
         self.colour(d, index, offset, depth)
     }
 
-    /// Everything of a point.
-    fn hit<const NORMALS: bool>(&self, point: u32, depth: f32) -> Hit {
-        let (d, index) = self.list.find(point);
-        let draw = &self.frame.draws[d];
-        let (offset, code) = self.draws[d].positions.offset(index);
-        let spacing = self.spacing(draw, offset);
-        let radius = (spacing
-            * RADIUS_FACTOR[usize::from(!NORMALS)]
-            * self.radius_factors[usize::from(code)])
-        .clamp(0.0, RADIUS_MAX);
-        let radius = if radius.is_nan() { 0.0 } else { radius };
-        let normal = if NORMALS { self.normal(draw, index, d, offset) } else { FACING };
-        let place = self.place(d, offset, depth);
-        Hit { colour: self.colour(d, index, offset, depth), radius, normal, place }
-    }
-
-    /// Where a point is on the picture.
-    fn place(&self, d: usize, offset: [u32; 3], depth: f32) -> Vec2 {
-        let from_eye = self.draws[d].place.steps_from_eye(offset) * self.camera.step;
-        let [right, up, _] = self.camera.view_from_world;
-        let flat = Vec2::new(right.dot(from_eye), -up.dot(from_eye));
-        Vec2::from_array(self.camera.centre_px) + flat * (self.camera.focal_px / depth)
-    }
-
     /// Drawn radius of a point, from its offset and its radius code.
     #[inline]
     pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
@@ -151,18 +115,6 @@ impl<'a> Lookup<'a> {
         let p = [0, 1, 2].map(|i| draw.node.box_min[i].wrapping_add(offset[i]));
         let drawn = octree.spacing_from(draw.entry, p);
         if drawn > 0.0 { drawn } else { stored }
-    }
-
-    fn normal(&self, draw: &DrawNode<'_>, index: usize, d: usize, offset: [u32; 3]) -> Vec4 {
-        let world = draw.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, index));
-        if world == Vec3::ZERO {
-            return UNKNOWN;
-        }
-        let n = self.camera.to_view(world);
-        // Where back faces are not culled, a normal may look either way: it is turned to the eye.
-        let from_eye = self.draws[d].place.steps_from_eye(offset) * self.camera.step;
-        let away = world.dot(from_eye) > 0.0 && !self.frame.cull_back_faces;
-        (if away { -n } else { n }).extend(n.z)
     }
 
     /// Colour of a point, linear light.
@@ -195,62 +147,171 @@ impl<'a> Lookup<'a> {
 
 /// Fills level 0 from the frame buffer. Returns the number of valid pixels.
 pub fn gather(lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) -> u64 {
-    let valid = Counter::new(0);
     if base.normal.is_empty() {
-        gather_level::<false>(lookup, target, base, &valid);
+        gather_level::<false>(lookup, target, base)
     } else {
-        gather_level::<true>(lookup, target, base, &valid);
+        gather_level::<true>(lookup, target, base)
     }
-    valid.into_inner()
 }
 
 fn gather_level<const NORMALS: bool>(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
     base: &mut Level,
-    valid: &Counter,
-) {
+) -> u64 {
     let width = base.width;
-    let focal_px = lookup.camera.focal_px;
-    let lens = Lens::new(lookup.camera);
+    let valid = Counter::new(0);
     for_each_row(base, |row| {
-        let mut count = 0;
         let values = &target[row.y * width..][..width];
-        for (x, value) in values.iter().enumerate() {
-            let value = value.load(Relaxed);
-            if value == EMPTY {
-                row.front[x] = INVALID;
-                continue;
-            }
-            let (depth, point) = unpack(value);
-            let hit = lookup.hit::<NORMALS>(point, depth);
-            let radius_px = (hit.radius * focal_px / depth
-                + RADIUS_MARGIN_PX[usize::from(!NORMALS)])
-            .min(RADIUS_MAX);
-            // From the point's place to the pixel's centre: within the pixel, however the place was rounded. Without
-            // normals the place serves no plane: arriving nodes then change less where points count as pixels' centres.
-            let centre = Vec2::new(x as f32, row.y as f32) + 0.5;
-            let within = if NORMALS { Vec2::splat(0.5) } else { Vec2::ZERO };
-            let displaced = (centre - hit.place).clamp(-within, within);
-            let reach = if NORMALS && hit.normal.truncate() != Vec3::ZERO {
-                let plate = lens.thickness(hit.normal, hit.place);
-                hit.radius * (THICKNESS / RADIUS_FACTOR[0]) * plate
-            } else {
-                hit.radius * BARE_REACH
-            };
-            row.front[x] = Vec4::new(depth, depth + reach, displaced.x, displaced.y);
-            row.tint[x] = hit.colour.extend(radius_px);
-            row.depth[x] = depth;
-            if NORMALS {
-                row.normal[x] = hit.normal.truncate().extend(filter_z(hit.normal.w, radius_px));
-            }
-            count += 1;
-        }
-        valid.fetch_add(count, Relaxed);
+        valid.fetch_add(gather_row::<NORMALS>(lookup, values, row), Relaxed);
     });
+    valid.into_inner()
 }
 
-/// An ellipse's minor axis over its major one: never so small that the ellipse falls between pixels.
-fn filter_z(normal_z: f32, radius_px: f32) -> f32 {
-    (normal_z.abs() * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(1.0)
+#[inline(never)]
+fn gather_row<const NORMALS: bool>(
+    lookup: &Lookup<'_>,
+    values: &[AtomicU64],
+    mut row: RowMut<'_>,
+) -> u64 {
+    let (mut hits, mut count) = (Hits::default(), 0);
+    for (x, value) in values.iter().enumerate() {
+        let value = value.load(Relaxed);
+        if value == EMPTY {
+            row.front[x] = INVALID;
+            continue;
+        }
+        hits.fetch::<NORMALS>(lookup, x, value);
+        count += 1;
+        if hits.count == LANES {
+            hits.write::<NORMALS>(lookup, &mut row);
+        }
+    }
+    if hits.count > 0 {
+        hits.write::<NORMALS>(lookup, &mut row);
+    }
+    count
+}
+
+/// Points of a row that won a pixel, attribute by attribute: what is looked up of each, before anything is computed.
+#[derive(Default)]
+struct Hits {
+    count: usize,
+    /// Pixels of the row.
+    x: [usize; LANES],
+    depth: [f32; LANES],
+    colour: [[f32; LANES]; 3],
+    /// Against the eye, in steps.
+    steps: [[f32; LANES]; 3],
+    /// Stored radius, the file's unit.
+    radius: [f32; LANES],
+    normal: [[i16; 2]; LANES],
+}
+
+impl Hits {
+    /// Adds the point that won pixel `x`; there must be room.
+    #[inline(always)]
+    fn fetch<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
+        let (depth, point) = unpack(value);
+        let k = self.count % LANES;
+        self.count += 1;
+        (self.x[k], self.depth[k]) = (x, depth);
+        let (d, index) = lookup.list.find(point);
+        let (draw, of) = (&lookup.frame.draws[d], &lookup.draws[d]);
+        let (offset, code) = of.positions.offset(index);
+        let colour = lookup.colour(d, index, offset, depth);
+        for axis in 0..3 {
+            self.colour[axis][k] = colour[axis];
+            self.steps[axis][k] = of.place.axis_steps(axis, offset[axis]);
+        }
+        self.radius[k] = lookup.spacing(draw, offset)
+            * RADIUS_FACTOR[usize::from(!NORMALS)]
+            * lookup.radius_factors[usize::from(code)];
+        if NORMALS {
+            let code = draw.normal.and_then(|plane| normal_code(plane, index));
+            self.normal[k] = code.unwrap_or(NO_NORMAL);
+        }
+    }
+
+    /// Makes pixels of them, which are then no more.
+    #[inline(always)]
+    fn write<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, row: &mut RowMut<'_>) {
+        let camera = lookup.camera;
+        let focal_px = camera.focal_px;
+        // What is no number is nothing: of a number and none, the second is the greater and the less.
+        let stored = Vec4::from_array(self.radius).max(Vec4::ZERO);
+        let radius = stored.min(Vec4::splat(RADIUS_MAX));
+        let depth = Vec4::from_array(self.depth);
+        let margin = RADIUS_MARGIN_PX[usize::from(!NORMALS)];
+        let radius_px = (radius * focal_px / depth + margin).min(Vec4::splat(RADIUS_MAX));
+        let [r, g, b] = &self.colour;
+        let [r, g, b] = [Vec4::from_slice(r), Vec4::from_slice(g), Vec4::from_slice(b)];
+        let mut out = Pixels {
+            front: [depth, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO],
+            tint: [r, g, b, radius_px],
+            depth,
+            normal: [Vec4::ZERO; 4],
+        };
+        let mut reach = radius * BARE_REACH;
+        if NORMALS {
+            let [right, up, back] = camera.view_from_world;
+            let step = camera.step.to_array();
+            let [x, y, z] = &self.steps;
+            let from_eye = [
+                Vec4::from_slice(x) * step[0],
+                Vec4::from_slice(y) * step[1],
+                Vec4::from_slice(z) * step[2],
+            ];
+            let per_depth = focal_px / depth;
+            let place = [
+                dot(right, from_eye) * per_depth + camera.centre_px[0],
+                -dot(up, from_eye) * per_depth + camera.centre_px[1],
+            ];
+            // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+            let [a, b, c, d] = self.x;
+            let x = Vec4::new(a as f32, b as f32, c as f32, d as f32) + 0.5;
+            out.front[2] = within_half(x - place[0]);
+            out.front[3] = within_half(row.y as f32 + 0.5 - place[1]);
+            let world = directions(self.normal);
+            let [x, y, z] = world;
+            let length = (x * x + y * y + z * z).sqrt();
+            let has_normal = length.cmpgt(Vec4::ZERO);
+            let unit = |c: Lane| only(has_normal, c / length);
+            let world = [unit(x), unit(y), unit(z)];
+            let normal = [dot(right, world), dot(up, world), dot(back, world)];
+            let [x, y, z] =
+                [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
+            // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+            let is_away = (x + y + z).cmpgt(Vec4::ZERO);
+            let turns = !lookup.frame.cull_back_faces;
+            let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
+            let turned = [turn(normal[0]), turn(normal[1]), turn(normal[2])];
+            let plate = Lens::new(camera).thickness(turned, place);
+            let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
+            reach = Vec4::select(has_normal, thick, reach);
+            let minor = Vec4::select(has_normal, filter_z(normal[2], radius_px), Vec4::ONE);
+            out.normal = [turned[0], turned[1], turned[2], minor];
+        }
+        out.front[1] = depth + reach;
+        self.x[self.count..].fill(usize::MAX);
+        out.scatter::<NORMALS>(self.x, row);
+        self.count = 0;
+    }
+}
+
+#[inline(always)]
+fn dot(a: Vec3, [x, y, z]: [Lane; 3]) -> Lane {
+    x * a.x + y * a.y + z * a.z
+}
+
+/// At most half a pixel to either side.
+#[inline(always)]
+fn within_half(x: Lane) -> Lane {
+    x.max(Vec4::splat(-0.5)).min(Vec4::splat(0.5))
+}
+
+/// Ellipses' minor axes over their major ones: never so small that an ellipse falls between pixels.
+#[inline(always)]
+fn filter_z(normal_z: Lane, radius_px: Lane) -> Lane {
+    (normal_z.abs() * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(Vec4::ONE)
 }

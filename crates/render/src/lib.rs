@@ -17,6 +17,7 @@ pub mod ewa;
 pub mod frame;
 pub mod gather;
 pub mod gpu;
+mod lanes;
 pub mod mend;
 pub mod plan;
 pub mod project;

@@ -11,8 +11,9 @@
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::frame::{DrawNode, Frame};
 use crate::gpu::table::CHUNK_POINTS;
-use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode, oct_direction};
-use glam::Vec3;
+use crate::lanes::{LANES, directions};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -86,6 +87,9 @@ impl DrawList {
     }
 }
 
+/// The code of no normal.
+pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
+
 /// Draws all points into `target` (one value a pixel, row by row), which it clears first.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
     target.par_chunks(1 << 16).for_each(|c| c.iter().for_each(|p| p.store(EMPTY, Relaxed)));
@@ -93,18 +97,12 @@ pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[At
         .flat_map(|d| (0..list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
         .collect();
     jobs.par_iter().for_each(|&(draw, first)| {
-        let last = (first + JOB_POINTS).min(list.len(draw));
+        let run = first..(first + JOB_POINTS).min(list.len(draw));
         let base = list.starts[draw];
         let draw = &frame.draws[draw];
         let normals = draw.normal.filter(|_| frame.cull_back_faces);
-        if normals.is_none() && !frame.hides_points {
-            return project_run(draw, camera, first..last, base, target, |_, _| true);
-        }
-        let shows = |i: usize, from_eye: &dyn Fn() -> Vec3| {
-            let is_hidden = frame.hides_points && is_hidden(draw.position, i);
-            !is_hidden && normals.is_none_or(|plane| faces_eye(plane, i, from_eye()))
-        };
-        project_run(draw, camera, first..last, base, target, shows);
+        let hides = frame.hides_points;
+        project_run(draw, camera, run, base, target, normals, hides);
     });
 }
 
@@ -114,24 +112,33 @@ fn project_run(
     run: std::ops::Range<usize>,
     base: u32,
     target: &[AtomicU64],
-    shows: impl Fn(usize, &dyn Fn() -> Vec3) -> bool,
+    normals: Option<&[u8]>,
+    hides: bool,
 ) {
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
     let mut offsets = [[0; BLOCK]; 3];
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
-        let Block { pixels, depths } = place_block(camera, &place, &offsets);
-        for (k, (&pixel, &depth)) in pixels.iter().zip(&depths).take(count).enumerate() {
-            let Some(slot) = target.get(pixel as usize) else { continue };
-            let i = start + k;
-            let value = u64::from(depth.to_bits()) << 32 | u64::from(base + i as u32);
-            if value >= slot.load(Relaxed) {
+        let mut block = place_block(camera, &place, &offsets);
+        if let Some(plane) = normals {
+            block.drop_back_faces(plane, start, count);
+        }
+        let (seen, len) = block.on_picture(count, target.len());
+        for &k in &seen[..len] {
+            let k = usize::from(k) % BLOCK;
+            let point = start + k;
+            let value = u64::from(block.depths[k].to_bits()) << 32 | u64::from(base + point as u32);
+            let Some(slot) = target.get(block.pixels[k] as usize) else { continue };
+            if hides && is_hidden(draw.position, point) {
                 continue;
             }
-            let from_eye = || place.steps_from_eye(positions.offset(i).0) * camera.step;
-            if shows(i, &from_eye) {
-                slot.fetch_min(value, Relaxed);
+            let mut before = slot.load(Relaxed);
+            while value < before {
+                match slot.compare_exchange_weak(before, value, Relaxed, Relaxed) {
+                    Ok(_) => break,
+                    Err(now) => before = now,
+                }
             }
         }
     }
@@ -142,6 +149,43 @@ struct Block {
     /// Pixels, row by row; beyond all for what is outside.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
+    /// Against the eye, the world's axes.
+    from_eye: [[f32; BLOCK]; 3],
+}
+
+impl Block {
+    /// Puts points outside whose normals do not look to the eye's side; points without a normal do.
+    #[inline(always)]
+    fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
+        let mut codes = [NO_NORMAL; BLOCK];
+        let plane = normals.get(start * 4..).unwrap_or(&[]).as_chunks::<4>().0;
+        for (code, b) in codes.iter_mut().zip(plane).take(count) {
+            *code = [i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])];
+        }
+        let [xs, ys, zs] = &self.from_eye;
+        let runs = self.pixels.as_chunks_mut::<LANES>().0.iter_mut().zip(codes.as_chunks().0);
+        for (i, (pixels, codes)) in runs.enumerate() {
+            let [x, y, z] = directions(*codes);
+            let at = i * LANES;
+            let along = x * Vec4::from_slice(&xs[at..]) + y * Vec4::from_slice(&ys[at..]);
+            let is_away = (along + z * Vec4::from_slice(&zs[at..])).cmpgt(Vec4::ZERO);
+            for (k, pixel) in pixels.iter_mut().enumerate() {
+                *pixel |= if is_away.test(k) { u32::MAX } else { 0 };
+            }
+        }
+    }
+
+    /// Those of the first `count` points that are on a picture of so many pixels, and their number.
+    #[inline(always)]
+    fn on_picture(&self, count: usize, pixels: usize) -> ([u8; BLOCK], usize) {
+        let (mut seen, mut len) = ([0; BLOCK], 0);
+        for (k, &pixel) in self.pixels.iter().enumerate().take(count) {
+            // Without a branch: which points those are is hard to guess.
+            seen[len % BLOCK] = k as u8;
+            len += usize::from((pixel as usize) < pixels);
+        }
+        (seen, len)
+    }
 }
 
 /// Places a block of points. Straight arithmetic over arrays: it becomes SIMD.
@@ -152,12 +196,14 @@ fn place_block(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) 
     let [cx, cy] = camera.centre_px;
     let [width, height] = camera.size.map(|s| s as f32);
     let row = camera.size[0];
-    let mut block = Block { pixels: [0; BLOCK], depths: [0.0; BLOCK] };
-    let Block { pixels, depths } = &mut block;
+    let zero = [0.0; BLOCK];
+    let mut block = Block { pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    let Block { pixels, depths, from_eye } = &mut block;
     for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
         let x = place.axis_steps(0, offsets[0][k]) * step.x;
         let y = place.axis_steps(1, offsets[1][k]) * step.y;
         let z = place.axis_steps(2, offsets[2][k]) * step.z;
+        (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
         *depth = -(back.x * x + back.y * y + back.z * z);
         let scale = camera.focal_px / *depth;
         let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
@@ -177,15 +223,9 @@ pub(crate) fn is_hidden(positions: &[u8], index: usize) -> bool {
     positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
 }
 
-/// Whether a point's normal looks to the eye's side; a point without a normal does.
-fn faces_eye(normals: &[u8], index: usize, from_eye: Vec3) -> bool {
-    let code = normal_code(normals, index);
-    code.is_none_or(|code| Vec3::from_array(oct_direction(code)).dot(from_eye) <= 0.0)
-}
-
 /// The code of a point's normal, where the plane has one.
 #[inline]
-fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
+pub(crate) fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
     let b = normals.get(index * 4..index * 4 + 4)?;
     Some([i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])])
 }

@@ -9,135 +9,201 @@
 //! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared at the middle of
 //! the valid ones, and averaged at the middle of those taken.
 
+use crate::lanes::{LANES, Lane, Mask, Pixels, counting, halves, halves_of_values, only, valid};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
-use crate::tangent::Lens;
-use glam::{Vec2, Vec4};
+use crate::tangent::{Lens, factor, turn};
+use glam::Vec4;
+use std::ops::Range;
 
 /// Fills all levels above the first.
 pub fn pull(pyramid: &mut Pyramid) {
     let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
     for i in 1..pyramid.levels.len() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
+        let (finer, edge_px) = (&finer[i - 1], coarser[0].edge_px);
         if has_normals {
-            pull_level::<true>(&lens, &finer[i - 1], &mut coarser[0]);
+            for_each_row(&mut coarser[0], |row| pull_row::<true>(&lens, finer, edge_px, row));
         } else {
-            pull_level::<false>(&lens, &finer[i - 1], &mut coarser[0]);
+            for_each_row(&mut coarser[0], |row| pull_row::<false>(&lens, finer, edge_px, row));
         }
     }
 }
 
-/// Averages `finer` into `coarser`, which has half its size, rounded up.
-fn pull_level<const NORMALS: bool>(lens: &Lens, finer: &Level, coarser: &mut Level) {
-    let edge_px = coarser.edge_px;
-    for_each_row(coarser, |row| pull_row::<NORMALS>(lens, finer, edge_px, row));
-}
-
-fn pull_row<const NORMALS: bool>(lens: &Lens, finer: &Level, edge_px: f32, row: RowMut<'_>) {
-    let upper = row.y * 2 * finer.width;
-    let has_lower = row.y * 2 + 1 < finer.height;
+/// Averages two rows of `finer`, four of the coarser pixels at a time.
+#[inline(never)]
+fn pull_row<const NORMALS: bool>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
     let quarter = finer.edge_px * 0.5;
-    for x in 0..row.front.len() {
-        let first = upper + x * 2;
-        let has_right = x * 2 + 1 < finer.width;
-        let pixels = [first, first + 1, first + finer.width, first + finer.width + 1];
-        let inside = [true, has_right, has_lower, has_right && has_lower];
-        let mut four = Four { pixels, fronts: [INVALID; 4], kept: [false; 4] };
-        for k in 0..4 {
-            if inside[k] && finer.is_valid(pixels[k]) {
-                // From the finer centre to the coarser: half a finer pixel right and down, or back.
-                let right = if k & 1 == 0 { quarter } else { -quarter };
-                let down = if k >> 1 == 0 { quarter } else { -quarter };
-                four.fronts[k] = finer.front[pixels[k]] + Vec4::new(0.0, 0.0, right, down);
-                four.kept[k] = true;
-            }
-        }
-        if four.kept == [false; 4] {
-            row.front[x] = INVALID;
+    for first in (0..row.front.len()).step_by(LANES) {
+        let end = row.front.len().min(first + LANES);
+        let (upper, lower) = (run(finer, first, 2 * row.y), run(finer, first, 2 * row.y + 1));
+        if is_empty(&finer.front[upper.clone()]) && is_empty(&finer.front[lower.clone()]) {
+            row.front[first..end].fill(INVALID);
             continue;
         }
-        let centre = Vec2::new(x as f32 + 0.5, row.y as f32 + 0.5) * edge_px;
-        let mut middle = four.middle();
-        let mut factors = four.factors::<NORMALS>(lens, finer, centre, middle);
-        if four.keep_frontmost(&factors) {
-            middle = four.middle();
-            factors = four.factors::<NORMALS>(lens, finer, centre, middle);
-        }
-        let (mut depth_min, mut depth_max) = (f32::INFINITY, 0.0f32);
-        let (mut tint, mut depth, mut normal) = (Vec4::ZERO, 0.0, Vec4::ZERO);
-        for k in 0..4 {
-            if !four.kept[k] {
-                continue;
-            }
-            depth_min = depth_min.min(four.fronts[k].x * factors[k]);
-            depth_max = depth_max.max(four.fronts[k].y * factors[k]);
-            tint += finer.tint[pixels[k]];
-            depth += finer.depth[pixels[k]] * factors[k];
-            if NORMALS {
-                normal += finer.normal[pixels[k]];
-            }
-        }
-        let share = four.share();
-        row.front[x] = Vec4::new(depth_min, depth_max, middle.x, middle.y);
-        row.tint[x] = tint * share;
-        row.depth[x] = depth * share;
-        if NORMALS {
-            row.normal[x] = normal * share;
-        }
+        let centre = [
+            counting((first as f32 + 0.5) * edge_px, edge_px),
+            Vec4::splat((row.y as f32 + 0.5) * edge_px),
+        ];
+        let [a, b] = pixels::<NORMALS>(finer, upper);
+        let [c, d] = pixels::<NORMALS>(finer, lower);
+        let out = Four::new([a, b, c, d], quarter).mean::<NORMALS>(lens, centre);
+        row.front[first..end].fill(INVALID);
+        out.write::<NORMALS>(valid(out.front[0]), &mut row, first, 1);
     }
 }
 
-/// The four finer pixels of a coarser one.
+/// The pixels of row `y` that four coarser ones from `first` on are made of.
+#[inline(always)]
+fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
+    let start = y * finer.width;
+    let run = start + 2 * first..start + finer.width.min(2 * (first + LANES));
+    if y < finer.height { run } else { 0..0 }
+}
+
+#[inline(always)]
+fn is_empty(fronts: &[Vec4]) -> bool {
+    let least = fronts.iter().fold(Vec4::INFINITY, |least, front| least.min(*front));
+    least.x == f32::INFINITY
+}
+
+/// The pixels of a run, those to the left and those to the right.
+#[inline(always)]
+fn pixels<const NORMALS: bool>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
+    let front = halves(&finer.front[run.clone()], INVALID);
+    let tint = halves(&finer.tint[run.clone()], Vec4::ZERO);
+    let depth = halves_of_values(&finer.depth[run.clone()]);
+    let normals = if NORMALS { &finer.normal[run] } else { &[] };
+    let normal = if NORMALS { halves(normals, Vec4::ZERO) } else { [[Vec4::ZERO; 4]; 2] };
+    let of = |i: usize| (front[i], tint[i], depth[i], normal[i]);
+    let [left, right] = [of(0), of(1)];
+    [
+        Pixels { front: left.0, tint: left.1, depth: left.2, normal: left.3 },
+        Pixels { front: right.0, tint: right.1, depth: right.2, normal: right.3 },
+    ]
+}
+
+/// The finer pixels of four coarser ones, four for each: left and right, above and below.
 struct Four {
-    pixels: [usize; 4],
-    /// As in [`Level`], but displacements are to the coarser pixel's centre.
-    fronts: [Vec4; 4],
-    /// Which of them take part.
-    kept: [bool; 4],
+    pixels: [Pixels; 4],
+    /// Which take part.
+    kept: [Mask; 4],
+    /// Displacements to the coarser pixels' centres.
+    displaced: [[Lane; 2]; 4],
 }
 
 impl Four {
-    /// One over their number.
-    fn share(&self) -> f32 {
-        1.0 / self.kept.iter().map(|&k| f32::from(u8::from(k))).sum::<f32>()
+    #[inline(always)]
+    fn new(pixels: [Pixels; 4], quarter: f32) -> Self {
+        // From the finer centre to the coarser: half a finer pixel right and down, or back.
+        let mut displaced = [[Vec4::ZERO; 2]; 4];
+        for (i, (displaced, pixels)) in displaced.iter_mut().zip(&pixels).enumerate() {
+            let right = if i & 1 == 0 { quarter } else { -quarter };
+            let down = if i >> 1 == 0 { quarter } else { -quarter };
+            *displaced = [pixels.front[2] + right, pixels.front[3] + down];
+        }
+        let [a, b, c, d] = &pixels;
+        let kept = [valid(a.front[0]), valid(b.front[0]), valid(c.front[0]), valid(d.front[0])];
+        Self { pixels, kept, displaced }
     }
 
-    /// The mean displacement.
-    fn middle(&self) -> Vec2 {
-        let each = self.fronts.iter().zip(self.kept).filter(|(_, kept)| *kept);
-        each.fold(Vec2::ZERO, |sum, (f, _)| sum + Vec2::new(f.z, f.w)) * self.share()
+    /// The coarser pixels, which have these centres; their least depth is infinite where there is none.
+    #[inline(always)]
+    fn mean<const NORMALS: bool>(mut self, lens: &Lens, centre: [Lane; 2]) -> Pixels {
+        // q of the planes at the ellipses' centres ([`crate::tangent`]).
+        let mut facing = [Vec4::ZERO; 4];
+        if NORMALS {
+            for (i, [x, y]) in self.displaced.into_iter().enumerate() {
+                facing[i] = lens.facing(self.normal(i), [centre[0] - x, centre[1] - y]);
+            }
+        }
+        let mut middle = self.middle();
+        let mut factors = self.factors::<NORMALS>(&facing, middle);
+        if self.keep_frontmost(&factors) {
+            middle = self.middle();
+            factors = self.factors::<NORMALS>(&facing, middle);
+        }
+        let share = self.share();
+        let (mut least, mut most) = (Vec4::INFINITY, Vec4::ZERO);
+        let mut out = Pixels {
+            front: [Vec4::ZERO; 4],
+            tint: [Vec4::ZERO; 4],
+            depth: Vec4::ZERO,
+            normal: [Vec4::ZERO; 4],
+        };
+        for ((pixels, kept), factor) in self.pixels.iter().zip(self.kept).zip(factors) {
+            let [near, far] = [pixels.front[0] * factor, pixels.front[1] * factor];
+            least = Vec4::select(kept, least.min(near), least);
+            most = Vec4::select(kept, most.max(far), most);
+            out.depth += only(kept, pixels.depth * factor);
+            for i in 0..4 {
+                out.tint[i] += only(kept, pixels.tint[i]);
+                if NORMALS {
+                    out.normal[i] += only(kept, pixels.normal[i]);
+                }
+            }
+        }
+        out.front = [least, most, middle[0], middle[1]];
+        out.depth *= share;
+        for i in 0..4 {
+            out.tint[i] *= share;
+            out.normal[i] *= share;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn normal(&self, i: usize) -> [Lane; 3] {
+        let [x, y, z, _] = self.pixels[i].normal;
+        [x, y, z]
+    }
+
+    /// One over the number of those that take part; one where none does.
+    #[inline(always)]
+    fn share(&self) -> Lane {
+        let count = self.kept.iter().fold(Vec4::ZERO, |sum, &kept| sum + only(kept, Vec4::ONE));
+        1.0 / count.max(Vec4::ONE)
+    }
+
+    /// The mean displacement of those that take part.
+    #[inline(always)]
+    fn middle(&self) -> [Lane; 2] {
+        let mut sum = [Vec4::ZERO; 2];
+        for (&kept, displaced) in self.kept.iter().zip(&self.displaced) {
+            sum[0] += only(kept, displaced[0]);
+            sum[1] += only(kept, displaced[1]);
+        }
+        let share = self.share();
+        [sum[0] * share, sum[1] * share]
     }
 
     /// What each one's depths change by from its ellipse's centre to the place that `middle` is the displacement of.
-    fn factors<const NORMALS: bool>(
-        &self,
-        lens: &Lens,
-        finer: &Level,
-        centre: Vec2,
-        middle: Vec2,
-    ) -> [f32; 4] {
-        let mut factors = [1.0; 4];
-        for (k, factor) in factors.iter_mut().enumerate() {
-            if NORMALS && self.kept[k] {
-                let displaced = Vec2::new(self.fronts[k].z, self.fronts[k].w);
-                let normal = finer.normal[self.pixels[k]];
-                *factor = lens.along(normal, centre - displaced, displaced - middle);
-            }
+    #[inline(always)]
+    fn factors<const NORMALS: bool>(&self, facing: &[Lane; 4], middle: [Lane; 2]) -> [Lane; 4] {
+        let mut factors = [Vec4::ONE; 4];
+        for i in (0..4).filter(|_| NORMALS) {
+            let [x, y] = self.displaced[i];
+            let moved = factor(facing[i], turn(self.normal(i), [x - middle[0], y - middle[1]]));
+            factors[i] = Vec4::select(self.kept[i], moved, Vec4::ONE);
         }
         factors
     }
 
     /// Drops those whose depth interval does not meet that of the frontmost. Whether it drops any.
-    fn keep_frontmost(&mut self, factors: &[f32; 4]) -> bool {
-        let (mut least, mut limit) = (f32::INFINITY, f32::INFINITY);
-        for (front, factor) in self.fronts.iter().zip(factors) {
-            if front.x * factor < least {
-                (least, limit) = (front.x * factor, front.y * factor);
-            }
+    #[inline(always)]
+    fn keep_frontmost(&mut self, factors: &[Lane; 4]) -> bool {
+        let (mut least, mut limit) = (Vec4::INFINITY, Vec4::INFINITY);
+        for (pixels, &factor) in self.pixels.iter().zip(factors) {
+            let [near, far] = [pixels.front[0] * factor, pixels.front[1] * factor];
+            let is_nearer = near.cmplt(least);
+            limit = Vec4::select(is_nearer, far, limit);
+            least = Vec4::select(is_nearer, near, least);
         }
-        let before = self.kept;
-        for (kept, (front, factor)) in self.kept.iter_mut().zip(self.fronts.iter().zip(factors)) {
-            *kept &= front.x * factor <= limit;
+        let mut drops = false;
+        for ((kept, pixels), &factor) in self.kept.iter_mut().zip(&self.pixels).zip(factors) {
+            let meets = (pixels.front[0] * factor).cmple(limit);
+            drops |= (*kept & !meets).any();
+            *kept &= meets;
         }
-        self.kept != before
+        drops
     }
 }

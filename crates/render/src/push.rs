@@ -16,11 +16,11 @@
 //! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared where the pixel's own
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
-use crate::ellipse::{FACING, covers};
-use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
-use crate::tangent::Lens;
-use glam::{Vec2, Vec4};
-use std::ops::Range;
+use crate::ellipse::covers_at;
+use crate::lanes::{LANES, Lane, Line, Mask, Pixels, counting, halves, only, valid};
+use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
+use crate::tangent::{Lens, factor, turn};
+use glam::Vec4;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
 /// the biquadratic B-spline's, times 16.
@@ -34,179 +34,236 @@ pub fn push(pyramid: &mut Pyramid) {
     let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
     for i in (1..pyramid.levels.len()).rev() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
-        let above = Above { lens, level: &coarser[0] };
+        let (finer, coarser) = (&mut finer[i - 1], &coarser[0]);
+        let edge_px = finer.edge_px;
         if has_normals {
-            push_level::<true>(&above, &mut finer[i - 1]);
+            for_each_band(finer, |rows| push_rows::<true>(&lens, coarser, edge_px, rows));
         } else {
-            push_level::<false>(&above, &mut finer[i - 1]);
+            for_each_band(finer, |rows| push_rows::<false>(&lens, coarser, edge_px, rows));
         }
     }
 }
 
-/// The coarser level.
-struct Above<'a> {
-    lens: Lens,
-    level: &'a Level,
-}
-
-impl Above<'_> {
-    /// What depths of a pixel at `centre` change by to `place`.
-    #[inline(always)]
-    fn factor<const NORMALS: bool>(&self, pixel: usize, centre: Vec2, place: Vec2) -> f32 {
-        if !NORMALS {
-            return 1.0;
-        }
-        let front = self.level.front[pixel];
-        let from = centre - Vec2::new(front.z, front.w);
-        self.lens.along(self.level.normal[pixel], from, place - from)
-    }
-}
-
-/// Recomputes the invalid and occluded pixels of `finer` from `coarser`.
-fn push_level<const NORMALS: bool>(above: &Above<'_>, finer: &mut Level) {
-    let edge_px = finer.edge_px;
-    for_each_row(finer, |row| push_row::<NORMALS>(above, edge_px, row));
-}
-
-fn push_row<const NORMALS: bool>(above: &Above<'_>, edge_px: f32, mut row: RowMut<'_>) {
-    let coarser = above.level;
-    let over = (row.y / 2) * coarser.width;
-    // The nearer neighbour up or down; none at the picture's edge.
-    let odd_row = row.y & 1 == 1;
-    let beside = if odd_row { row.y / 2 + 1 < coarser.height } else { row.y > 1 };
-    let beside = beside.then(|| if odd_row { over + coarser.width } else { over - coarser.width });
-    for x in reached(coarser, over, beside, row.front.len()) {
-        let (own, parent) = (row.front[x], over + x / 2);
-        let cover = coarser.front[parent];
-        let odd = x & 1 == 1;
-        // To the finer centre from the coarser one above, half a finer pixel; from its neighbours,
-        // which lie on the same side, one and a half the other way.
-        let half =
-            Vec2::new(if odd { 0.5 } else { -0.5 }, if odd_row { 0.5 } else { -0.5 }) * edge_px;
-        let far = half * -3.0;
-        let to_finer = [half, Vec2::new(far.x, half.y), Vec2::new(half.x, far.y), far];
-        let centre = Vec2::new(x as f32 + 0.5, row.y as f32 + 0.5) * edge_px;
-        let is_valid = own.x < f32::INFINITY;
-        // Where depths are compared.
-        let place = if is_valid { centre - Vec2::new(own.z, own.w) } else { centre };
-        if is_valid {
-            let factor = above.factor::<NORMALS>(parent, centre - half, place);
-            let least = if NORMALS { factor * ROUNDING } else { factor };
-            if own.x >= cover.x * least && own.x <= cover.y * factor {
-                continue;
+/// Recomputes the invalid and occluded pixels of rows from `coarser`.
+#[inline(never)]
+fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, rows: Rows<'_>) {
+    // The coarser rows in use, by the last bit of their number.
+    let mut lines = [(None, Line::default()), (None, Line::default())];
+    for mut row in rows {
+        let over = row.y / 2;
+        // The nearer neighbour up or down; none at the picture's edge.
+        let beside = if row.y & 1 == 1 { over + 1 } else { over.wrapping_sub(1) };
+        for y in [over, beside] {
+            let (held, line) = &mut lines[y & 1];
+            if *held != Some(y) {
+                line.take(coarser, Some(y).filter(|&y| y < coarser.height));
+                *held = Some(y);
             }
         }
-        let has_side = if odd { x / 2 + 1 < coarser.width } else { x > 1 };
-        let sideways = |p: usize| if odd { p + 1 } else { p - 1 };
-        let [side, below] = [has_side.then(|| sideways(parent)), beside.map(|b| b + x / 2)];
-        let diagonal = if has_side { below.map(sideways) } else { None };
-        let near = [Some(parent), side, below, diagonal];
-        let fronts = near.map(|p| p.map_or(INVALID, |p| coarser.front[p]));
-        if fronts.iter().all(|f| f.x == f32::INFINITY) {
-            continue;
-        }
-        let mut taken = [Taken {
-            pixel: 0,
-            weight: 0.0,
-            front: INVALID,
-            to_finer: Vec2::ZERO,
-            depths: Vec2::MAX,
-        }; 4];
-        for k in 0..4 {
-            let (Some(pixel), front) = (near[k], fronts[k]) else { continue };
-            if front.x == f32::INFINITY {
-                continue;
-            }
-            let from_ellipse = to_finer[k] + Vec2::new(front.z, front.w);
-            let normal = if NORMALS { coarser.normal[pixel] } else { FACING };
-            if covers(from_ellipse, coarser.tint[pixel].w, normal) {
-                let factor = above.factor::<NORMALS>(pixel, centre - to_finer[k], place);
-                let depths = Vec2::new(front.x, front.y) * factor;
-                taken[k] =
-                    Taken { pixel, weight: WEIGHTS[k], front, to_finer: to_finer[k], depths };
+        let lines = [&lines[over & 1].1, &lines[beside & 1].1];
+        for first in (0..coarser.width).step_by(LANES) {
+            if lines[0].has_pixels(first) || lines[1].has_pixels(first) {
+                push_block::<NORMALS>(lens, edge_px, lines, first, &mut row);
             }
         }
-        if choose(own.x, &mut taken) {
-            blend::<NORMALS>(above, &taken, centre, x, &mut row);
-        }
     }
 }
 
-/// The pixels of a finer row of `width` that something of its two coarser rows may reach; others stay as they are.
-fn reached(coarser: &Level, above: usize, beside: Option<usize>, width: usize) -> Range<usize> {
-    let rows = [Some(above), beside].into_iter().flatten();
-    let valid = rows.filter_map(|first| {
-        let row = &coarser.front[first..first + coarser.width];
-        let is_valid = |front: &Vec4| front.x < f32::INFINITY;
-        Some((row.iter().position(is_valid)?, row.iter().rposition(is_valid)?))
-    });
-    let both = valid.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-    // A coarser pixel reaches the two below it and one on either side.
-    both.map_or(0..0, |(first, last)| (2 * first).saturating_sub(1)..(2 * last + 3).min(width))
-}
-
-/// A coarser pixel that takes part.
-#[derive(Clone, Copy)]
-struct Taken {
-    pixel: usize,
-    weight: f32,
-    front: Vec4,
-    /// From the coarser centre to the finer.
-    to_finer: Vec2,
-    /// Its least and greatest depth where they are compared.
-    depths: Vec2,
-}
-
-/// Gives those that a pixel is interpolated from weights that add up to one, the others none. Whether the pixel does
-/// not stay as it is.
-fn choose(own_depth: f32, taken: &mut [Taken; 4]) -> bool {
-    let (mut nearest, mut limit) = (f32::INFINITY, f32::INFINITY);
-    for t in taken.iter().filter(|t| t.weight > 0.0) {
-        if t.depths.x < nearest {
-            (nearest, limit) = (t.depths.x, t.depths.y);
-        }
-    }
-    // Nothing covers it; or it is valid (finite) and not behind what does.
-    if nearest == f32::INFINITY || own_depth <= limit {
-        return false;
-    }
-    let mut sum = 0.0;
-    for t in taken.iter_mut() {
-        if t.depths.x > limit {
-            t.weight = 0.0;
-        }
-        sum += t.weight;
-    }
-    taken.iter_mut().for_each(|t| t.weight /= sum);
-    true
-}
-
-/// Writes the weighted mean of the pixels taken.
-fn blend<const NORMALS: bool>(
-    above: &Above<'_>,
-    taken: &[Taken; 4],
-    centre: Vec2,
-    x: usize,
+/// Recomputes the pixels of a row below four coarser ones. `lines` are the row above it and the nearer one beside that.
+#[inline(always)]
+fn push_block<const NORMALS: bool>(
+    lens: &Lens,
+    edge_px: f32,
+    lines: [&Line; 2],
+    first: usize,
     row: &mut RowMut<'_>,
 ) {
-    let coarser = above.level;
-    let taken = || taken.iter().filter(|t| t.weight > 0.0);
-    let displaced = |t: &Taken| Vec2::new(t.front.z, t.front.w) + t.to_finer;
-    let middle = taken().fold(Vec2::ZERO, |sum, t| sum + displaced(t) * t.weight);
-    let (mut depths, mut tint, mut depth, mut normal) = (Vec2::ZERO, Vec4::ZERO, 0.0, Vec4::ZERO);
-    for t in taken() {
-        let factor = above.factor::<NORMALS>(t.pixel, centre - t.to_finer, centre - middle);
-        depths += Vec2::new(t.front.x, t.front.y) * (factor * t.weight);
-        tint += coarser.tint[t.pixel] * t.weight;
-        depth += coarser.depth[t.pixel] * (factor * t.weight);
-        if NORMALS {
-            normal += coarser.normal[t.pixel] * t.weight;
+    let run = 2 * first..row.front.len().min(2 * (first + LANES));
+    let halves = halves(&row.front[run], INVALID);
+    let down = if row.y & 1 == 1 { 0.5 } else { -0.5 } * edge_px;
+    for (odd, own) in halves.into_iter().enumerate() {
+        let across = if odd == 1 { 0.5 } else { -0.5 } * edge_px;
+        // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
+        // same side, one and a half the other way.
+        let side = first + 2 * odd;
+        let near = |line, next, right, down| Near { line, next, to_finer: [right, down] };
+        let near = [
+            near(lines[0], first + 1, across, down),
+            near(lines[0], side, across * -3.0, down),
+            near(lines[1], first + 1, across, down * -3.0),
+            near(lines[1], side, across * -3.0, down * -3.0),
+        ];
+        let centre = [
+            counting(((2 * first + odd) as f32 + 0.5) * edge_px, 2.0 * edge_px),
+            Vec4::splat((row.y as f32 + 0.5) * edge_px),
+        ];
+        let is_valid = valid(own[0]);
+        let place = [centre[0] - only(is_valid, own[2]), centre[1] - only(is_valid, own[3])];
+        let block = Block { least: own[0], centre, place };
+        let asking = !(is_valid & block.is_within::<NORMALS>(lens, &near[0]));
+        if asking.any() {
+            block.fill::<NORMALS>(lens, &near, asking, row, 2 * first + odd);
         }
     }
-    row.front[x] = Vec4::new(depths.x, depths.y, middle.x, middle.y);
-    row.tint[x] = tint;
-    row.depth[x] = depth;
-    if NORMALS {
-        row.normal[x] = normal;
+}
+
+/// The coarser pixels that lie on one side of finer ones.
+struct Near<'a> {
+    line: &'a Line,
+    /// Where they are on their line ([`Line::lane`]).
+    next: usize,
+    /// From their centres to the finer ones.
+    to_finer: [f32; 2],
+}
+
+impl Near<'_> {
+    #[inline(always)]
+    fn lane(&self, plane: usize) -> Lane {
+        self.line.lane(plane, self.next)
+    }
+
+    #[inline(always)]
+    fn normal(&self) -> [Lane; 3] {
+        let at = Line::NORMAL;
+        [self.lane(at), self.lane(at + 1), self.lane(at + 2)]
+    }
+
+    /// From the ellipses' centres to the finer pixels'.
+    #[inline(always)]
+    fn displaced(&self) -> [Lane; 2] {
+        let at = Line::FRONT + 2;
+        [self.lane(at) + self.to_finer[0], self.lane(at + 1) + self.to_finer[1]]
+    }
+}
+
+/// Coarser pixels as seen from the finer ones.
+struct Seen {
+    /// Depths where they are compared; infinite where the ellipse does not cover the finer pixel.
+    depths: [Lane; 2],
+    /// q of their planes at the ellipses' centres ([`crate::tangent`]).
+    facing: Lane,
+}
+
+/// Every second pixel of a run of finer ones.
+struct Block {
+    /// Their own least depths.
+    least: Lane,
+    centre: [Lane; 2],
+    /// Where depths are compared: at their ellipses' centres, or at their own where they are invalid.
+    place: [Lane; 2],
+}
+
+impl Block {
+    /// Which are within the intervals of the coarser pixels above.
+    #[inline(always)]
+    fn is_within<const NORMALS: bool>(&self, lens: &Lens, above: &Near<'_>) -> Mask {
+        let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
+        if !NORMALS {
+            return self.least.cmpge(least) & self.least.cmple(most);
+        }
+        let (normal, from) = (above.normal(), self.from(above));
+        let moved = factor(lens.facing(normal, from), turn(normal, self.by(from)));
+        self.least.cmpge(least * moved * ROUNDING) & self.least.cmple(most * moved)
+    }
+
+    /// The centres of coarser pixels' ellipses.
+    #[inline(always)]
+    fn from(&self, near: &Near<'_>) -> [Lane; 2] {
+        let displaced = near.displaced();
+        [self.centre[0] - displaced[0], self.centre[1] - displaced[1]]
+    }
+
+    /// From a place to where depths are compared.
+    #[inline(always)]
+    fn by(&self, from: [Lane; 2]) -> [Lane; 2] {
+        [self.place[0] - from[0], self.place[1] - from[1]]
+    }
+
+    #[inline(always)]
+    fn see<const NORMALS: bool>(&self, lens: &Lens, near: &Near<'_>) -> Seen {
+        let (least, most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
+        let (mut facing, mut moved) = (Vec4::ZERO, Vec4::ONE);
+        let mut disc = [Vec4::ZERO, Vec4::ZERO, Vec4::ONE];
+        if NORMALS {
+            let (normal, from) = (near.normal(), self.from(near));
+            facing = lens.facing(normal, from);
+            moved = factor(facing, turn(normal, self.by(from)));
+            disc = [normal[0], normal[1], near.lane(Line::NORMAL + 3)];
+        }
+        let covers = covers_at(near.displaced(), near.lane(Line::TINT + 3), disc) & valid(least);
+        let seen = |depth: Lane| Vec4::select(covers, depth * moved, Vec4::INFINITY);
+        Seen { depths: [seen(least), seen(most)], facing }
+    }
+
+    /// Interpolates those that are `asking`, and writes those that something covers.
+    #[inline(always)]
+    fn fill<const NORMALS: bool>(
+        &self,
+        lens: &Lens,
+        near: &[Near<'_>; 4],
+        asking: Mask,
+        row: &mut RowMut<'_>,
+        first: usize,
+    ) {
+        let [a, b, c, d] = near;
+        let seen = [
+            self.see::<NORMALS>(lens, a),
+            self.see::<NORMALS>(lens, b),
+            self.see::<NORMALS>(lens, c),
+            self.see::<NORMALS>(lens, d),
+        ];
+        let (mut nearest, mut limit) = (Vec4::INFINITY, Vec4::INFINITY);
+        for Seen { depths: [least, most], .. } in &seen {
+            let is_nearer = least.cmplt(nearest);
+            limit = Vec4::select(is_nearer, *most, limit);
+            nearest = Vec4::select(is_nearer, *least, nearest);
+        }
+        // Else nothing covers it; or it is valid (finite) and not behind what does.
+        let is_new = asking & valid(nearest) & self.least.cmpgt(limit);
+        if !is_new.any() {
+            return;
+        }
+        let (mut weights, mut sum) = ([Vec4::ZERO; 4], Vec4::ZERO);
+        for (t, weight) in weights.iter_mut().enumerate() {
+            let least = seen[t].depths[0];
+            *weight = only(valid(least) & least.cmple(limit), Vec4::splat(WEIGHTS[t]));
+            sum += *weight;
+        }
+        let mut middle = [Vec4::ZERO; 2];
+        for (near, weight) in near.iter().zip(&mut weights) {
+            *weight /= sum;
+            let displaced = near.displaced();
+            middle[0] += displaced[0] * *weight;
+            middle[1] += displaced[1] * *weight;
+        }
+        let place = [self.centre[0] - middle[0], self.centre[1] - middle[1]];
+        let mut out = Pixels {
+            front: [Vec4::ZERO, Vec4::ZERO, middle[0], middle[1]],
+            tint: [Vec4::ZERO; 4],
+            depth: Vec4::ZERO,
+            normal: [Vec4::ZERO; 4],
+        };
+        for ((near, seen), weight) in near.iter().zip(&seen).zip(weights) {
+            let mut moved = weight;
+            if NORMALS {
+                let (normal, from) = (near.normal(), self.from(near));
+                let by = [place[0] - from[0], place[1] - from[1]];
+                moved = factor(seen.facing, turn(normal, by)) * weight;
+            }
+            let takes = weight.cmpgt(Vec4::ZERO);
+            // What takes no part may be no number.
+            let part = |plane: usize, weight: Lane| only(takes, near.lane(plane) * weight);
+            for i in 0..2 {
+                out.front[i] += part(Line::FRONT + i, moved);
+            }
+            out.depth += part(Line::DEPTH, moved);
+            for i in 0..4 {
+                out.tint[i] += part(Line::TINT + i, weight);
+                if NORMALS {
+                    out.normal[i] += part(Line::NORMAL + i, weight);
+                }
+            }
+        }
+        out.write::<NORMALS>(is_new, row, first, 2);
     }
 }

@@ -5,13 +5,10 @@
 //! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The centre of
 //! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
 
+use crate::lanes::{LANES, counting, four, to_centres, valid};
 use crate::tangent::Lens;
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
-
-/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
-/// beyond a rim a plane is nobody's.
-const REACH_MIN_PX: f32 = 4.0;
 
 /// One level.
 #[derive(Clone, Debug, Default)]
@@ -55,20 +52,31 @@ impl Level {
 
     /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
     pub fn depth_image(&self, lens: &Lens, depth: &mut [f32]) {
-        let rows = depth.par_chunks_mut(self.width).zip(self.front.par_chunks(self.width));
-        let rows = rows.zip(self.depth.par_chunks(self.width)).enumerate();
-        rows.for_each(|(y, ((out, front), depth))| {
-            for ((out, front), depth) in out.iter_mut().zip(front).zip(depth) {
-                *out = if front.x < f32::INFINITY { *depth } else { f32::INFINITY };
+        let width = self.width;
+        let rows = depth.par_chunks_mut(width).with_min_len(8).enumerate();
+        rows.for_each(|(y, out)| self.depth_row(lens, y, out));
+    }
+
+    #[inline(never)]
+    fn depth_row(&self, lens: &Lens, y: usize, out: &mut [f32]) {
+        for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
+            let run = y * self.width + first..y * self.width + first + out.len();
+            let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
+            let mut factors = Vec4::ONE;
+            if let Some(normals) = self.normal.get(run.clone()) {
+                let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
+                let [_, _, _, radius] = four(&self.tint[run.clone()], Vec4::ZERO);
+                let centre = [
+                    counting((first as f32 + 0.5) * self.edge_px, self.edge_px),
+                    Vec4::splat((y as f32 + 0.5) * self.edge_px),
+                ];
+                factors = to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
             }
-            let normals = self.normal.get(y * self.width..).unwrap_or(&[]);
-            for (x, ((out, front), normal)) in out.iter_mut().zip(front).zip(normals).enumerate() {
-                let displaced = Vec2::new(front.z, front.w);
-                let factor = lens.along(*normal, self.centre(x, y) - displaced, displaced);
-                let reach = self.tint[y * self.width + x].w.max(REACH_MIN_PX) / lens.focal_px;
-                *out *= factor.clamp(1.0 - reach, 1.0 + reach);
+            let is_valid = valid(least);
+            for (k, (out, depth)) in out.iter_mut().zip(&self.depth[run]).enumerate() {
+                *out = if is_valid.test(k) { depth * factors[k] } else { f32::INFINITY };
             }
-        });
+        }
     }
 
     /// Centre of a pixel, in pixels of level 0.
@@ -138,32 +146,55 @@ pub struct RowMut<'a> {
 
 /// Calls `work` for every row of a level, in the current rayon pool where the level is worth it.
 pub fn for_each_row(level: &mut Level, work: impl Fn(RowMut<'_>) + Sync) {
+    for_each_band(level, |rows| rows.for_each(&work));
+}
+
+/// Calls `work` for bands of rows of a level, together all of it, in the current rayon pool where the level is worth it.
+pub fn for_each_band(level: &mut Level, work: impl Fn(Rows<'_>) + Sync) {
     /// Pixels under which handing out costs more than it gains.
     const SERIAL_PIXELS: usize = 64 * 64;
     let (width, height) = (level.width, level.height);
     let rows = if width * height <= SERIAL_PIXELS { height } else { (height / 64).clamp(4, 16) };
-    let has_normals = !level.normal.is_empty();
-    let band = |first: usize, planes: Planes<'_>| {
-        let Planes { mut front, mut tint, mut depth, mut normal } = planes;
-        let mut y = first;
-        while !front.is_empty() {
-            let (f, front_rest) = std::mem::take(&mut front).split_at_mut(width);
-            let (t, tint_rest) = std::mem::take(&mut tint).split_at_mut(width);
-            let (d, depth_rest) = std::mem::take(&mut depth).split_at_mut(width);
-            let cut = if has_normals { width } else { 0 };
-            let (n, normal_rest) = std::mem::take(&mut normal).split_at_mut(cut);
-            work(RowMut { y, front: f, tint: t, depth: d, normal: n });
-            (front, tint, depth, normal) = (front_rest, tint_rest, depth_rest, normal_rest);
-            y += 1;
-        }
-    };
     let planes = Planes {
         front: &mut level.front,
         tint: &mut level.tint,
         depth: &mut level.depth,
         normal: &mut level.normal,
     };
+    let band = |first: usize, planes: Planes<'_>| work(Rows { next: first, width, planes });
     split_bands(0, height, rows, width, planes, &band);
+}
+
+/// Rows one after another.
+pub struct Rows<'a> {
+    next: usize,
+    width: usize,
+    planes: Planes<'a>,
+}
+
+impl<'a> Iterator for Rows<'a> {
+    type Item = RowMut<'a>;
+
+    fn next(&mut self) -> Option<RowMut<'a>> {
+        /// The first values of a plane.
+        fn first<'a, T>(plane: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+            plane.split_off_mut(..count).unwrap_or_default()
+        }
+        let Planes { front, tint, depth, normal } = &mut self.planes;
+        if front.is_empty() {
+            return None;
+        }
+        let (y, width) = (self.next, self.width);
+        self.next += 1;
+        let has_normals = !normal.is_empty();
+        Some(RowMut {
+            y,
+            front: first(front, width),
+            tint: first(tint, width),
+            depth: first(depth, width),
+            normal: first(normal, if has_normals { width } else { 0 }),
+        })
+    }
 }
 
 struct Planes<'a> {

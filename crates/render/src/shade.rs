@@ -9,10 +9,11 @@
 use crate::camera::Camera;
 use crate::colour::Encoder;
 use crate::frame::{Background, Picture};
-use crate::pyramid::{Level, Pyramid};
-use crate::relief::{DepthImage, ReliefScratch};
+use crate::lanes::{LANES, Lane, Mask, counting, four, only, valid};
+use crate::pyramid::{INVALID, Level, Pyramid};
+use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
-use crate::soften::is_crease;
+use crate::soften::{are_creases, is_crease};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -55,8 +56,7 @@ pub fn shade(
     }
 }
 
-/// As [`shade`], with highlights or without. By blocks of pixels: what is looked up is scattered into flat
-/// arrays, and what is computed of them is straight arithmetic, which becomes SIMD.
+/// As [`shade`], with highlights or without.
 fn shade_as<const SHINES: bool>(
     camera: &Camera,
     pyramid: &Pyramid,
@@ -65,56 +65,29 @@ fn shade_as<const SHINES: bool>(
     picture: &mut Picture,
 ) -> Shaded {
     let base = &pyramid.levels[0];
-    let width = base.width;
-    let has_normals = !base.normal.is_empty();
     let raw = DepthImage {
-        width,
+        width: base.width,
         depth: &picture.depth,
         focal_px: camera.focal_px,
         centre_px: camera.centre_px,
         radius_px: mean_radius_px(base),
     };
-    let relief = if has_normals { raw } else { raw.smoothed(scratch) };
-    let nothing = vec![f32::INFINITY; width];
-    let encoder = Encoder::get();
-    let rows = picture.rgba.par_chunks_mut(width * 4).enumerate();
+    let relief = if base.normal.is_empty() { raw.smoothed(scratch) } else { raw };
+    let nothing = vec![f32::INFINITY; base.width];
+    let rows = picture.rgba.par_chunks_mut(base.width * 4).with_min_len(4).enumerate();
     let found = rows.map(|(y, row)| {
-        let backdrop = backdrop(background, y, base.height);
         let around = relief.surroundings(y, &nothing);
-        let (mut count, mut creases) = (0, Vec::new());
-        for (first, out) in (0..).step_by(BLOCK).zip(row.as_chunks_mut::<4>().0.chunks_mut(BLOCK)) {
-            let pixels = y * width + first..y * width + first + out.len();
-            if base.front[pixels.clone()].iter().all(|f| f.x == f32::INFINITY) {
-                out.fill(backdrop);
-                continue;
-            }
-            let mut block = Block::default();
-            if has_normals {
-                block.take_normals(pyramid, first, y, out.len());
-                around.sunken(first, EDGE.1, &mut block.dark[..out.len()]);
-            } else {
-                for (k, _) in pixels.clone().enumerate().filter(|&(_, p)| base.is_valid(p)) {
-                    block.set_normal(k, around.normal(first + k));
-                    block.dark[k] = around.behind(first + k, DOME.1);
-                }
-            }
-            let dark = if has_normals { EDGE.0 } else { DOME.0 };
-            block.light::<SHINES>(camera, first, y, dark);
-            for ((k, out), pixel) in out.iter_mut().enumerate().zip(pixels) {
-                if !base.is_valid(pixel) {
-                    *out = backdrop;
-                    continue;
-                }
-                let c = base.tint[pixel].truncate() * block.light[k] + Vec3::splat(block.shine[k]);
-                let [r, g, b] = encoder.bytes(c);
-                *out = [r, g, b, 255];
-                count += 1;
-                if block.may_bend[k] && is_bent(base, first + k, pixel) {
-                    creases.push(pixel);
-                }
-            }
-        }
-        (count, creases)
+        let mut row = Row {
+            camera,
+            pyramid,
+            backdrop: backdrop(background, y, base.height),
+            y,
+            covered: 0,
+            creases: Vec::new(),
+            out: row.as_chunks_mut().0,
+        };
+        row.shade::<SHINES>(&around);
+        (row.covered, row.creases)
     });
     let found: Vec<_> = found.collect();
     let covered = found.iter().map(|(count, _)| count).sum();
@@ -122,109 +95,163 @@ fn shade_as<const SHINES: bool>(
     Shaded { covered, creases }
 }
 
-/// Pixels that are lit together.
+/// Pixels whose shape is told together.
 const BLOCK: usize = 32;
 
-/// What lights a run of pixels: normals in view space, how dark each is, and what comes of it.
-struct Block {
-    normal: [[f32; BLOCK]; 3],
-    dark: [f32; BLOCK],
+/// A row of the picture that is shaded.
+struct Row<'a> {
+    camera: &'a Camera,
+    pyramid: &'a Pyramid,
+    backdrop: [u8; 4],
+    y: usize,
+    covered: u64,
+    creases: Vec<usize>,
+    out: &'a mut [[u8; 4]],
+}
+
+/// How four pixels are lit.
+struct Light {
     /// What a colour is multiplied by.
-    light: [f32; BLOCK],
+    factor: Lane,
     /// What is added to it.
-    shine: [f32; BLOCK],
-    /// Whether the normal to the right or below makes a crease, if there is a surface.
-    may_bend: [bool; BLOCK],
+    shine: Lane,
 }
 
-impl Default for Block {
-    fn default() -> Self {
-        let zero = [0.0; BLOCK];
-        let normal = [zero, zero, [1.0; BLOCK]];
-        Self { normal, dark: zero, light: zero, shine: zero, may_bend: [false; BLOCK] }
-    }
-}
-
-impl Block {
-    fn set_normal(&mut self, k: usize, normal: Vec3) {
-        for (axis, c) in self.normal.iter_mut().zip(normal.to_array()) {
-            axis[k] = c;
-        }
-    }
-
-    /// The interpolated normals of a run of `count` pixels, unit length.
-    fn take_normals(&mut self, pyramid: &Pyramid, first: usize, y: usize, count: usize) {
-        let base = &pyramid.levels[0];
-        let pixels = y * base.width + first..y * base.width + first + count;
-        flat(&base.normal[pixels.clone()], &mut self.normal);
-        for beside in [pixels.start + 1, pixels.start + base.width] {
+impl Row<'_> {
+    #[inline(never)]
+    fn shade<const SHINES: bool>(&mut self, around: &Surroundings<'_>) {
+        let base = &self.pyramid.levels[0];
+        let has_normals = !base.normal.is_empty();
+        for first in (0..base.width).step_by(BLOCK) {
+            let count = BLOCK.min(base.width - first);
+            let start = self.y * base.width + first;
+            if !base.front[start..start + count].iter().any(|f| f.x < f32::INFINITY) {
+                self.out[first..first + count].fill(self.backdrop);
+                continue;
+            }
+            let mut dark = [0.0; BLOCK];
             let mut normals = [[0.0; BLOCK]; 3];
-            let end = (beside + count).min(base.normal.len());
-            flat(&base.normal[beside.min(end)..end], &mut normals);
-            let at = |of: &[[f32; BLOCK]; 3], k: usize| Vec3::new(of[0][k], of[1][k], of[2][k]);
-            for k in 0..BLOCK {
-                self.may_bend[k] |= is_crease(at(&self.normal, k), at(&normals, k));
+            if has_normals {
+                around.sunken(first, EDGE.1, &mut dark[..count]);
+            } else {
+                for k in (0..count).filter(|&k| base.is_valid(start + k)) {
+                    let normal = around.normal(first + k);
+                    (0..3).for_each(|i| normals[i][k] = normal[i]);
+                    dark[k] = around.behind(first + k, DOME.1);
+                }
             }
-        }
-        let [xs, ys, zs] = &mut self.normal;
-        let mut per_length = [0.0; BLOCK];
-        for k in 0..BLOCK {
-            per_length[k] = 1.0 / (xs[k] * xs[k] + ys[k] * ys[k] + zs[k] * zs[k]).sqrt();
-        }
-        for k in 0..BLOCK {
-            xs[k] *= per_length[k];
-            ys[k] *= per_length[k];
-            zs[k] *= per_length[k];
-        }
-        for (k, pixel) in pixels.enumerate() {
-            // As `Vec3::try_normalize` has it; points without a normal are few.
-            if !(per_length[k].is_finite() && per_length[k] > 0.0) && base.is_valid(pixel) {
-                let found = normal_at(pyramid, first + k, y);
-                self.set_normal(k, found.unwrap_or(NO_NORMAL));
+            for k in (0..count).step_by(LANES) {
+                let front = &base.front[start + k..start + count.min(k + LANES)];
+                let is_valid = valid(four(front, INVALID)[0]);
+                if !is_valid.any() {
+                    self.out[first + k..first + k + front.len()].fill(self.backdrop);
+                    continue;
+                }
+                let dark = Vec4::from_slice(&dark[k..]);
+                let light = if has_normals {
+                    let normal = self.normals(first + k, is_valid);
+                    self.light::<SHINES>(first + k, normal, dark * EDGE.0)
+                } else {
+                    let [x, y, z] = &normals;
+                    let at = |axis: &[f32]| Vec4::from_slice(&axis[k..]);
+                    let normal = [at(x), at(y), at(z)];
+                    self.light::<SHINES>(first + k, normal, dark * DOME.0)
+                };
+                self.paint(first + k, is_valid, &light);
             }
         }
     }
 
-    /// Phong lighting, darkened.
-    fn light<const SHINES: bool>(&mut self, camera: &Camera, first: usize, y: usize, dark: f32) {
-        let [xs, ys, zs] = &self.normal;
-        let up = camera.centre_px[1] - y as f32 - 0.5;
-        for k in 0..BLOCK {
-            let normal = Vec3::new(xs[k], ys[k], zs[k]);
-            // Without highlights the eye's soft light comes along the axis.
-            let mut to_eye = Vec3::Z;
-            if SHINES {
-                let right = (first + k) as f32 + 0.5 - camera.centre_px[0];
-                let ray = Vec3::new(-right, -up, camera.focal_px);
-                to_eye = ray * (1.0 / ray.length());
-            }
-            // A pixel without a normal, nor any above it, faces the eye.
-            let normal = if normal == NO_NORMAL { to_eye } else { normal };
-            let facing = normal.dot(KEY);
-            let ambient = GROUND_SHARE + (SKY_SHARE - GROUND_SHARE) * (0.5 + 0.5 * normal.y);
-            let diffuse = KEY_SHARE * facing.max(0.0) + EYE_SHARE * normal.dot(to_eye).max(0.0);
-            let bright = darken(dark * self.dark[k]);
-            self.light[k] = (ambient + diffuse) * bright;
-            if SHINES {
-                let mirrored = normal * (2.0 * facing) - KEY;
-                // To the power of 24.
-                let s1 = mirrored.dot(to_eye).max(0.0);
-                let s2 = s1 * s1;
-                let s4 = s2 * s2;
-                let s8 = s4 * s4;
-                let shine = if facing > 0.0 { s8 * s8 * s8 } else { 0.0 };
-                self.shine[k] = SHINE * shine * bright;
-            }
+    /// The interpolated normals of four pixels, unit length; notes creases beside them.
+    #[inline(always)]
+    fn normals(&mut self, x: usize, is_valid: Mask) -> [Lane; 3] {
+        let base = &self.pyramid.levels[0];
+        let end = base.width - x;
+        let at = |pixel: usize| {
+            let run = base.normal.get(pixel..).unwrap_or(&[]);
+            let [x, y, z, _] = four(&run[..run.len().min(LANES)], Vec4::ZERO);
+            [x, y, z]
+        };
+        let pixel = self.y * base.width + x;
+        let here = at(pixel);
+        let beside = [at(pixel + 1), at(pixel + base.width)];
+        let may_bend = are_creases(here, beside[0]) | are_creases(here, beside[1]);
+        let may_bend = (may_bend & is_valid).bitmask();
+        if may_bend != 0 {
+            let bends = |k: usize| may_bend >> k & 1 == 1 && is_bent(base, x + k, pixel + k);
+            self.creases.extend((0..LANES.min(end)).filter(|&k| bends(k)).map(|k| pixel + k));
+        }
+        let squared = dot(here, here);
+        let per_length = 1.0 / squared.sqrt();
+        let mut normal = [here[0] * per_length, here[1] * per_length, here[2] * per_length];
+        // As `Vec3::try_normalize` has it; points without a normal are few.
+        let has_length = valid(per_length) & per_length.cmpgt(Vec4::ZERO);
+        let lacking = (is_valid & !has_length).bitmask();
+        for k in (0..LANES.min(end)).filter(|k| lacking >> k & 1 == 1) {
+            let found = normal_at(self.pyramid, x + k, self.y).unwrap_or(NO_NORMAL);
+            (0..3).for_each(|i| normal[i][k] = found[i]);
+        }
+        normal
+    }
+
+    /// Phong lighting of four pixels, darkened.
+    #[inline(always)]
+    fn light<const SHINES: bool>(&self, x: usize, normal: [Lane; 3], dark: Lane) -> Light {
+        let key = [Vec4::splat(KEY.x), Vec4::splat(KEY.y), Vec4::splat(KEY.z)];
+        // Without highlights the eye's soft light comes along the axis.
+        let mut to_eye = [Vec4::ZERO, Vec4::ZERO, Vec4::ONE];
+        if SHINES {
+            let right = counting(x as f32 + 0.5 - self.camera.centre_px[0], 1.0);
+            let up = self.camera.centre_px[1] - self.y as f32 - 0.5;
+            let ray = [-right, Vec4::splat(-up), Vec4::splat(self.camera.focal_px)];
+            let per_length = 1.0 / dot(ray, ray).sqrt();
+            to_eye = [ray[0] * per_length, ray[1] * per_length, ray[2] * per_length];
+        }
+        // A pixel without a normal, nor any above it, faces the eye.
+        let is_none = dot(normal, normal).cmpeq(Vec4::ZERO);
+        let or_eye = |i: usize| Vec4::select(is_none, to_eye[i], normal[i]);
+        let normal = [or_eye(0), or_eye(1), or_eye(2)];
+        let facing = dot(normal, key);
+        let ambient = (normal[1] * 0.5 + 0.5) * (SKY_SHARE - GROUND_SHARE) + GROUND_SHARE;
+        let towards = dot(normal, to_eye);
+        let diffuse = facing.max(Vec4::ZERO) * KEY_SHARE + towards.max(Vec4::ZERO) * EYE_SHARE;
+        let bright = darken(dark);
+        let mut shine = Vec4::ZERO;
+        if SHINES {
+            let mirror = |i: usize| normal[i] * (facing * 2.0) - key[i];
+            let mirrored = [mirror(0), mirror(1), mirror(2)];
+            // To the power of 24.
+            let s1 = dot(mirrored, to_eye).max(Vec4::ZERO);
+            let s2 = s1 * s1;
+            let s4 = s2 * s2;
+            let s8 = s4 * s4;
+            shine = only(facing.cmpgt(Vec4::ZERO), s8 * s8 * s8) * SHINE * bright;
+        }
+        Light { factor: (ambient + diffuse) * bright, shine }
+    }
+
+    /// Writes four pixels; the backdrop where there is no surface.
+    #[inline(always)]
+    fn paint(&mut self, x: usize, is_valid: Mask, light: &Light) {
+        let encoder = Encoder::get();
+        let base = &self.pyramid.levels[0];
+        let count = LANES.min(base.width - x);
+        let pixel = self.y * base.width + x;
+        let [r, g, b, _] = four(&base.tint[pixel..pixel + count], Vec4::ZERO);
+        let entries = |c: Lane| Encoder::entries(c * light.factor + light.shine);
+        let (r, g, b) = (entries(r), entries(g), entries(b));
+        let bits = is_valid.bitmask();
+        self.covered += u64::from(bits.count_ones());
+        for (k, out) in self.out[x..x + count].iter_mut().enumerate() {
+            let lit = [encoder.byte(r[k]), encoder.byte(g[k]), encoder.byte(b[k]), 255];
+            *out = if bits >> k & 1 == 1 { lit } else { self.backdrop };
         }
     }
 }
 
-/// A run of normals, axis by axis.
-fn flat(normals: &[Vec4], out: &mut [[f32; BLOCK]; 3]) {
-    let [xs, ys, zs] = out;
-    for (((x, y), z), normal) in xs.iter_mut().zip(ys).zip(zs).zip(normals) {
-        (*x, *y, *z) = (normal.x, normal.y, normal.z);
-    }
+#[inline(always)]
+fn dot(a: [Lane; 3], b: [Lane; 3]) -> Lane {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Stands for no normal at all.
@@ -261,7 +288,7 @@ fn mean_radius_px(base: &Level) -> f32 {
 }
 
 /// About `exp(-x)` for x from 0; several times as fast.
-#[inline]
-fn darken(x: f32) -> f32 {
-    1.0 / (1.0 + x * (1.0 + x * 0.5))
+#[inline(always)]
+fn darken(x: Lane) -> Lane {
+    1.0 / (x * (x * 0.5 + 1.0) + 1.0)
 }

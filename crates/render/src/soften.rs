@@ -4,6 +4,7 @@
 //! pixel; the two are mixed by it. In linear light, colours weighted by their alpha.
 
 use crate::colour::{Encoder, linear};
+use crate::lanes::{Lane, Mask};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -25,6 +26,14 @@ const CREASE: f32 = 0.75;
 pub fn is_crease(a: Vec3, b: Vec3) -> bool {
     let dot = a.dot(b);
     dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
+}
+
+/// The same of four.
+#[inline(always)]
+pub fn are_creases(a: [Lane; 3], b: [Lane; 3]) -> Mask {
+    let dot = |a: [Lane; 3], b: [Lane; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let along = dot(a, b);
+    (along * along.max(Vec4::ZERO)).cmplt(dot(a, a) * CREASE * dot(b, b))
 }
 
 /// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie at a step of

@@ -7,7 +7,8 @@
 //! its dot product with n is constant, so d is as one over `q = n.x x - n.y y - n.z f`, which is linear in the picture.
 
 use crate::camera::Camera;
-use glam::{Vec2, Vec4};
+use crate::lanes::Lane;
+use glam::Vec2;
 
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
 const SLOPE_MAX: f32 = 32.0;
@@ -29,35 +30,44 @@ impl Lens {
         Self { focal_px: camera.focal_px, centre_px: Vec2::from_array(camera.centre_px) }
     }
 
-    /// Depth on the plane with this normal (view space, any length) at `from + by` (pixels), over that at `from`.
+    /// Depth on the planes with these normals (view space, any length) at `from + by` (pixels), over that at `from`.
     /// One where there is no normal.
     #[inline(always)]
-    pub fn along(&self, normal: Vec4, from: Vec2, by: Vec2) -> f32 {
-        let tilt = Vec2::new(normal.x, -normal.y);
-        let turn = tilt.dot(by) / self.facing(normal, from);
-        1.0 / (1.0 + turn).clamp(1.0 / FACTOR_MAX, FACTOR_MAX)
+    pub fn along(&self, normal: [Lane; 3], from: [Lane; 2], by: [Lane; 2]) -> Lane {
+        factor(self.facing(normal, from), turn(normal, by))
     }
 
-    /// Depth that a plate of unit thickness takes along the rays at a place; `normal` has unit length.
+    /// Depth that plates of unit thickness take along the rays at places; normals have unit length.
     #[inline(always)]
-    pub fn thickness(&self, normal: Vec4, at: Vec2) -> f32 {
+    pub fn thickness(&self, normal: [Lane; 3], at: [Lane; 2]) -> Lane {
         -self.focal_px / self.facing(normal, at)
     }
 
-    /// q of the head, of planes turned to the eye, not steeper than can be followed. Never zero.
+    /// q of the head at places (pixels), of planes turned to the eye, not steeper than can be followed. Below zero.
     #[inline(always)]
-    fn facing(&self, normal: Vec4, at: Vec2) -> f32 {
-        let tilt = Vec2::new(normal.x, -normal.y);
-        let q = tilt.dot(at - self.centre_px) - normal.z * self.focal_px;
-        let steepest = (tilt.x.abs() + tilt.y.abs()) * (self.focal_px / SLOPE_MAX);
-        q.min(-steepest) - f32::MIN_POSITIVE
+    pub fn facing(&self, [nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> Lane {
+        let q = nx * (x - self.centre_px.x) - ny * (y - self.centre_px.y) - nz * self.focal_px;
+        let steepest = (nx.abs() + ny.abs()) * (-self.focal_px / SLOPE_MAX);
+        q.min(steepest) - f32::MIN_POSITIVE
     }
+}
+
+/// What q of the head changes by over so many pixels.
+#[inline(always)]
+pub fn turn([nx, ny, _]: [Lane; 3], [x, y]: [Lane; 2]) -> Lane {
+    nx * x - ny * y
+}
+
+/// Depths after moves over those before them, from q before them and what the moves change it by.
+#[inline(always)]
+pub fn factor(q: Lane, turn: Lane) -> Lane {
+    q / (q + turn).max(q * FACTOR_MAX).min(q * (1.0 / FACTOR_MAX))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
+    use glam::{Vec3, Vec4};
 
     const LENS: Lens = Lens { focal_px: 100.0, centre_px: Vec2::new(40.0, 30.0) };
 
@@ -68,13 +78,23 @@ mod tests {
         normal.dot(Vec3::NEG_Z * 5.0) / normal.dot(ray)
     }
 
+    fn along(normal: Vec3, from: Vec2, by: Vec2) -> f32 {
+        let [from, by] = [from, by].map(|v| v.to_array().map(Vec4::splat));
+        LENS.along(normal.to_array().map(Vec4::splat), from, by).x
+    }
+
+    fn thickness(normal: Vec3, at: Vec2) -> f32 {
+        let at = at.to_array().map(Vec4::splat);
+        LENS.thickness(normal.to_array().map(Vec4::splat), at).x
+    }
+
     #[test]
     fn depths_moved_along_a_plane_are_the_planes_own_at_any_place_and_slope() {
         for normal in [Vec3::Z, Vec3::new(0.6, -0.2, 1.0), Vec3::new(-2.0, 7.0, 1.2)] {
             let n = normal.normalize_or(Vec3::Z);
             for (from, by) in [([12.0, 50.0], [3.0, -4.0]), ([40.0, 30.0], [1.0, 1.0])] {
                 let (from, by) = (Vec2::from_array(from), Vec2::from_array(by));
-                let moved = depth(n, from) * LENS.along(n.extend(0.0), from, by);
+                let moved = depth(n, from) * along(n, from, by);
                 assert!((moved / depth(n, from + by) - 1.0).abs() < 1e-5, "{moved} for {n}");
             }
         }
@@ -83,13 +103,13 @@ mod tests {
     #[test]
     fn a_plate_is_thicker_along_slanting_rays_and_no_normal_moves_nothing() {
         let middle = LENS.centre_px;
-        let slanting = Vec4::new(0.8, 0.0, 0.6, 0.0);
-        assert!((LENS.thickness(slanting, middle) - 1.0 / 0.6).abs() < 1e-6);
-        assert_eq!(LENS.along(Vec4::ZERO, middle, Vec2::splat(30.0)), 1.0);
+        let slanting = Vec3::new(0.8, 0.0, 0.6);
+        assert!((thickness(slanting, middle) - 1.0 / 0.6).abs() < 1e-6);
+        assert_eq!(along(Vec3::ZERO, middle, Vec2::splat(30.0)), 1.0);
         // Edge on and turned away: finite, and no longer than the steepest slope.
-        for edge_on in [Vec4::new(1.0, 0.0, 0.0, 0.0), Vec4::new(0.8, 0.0, -0.6, 0.0)] {
-            assert!((1.0..=SLOPE_MAX * 1.01).contains(&(LENS.thickness(edge_on, middle) * 0.8)));
-            assert!((0.5..=2.0).contains(&LENS.along(edge_on, middle, Vec2::X * 50.0)));
+        for edge_on in [Vec3::X, Vec3::new(0.8, 0.0, -0.6)] {
+            assert!((1.0..=SLOPE_MAX * 1.01).contains(&(thickness(edge_on, middle) * 0.8)));
+            assert!((0.5..=2.0).contains(&along(edge_on, middle, Vec2::X * 50.0)));
         }
     }
 }

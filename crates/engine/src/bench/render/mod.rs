@@ -47,6 +47,8 @@ pub struct Request {
     pub points: Vec<u64>,
     /// Widths and heights of pictures, pixels.
     pub sizes: Vec<[u32; 2]>,
+    /// The only method; all where not said.
+    pub method: Option<Method>,
     /// The GPU; the CPU is always measured as well.
     pub with: DrawWith,
     /// Threads; 0 is one a core.
@@ -73,7 +75,8 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
         for index in 0..request.count() {
             let model = request.model(index, task)?;
             for &size in &request.sizes {
-                for (method, name) in METHODS {
+                let asked = |method| request.method.is_none_or(|only| only == method);
+                for (method, name) in METHODS.into_iter().filter(|&(method, _)| asked(method)) {
                     let picture = Picture {
                         size,
                         method,
@@ -185,10 +188,28 @@ fn rows_of(
             "copy_floor_ms": floor,
             "mpoints_per_s": stand.points() as f64 / total_ms.max(1e-9) * 1e-3,
             "frames": frames.len(),
+            "least_ms": least(frames),
             "paper_total_ms": paper,
         }));
     }
     Ok(rows)
+}
+
+/// The least time of each pass among frames: what it takes where nothing else is running.
+fn least(frames: &[Stages]) -> Value {
+    let of = |of: fn(&Stages) -> f64| frames.iter().map(of).fold(f64::INFINITY, f64::min);
+    json!({
+        "project": of(|s| s.project_ms),
+        "gather": of(|s| s.gather_ms),
+        "pull": of(|s| s.pull_ms),
+        "push": of(|s| s.push_ms),
+        "mend": of(|s| s.mend_ms),
+        "shade": of(|s| s.shade_ms),
+        "soften": of(|s| s.soften_ms),
+        "place": of(|s| s.place_ms),
+        "blend": of(|s| s.blend_ms),
+        "total": of(|s| s.total_ms),
+    })
 }
 
 /// Milliseconds in which all threads copy so many bytes in main memory: a median.

@@ -1,0 +1,244 @@
+//! Four pixels at once, attribute by attribute: what pull, push and their like compute with. A [`Lane`] is a value of
+//! each of them, in a SIMD register. The pyramid's planes hold a pixel's four values side by side; here they are turned
+//! over on the way in, and back on the way out.
+
+use crate::pyramid::{INVALID, Level, RowMut};
+use crate::tangent::Lens;
+use glam::{BVec4A, Mat4, Vec4};
+
+/// Pixels that are computed together.
+pub const LANES: usize = 4;
+/// A value of each.
+pub type Lane = Vec4;
+/// Yes or no for each.
+pub type Mask = BVec4A;
+
+/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
+/// beyond a rim a plane is nobody's.
+const REACH_MIN_PX: f32 = 4.0;
+
+/// Attributes of four pixels, as [`Level`] has them.
+#[derive(Clone, Copy)]
+pub struct Pixels {
+    /// Least depth, greatest depth, displacement; the depths are infinite where there is no pixel.
+    pub front: [Lane; 4],
+    /// Colour and radius.
+    pub tint: [Lane; 4],
+    /// Mean depth.
+    pub depth: Lane,
+    /// Normal, and the minor axis over the major one; of no meaning where pixels have none.
+    pub normal: [Lane; 4],
+}
+
+impl Pixels {
+    /// Writes the lanes of a mask to every `step`th pixel of a row from `first` on, as far as the row goes.
+    #[inline(always)]
+    pub fn write<const NORMALS: bool>(
+        &self,
+        mask: Mask,
+        row: &mut RowMut<'_>,
+        first: usize,
+        step: usize,
+    ) {
+        let bits = mask.bitmask();
+        let mut to = [usize::MAX; LANES];
+        for (k, to) in to.iter_mut().enumerate() {
+            *to = if bits >> k & 1 == 1 { first + k * step } else { usize::MAX };
+        }
+        self.scatter::<NORMALS>(to, row);
+    }
+
+    /// Writes the lanes to these pixels of a row, one each; what is beyond the row is left out.
+    #[inline(always)]
+    pub fn scatter<const NORMALS: bool>(&self, to: [usize; LANES], row: &mut RowMut<'_>) {
+        let (front, tint) = (turned(self.front), turned(self.tint));
+        let normal = if NORMALS { turned(self.normal) } else { [Vec4::ZERO; 4] };
+        for (k, at) in to.into_iter().enumerate() {
+            if at < row.front.len() {
+                (row.front[at], row.tint[at]) = (front[k], tint[k]);
+                row.depth[at] = self.depth[k];
+                if NORMALS {
+                    row.normal[at] = normal[k];
+                }
+            }
+        }
+    }
+}
+
+/// Four values each of four pixels: from pixel by pixel to attribute by attribute, or back.
+#[inline(always)]
+pub fn turned(four: [Vec4; 4]) -> [Vec4; 4] {
+    let m = Mat4::from_cols(four[0], four[1], four[2], four[3]).transpose();
+    [m.x_axis, m.y_axis, m.z_axis, m.w_axis]
+}
+
+/// The first four pixels of a run, attribute by attribute; `missing` where the run is shorter.
+#[inline(always)]
+pub fn four(run: &[Vec4], missing: Vec4) -> [Lane; 4] {
+    match run.first_chunk::<LANES>() {
+        Some(&four) => turned(four),
+        None => turned(filled(run, missing)),
+    }
+}
+
+/// The first, third ... and the second, fourth ... of the first eight pixels of a run, attribute by attribute;
+/// `missing` where the run is shorter.
+#[inline(always)]
+pub fn halves(run: &[Vec4], missing: Vec4) -> [[Lane; 4]; 2] {
+    let of = |e: &[Vec4; 2 * LANES]| [[e[0], e[2], e[4], e[6]], [e[1], e[3], e[5], e[7]]];
+    let [even, odd] = match run.first_chunk() {
+        Some(eight) => of(eight),
+        None => of(&filled(run, missing)),
+    };
+    [turned(even), turned(odd)]
+}
+
+/// The same of single values; zero where the run is shorter.
+#[inline(always)]
+pub fn halves_of_values(run: &[f32]) -> [Lane; 2] {
+    let of = |e: &[f32; 2 * LANES]| {
+        [Vec4::new(e[0], e[2], e[4], e[6]), Vec4::new(e[1], e[3], e[5], e[7])]
+    };
+    match run.first_chunk() {
+        Some(eight) => of(eight),
+        None => of(&filled(run, 0.0)),
+    }
+}
+
+/// A run that is too short, with something for what is missing.
+#[inline(never)]
+fn filled<T: Copy, const N: usize>(run: &[T], missing: T) -> [T; N] {
+    let mut all = [missing; N];
+    let count = run.len().min(N);
+    all[..count].copy_from_slice(&run[..count]);
+    all
+}
+
+/// `value` in the lanes of a mask, zero in the others.
+#[inline(always)]
+pub fn only(mask: Mask, value: Lane) -> Lane {
+    Vec4::select(mask, value, Vec4::ZERO)
+}
+
+/// The lanes of pixels with these least depths that are valid.
+#[inline(always)]
+pub fn valid(least: Lane) -> Mask {
+    least.cmplt(Vec4::INFINITY)
+}
+
+/// The numbers from `first` on.
+#[inline(always)]
+pub fn counting(first: f32, step: f32) -> Lane {
+    Vec4::new(0.0, 1.0, 2.0, 3.0) * step + first
+}
+
+/// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
+#[inline(always)]
+pub fn directions(codes: [[i16; 2]; LANES]) -> [Lane; 3] {
+    let [a, b, c, d] = codes;
+    let of =
+        |i: usize| Vec4::new(f32::from(a[i]), f32::from(b[i]), f32::from(c[i]), f32::from(d[i]));
+    let (x, y) = (of(0), of(1));
+    let none = Vec4::splat(f32::from(i16::MIN));
+    let is_some = !(x.cmpeq(none) & y.cmpeq(none));
+    let unit = |c: Lane| (c / 32767.0).max(Vec4::NEG_ONE);
+    let (x, y) = (unit(x), unit(y));
+    let z = 1.0 - x.abs() - y.abs();
+    let is_folded = z.cmplt(Vec4::ZERO);
+    let folded = |along: Lane, other: Lane| {
+        Vec4::select(is_folded, (1.0 - other.abs()).copysign(along), along)
+    };
+    [only(is_some, folded(x, y)), only(is_some, folded(y, x)), only(is_some, z)]
+}
+
+/// What depths at the centres of ellipses are multiplied by for depths at the centres of the pixels, which are given.
+/// Of the ellipses: displacements, radii and normals.
+#[inline(always)]
+pub fn to_centres(
+    lens: &Lens,
+    centre: [Lane; 2],
+    displaced: [Lane; 2],
+    radius: Lane,
+    normal: [Lane; 3],
+) -> Lane {
+    let from = [centre[0] - displaced[0], centre[1] - displaced[1]];
+    let moved = lens.along(normal, from, displaced);
+    let reach = radius.max(Vec4::splat(REACH_MIN_PX)) / lens.focal_px;
+    moved.max(1.0 - reach).min(1.0 + reach)
+}
+
+/// A row of a level attribute by attribute, with invalid pixels before its first and after its last. Attributes of
+/// invalid pixels are zero, but their depths are infinite.
+#[derive(Clone, Debug, Default)]
+pub struct Line {
+    /// Plane after plane in the order of [`Pixels`].
+    values: Vec<f32>,
+    /// Values of a plane.
+    stride: usize,
+}
+
+impl Line {
+    /// Where the planes are: least and greatest depth, displacement.
+    pub const FRONT: usize = 0;
+    /// Colour, radius.
+    pub const TINT: usize = 4;
+    /// Mean depth.
+    pub const DEPTH: usize = 8;
+    /// Normal, minor axis over the major one.
+    pub const NORMAL: usize = 9;
+    const PLANES: usize = 13;
+
+    /// Takes a row of a level; without one, all pixels are invalid.
+    pub fn take(&mut self, level: &Level, y: Option<usize>) {
+        // Blocks are whole, and look at one pixel more to either side.
+        self.stride = 1 + level.width.next_multiple_of(LANES) + 1;
+        self.values.resize(self.stride * Self::PLANES, 0.0);
+        for (plane, values) in self.values.chunks_mut(self.stride).enumerate() {
+            let nothing = if plane < 2 { f32::INFINITY } else { 0.0 };
+            if y.is_none() {
+                values.fill(nothing);
+            }
+            (values[0], values[self.stride - 1]) = (nothing, nothing);
+        }
+        let Some(y) = y else { return };
+        let row = y * level.width..(y + 1) * level.width;
+        let front = &level.front[row.clone()];
+        self.turn(Self::FRONT, front, front);
+        self.turn(Self::TINT, front, &level.tint[row.clone()]);
+        if let Some(normal) = level.normal.get(row.clone()) {
+            self.turn(Self::NORMAL, front, normal);
+        }
+        let out = &mut self.values[Self::DEPTH * self.stride + 1..];
+        for ((out, front), depth) in out.iter_mut().zip(front).zip(&level.depth[row]) {
+            *out = if front.x < f32::INFINITY { *depth } else { 0.0 };
+        }
+    }
+
+    fn turn(&mut self, plane: usize, front: &[Vec4], pixels: &[Vec4]) {
+        let nothing = if plane == Self::FRONT { INVALID } else { Vec4::ZERO };
+        let runs = front.chunks(LANES).zip(pixels.chunks(LANES));
+        for (first, (front, pixels)) in (0..).step_by(LANES).zip(runs) {
+            let mut four = [nothing; LANES];
+            for ((four, front), pixel) in four.iter_mut().zip(front).zip(pixels) {
+                *four = if front.x < f32::INFINITY { *pixel } else { nothing };
+            }
+            for (i, column) in turned(four).into_iter().enumerate() {
+                let at = (plane + i) * self.stride + 1 + first;
+                column.write_to_slice(&mut self.values[at..at + LANES]);
+            }
+        }
+    }
+
+    /// Whether a block that begins at a pixel, or what is beside it, has a valid pixel.
+    #[inline(always)]
+    pub fn has_pixels(&self, first: usize) -> bool {
+        let [a, b] = [self.lane(Self::FRONT, first), self.lane(Self::FRONT, first + 2)];
+        valid(a.min(b)).any()
+    }
+
+    /// A plane of a block of pixels that begins one before pixel `next`.
+    #[inline(always)]
+    pub fn lane(&self, plane: usize, next: usize) -> Lane {
+        Vec4::from_slice(&self.values[plane * self.stride + next..])
+    }
+}
