@@ -60,6 +60,19 @@ const COLOUR_I64: u32 = 9u;
 const COLOUR_F32: u32 = 10u;
 const COLOUR_F64: u32 = 11u;
 
+// Where a colour plane has a point's value: the word, by how many bits it is shifted down, and whether (1) a second
+// word follows.
+fn colour_place(kind: u32, index: u32) -> vec3<u32> {
+    if kind == COLOUR_U8 || kind == COLOUR_I8 {
+        return vec3<u32>(index / 4u, index % 4u * 8u, 0u);
+    }
+    if kind == COLOUR_U16 || kind == COLOUR_I16 {
+        return vec3<u32>(index / 2u, index % 2u * 16u, 0u);
+    }
+    let is_double = kind == COLOUR_U64 || kind == COLOUR_I64 || kind == COLOUR_F64;
+    return select(vec3<u32>(index, 0u, 0u), vec3<u32>(index * 2u, 0u, 1u), is_double);
+}
+
 // A run of a node's points.
 struct Chunk {
     draw: u32,

@@ -30,7 +30,7 @@ struct Seen {
 }
 
 // Offset of a point in its node's box, in steps.
-fn offset_of(draw: Draw, index: u32) -> vec3<u32> {
+fn offset_at(draw: Draw, index: u32) -> vec3<u32> {
     let hot = positions[(draw.position_word >> 1u) + index];
     let q = hot_of(hot) << vec3<u32>(draw.shift);
     if draw.residual_page == NO_PAGE {
@@ -51,7 +51,7 @@ fn offset_of(draw: Draw, index: u32) -> vec3<u32> {
 }
 
 fn see(draw: Draw, index: u32) -> Seen {
-    let offset = offset_of(draw, index);
+    let offset = offset_at(draw, index);
     let steps = steps_from_eye(draw.base_high, draw.base_low, draw.bias_steps, offset);
     let from_eye = steps * frame.step;
     let depth = -dot(frame.back, from_eye);

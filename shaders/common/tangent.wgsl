@@ -13,6 +13,11 @@ fn along(normal: vec4<f32>, origin: vec2<f32>, by: vec2<f32>) -> f32 {
     return q / clamp(moved, q * FACTOR_MAX, q * (1.0 / FACTOR_MAX));
 }
 
+// What one over the depth changes by, over itself at a place, a pixel right and down on the plane.
+fn slope_of(normal: vec4<f32>, at: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(normal.x, -normal.y) / facing(normal, at);
+}
+
 // Depth that a plate of unit thickness takes along the rays at a place; `normal` has unit length.
 fn thickness(normal: vec4<f32>, at: vec2<f32>) -> f32 {
     return -frame.focal_px / facing(normal, at);

@@ -121,17 +121,11 @@ fn fetch_colour(pixel: u32, draw: u32, index: u32) {
     if slot == ELSEWHERE || index >= draws[draw].colour_points {
         return;
     }
-    let first = draws[draw].colour_word;
-    let kind = draws[draw].colour_kind;
-    if kind == COLOUR_U8 || kind == COLOUR_I8 {
-        paint[pixel].y = word(slot, first + index / 4u) >> (index % 4u * 8u);
-    } else if kind == COLOUR_U16 || kind == COLOUR_I16 {
-        paint[pixel].y = word(slot, first + index / 2u) >> (index % 2u * 16u);
-    } else if kind == COLOUR_U64 || kind == COLOUR_I64 || kind == COLOUR_F64 {
-        paint[pixel].y = word(slot, first + index * 2u);
-        paint[pixel].z = word(slot, first + index * 2u + 1u);
-    } else {
-        paint[pixel].y = word(slot, first + index);
+    let place = colour_place(draws[draw].colour_kind, index);
+    let first = draws[draw].colour_word + place.x;
+    paint[pixel].y = word(slot, first) >> place.y;
+    if place.z == 1u {
+        paint[pixel].z = word(slot, first + 1u);
     }
     paint[pixel].x = draw | HAS_COLOUR;
 }

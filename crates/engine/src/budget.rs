@@ -80,8 +80,8 @@ impl Shares {
 }
 
 /// Bytes a pixel of the GPU renderer's buffers and textures: frame buffer 8, pyramid with normals 70, picture
-/// with depth 12, targets of point primitives 12, edges and relief 20.
-const GPU_PIXEL_BYTES: u64 = 128;
+/// with depth 12, targets of point primitives 12, edges and relief 20, averages 48.
+const GPU_PIXEL_BYTES: u64 = 176;
 /// Bytes a drawn node: its rows in the tables of draws, of chunks and of the octree, which grow by doubling.
 const GPU_NODE_BYTES: u64 = 512;
 /// Uniforms, colour maps, timestamps, depth tiles on their way back.

@@ -61,8 +61,8 @@ impl Look {
         self
     }
 
-    /// The plan of its frames; `is_dense` where points are dense in the whole view.
-    pub fn plan(&self, file: &Forest, is_dense: bool) -> FramePlan {
+    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded` where they crowd.
+    pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
             normals,
@@ -71,12 +71,12 @@ impl Look {
             hidden_points: self.shown.hides_any(),
         };
         let (method, colour, shines) = (self.method, self.colouring.by, self.shines);
-        FramePlan::of(&has, &Asked { method, colour, shines, is_dense })
+        FramePlan::of(&has, &Asked { method, colour, shines, is_dense, is_crowded })
     }
 
     /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
     pub fn needs(&self, file: &Forest) -> Needs {
-        let plan = self.plan(file, false);
+        let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
         Needs { colour, normals: plan.reads_normals }
     }
@@ -140,6 +140,7 @@ pub fn frame<'a, P>(
         hides_points: false,
         shines: true,
         skips_push: true,
+        averages: true,
         background: Background::default(),
     }
 }

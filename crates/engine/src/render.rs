@@ -11,7 +11,7 @@ use esker_format::footer::HEADER_MAGIC;
 use esker_format::{Forest, PlaneKind, Planes, Shown};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
 use esker_points::{Filter, Task};
-use esker_render::plan::is_dense;
+use esker_render::plan::{is_crowded, is_dense};
 use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -199,9 +199,12 @@ impl Scene {
         let known = AtHand(&look.shown);
         let selection = select(file.table(), file.lattice(), &view, &options, &known, None);
         let octree = CompactOctree::new(file.table(), &selection.drawn);
-        let drawn = selection.drawn.iter().map(|d| file.record(d.node)).enumerate();
-        let is_dense = is_dense(&view, file.lattice(), &octree, drawn);
-        let plan = look.plan(file, is_dense);
+        let drawn = || selection.drawn.iter().map(|d| (file.record(d.node), d.prefix)).enumerate();
+        let nodes = drawn().map(|(entry, (node, _))| (entry, node));
+        let is_dense = is_dense(&view, file.lattice(), &octree, nodes);
+        let nodes = drawn().map(|(entry, (node, prefix))| (entry, node, prefix));
+        let is_crowded = is_crowded(&view, file.lattice(), Some(&octree), nodes);
+        let plan = look.plan(file, is_dense, is_crowded);
         let kinds = planes_of(&plan, &look);
         Ok(Self {
             view,
@@ -345,7 +348,7 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
             "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
-            "blend": stages.blend_ms, "gather": stages.gather_ms,
+            "blend": stages.blend_ms, "gather": stages.gather_ms, "average": stages.average_ms,
             "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
             "soften": stages.soften_ms, "draw": stages.total_ms,
         },

@@ -75,6 +75,7 @@ impl Scan {
             hides_points: false,
             shines: true,
             skips_push: true,
+            averages: true,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

@@ -52,7 +52,7 @@ fn cloud(truth: &Truth, view: &View, density: f64, kind: Kind) -> Cloud {
         let scenes = bands
             .iter()
             .map(|(spacing, s)| scene::Scene::new(&s.points, 1e-6, *spacing, s.radius, 1 << 15));
-        return Cloud { scenes: scenes.collect() };
+        return Cloud { scenes: scenes.collect(), averages: true };
     }
     let spacing = view.eye.length() / view.focal_px() / density.sqrt();
     let s = sample(truth, spacing, kind, dice);

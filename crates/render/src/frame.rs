@@ -102,6 +102,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether views that are dense everywhere are drawn without pull and push
     /// ([`crate::plan::DENSE_PX`]).
     pub skips_push: bool,
+    /// Whether the points of a pixel's front surface are averaged where points crowd
+    /// ([`crate::plan::CROWDED_PX`]); else one wins it.
+    pub averages: bool,
     /// What lies behind the points.
     pub background: Background,
 }
@@ -151,6 +154,8 @@ pub struct Stages {
     pub blend_ms: f64,
     /// Attributes of the pixels won.
     pub gather_ms: f64,
+    /// Means of the points that share a pixel.
+    pub average_ms: f64,
     /// Averaging upwards.
     pub pull_ms: f64,
     /// Filling downwards.

@@ -39,9 +39,9 @@ const RADIUS_MAX: f32 = 1e30;
 
 /// What is made once a frame to look points up.
 pub struct Lookup<'a> {
-    frame: &'a Frame<'a>,
-    camera: &'a Camera,
-    list: &'a DrawList,
+    pub(crate) frame: &'a Frame<'a>,
+    pub(crate) camera: &'a Camera,
+    pub(crate) list: &'a DrawList,
     draws: Vec<DrawLookup<'a>>,
     map: Option<MapTable>,
     codes: Option<Box<[Vec3; 256]>>,
@@ -89,6 +89,11 @@ impl<'a> Lookup<'a> {
     /// Whether any node brings normals.
     pub fn has_normals(&self) -> bool {
         self.frame.draws.iter().any(|d| d.normal.is_some())
+    }
+
+    /// Positions of a draw's points, and their place against the eye.
+    pub(crate) fn places(&self, draw: usize) -> (&Positions<'a>, &NodePlace) {
+        (&self.draws[draw].positions, &self.draws[draw].place)
     }
 
     /// Colour of a point alone, for the method without surfaces.

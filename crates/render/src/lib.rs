@@ -1,5 +1,6 @@
 //! Passes from points to a picture (marroquim2007 section 3): points become single pixels
-//! ([`project`]), pixels become the base of an image pyramid ([`gather`]), the pyramid is averaged
+//! ([`project`]), pixels become the base of an image pyramid ([`gather`]; where points crowd, all of a pixel's front
+//! surface, [`average`]), the pyramid is averaged
 //! upwards ([`pull`]) and filled downwards ([`push`]), and what is filled is lit ([`shade`]). Beside the
 //! published passes: gaps are closed ([`mend`]) and outlines taken back to the samples ([`trim`]) before
 //! shading, and edges antialiased ([`soften`]) after it.
@@ -8,6 +9,7 @@
 //! that passes on a GPU are held against: `f32`, flat buffers, one file a pass. Knows no file, starts
 //! no thread (it works in the current rayon pool) and touches no device.
 
+pub mod average;
 pub mod camera;
 pub mod colour;
 pub mod edges;

@@ -6,11 +6,15 @@ use crate::colour::ColourBy;
 use crate::frame::{ColourPlane, Frame, Method, Stages};
 use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Node};
+use glam::DVec3;
 
 /// A view is dense where points are drawn at most this far apart everywhere, pixels: then no pixel of the front
 /// surface is without a point of its own, and nothing is left to be pushed. Samples are even: their gaps are
 /// at most 1.42 times as wide as those of a Poisson-disk sample, whose circles of one spacing hold a point each.
 pub const DENSE_PX: f64 = 0.5;
+
+/// Points crowd where most of them are drawn closer than this, pixels: about two share a pixel.
+pub const CROWDED_PX: f64 = 0.75;
 
 /// A pass, or passes that are timed together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -19,6 +23,8 @@ pub enum Pass {
     Project,
     /// Attributes of the pixels won, to the pyramid.
     Gather,
+    /// Means of the points that share a pixel.
+    Average,
     /// Averaging upwards.
     Pull,
     /// Filling downwards.
@@ -43,6 +49,7 @@ impl Pass {
         match self {
             Self::Project => "project",
             Self::Gather => "gather",
+            Self::Average => "average",
             Self::Pull => "pull",
             Self::Push => "push",
             Self::Mend => "mend",
@@ -79,6 +86,8 @@ pub struct Asked {
     pub shines: bool,
     /// Whether points are dense in the whole view, see [`DENSE_PX`].
     pub is_dense: bool,
+    /// Whether points crowd, see [`CROWDED_PX`].
+    pub is_crowded: bool,
 }
 
 /// What a frame takes.
@@ -118,13 +127,12 @@ pub struct Variant {
 impl FramePlan {
     /// The plan of a scene that is looked at.
     pub fn of(has: &SceneHas, asked: &Asked) -> Self {
-        use Pass::{Blend, Gather, Mend, Place, Project, Pull, Push, Resolve, Shade, Soften};
+        use Pass::{Blend, Place, Project, Resolve, Shade, Soften};
         let has_surface = asked.method != Method::Points;
         let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
         let passes: &[Pass] = match asked.method {
             Method::Points => &[Project, Resolve],
-            Method::PullPush if asked.is_dense => &[Project, Gather, Mend, Shade, Soften],
-            Method::PullPush => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
+            Method::PullPush => pull_push(asked.is_crowded, asked.is_dense),
             Method::Ewa => &[Place, Blend, Shade, Soften],
         };
         let carries_normals = has.normals && has_surface;
@@ -162,7 +170,36 @@ impl FramePlan {
         let is_dense = method == Method::PullPush
             && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
-        Self::of(&has, &Asked { method, colour, shines: frame.shines, is_dense })
+        let nodes = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
+        let is_crowded = method == Method::PullPush
+            && frame.averages
+            && is_crowded(frame.view, frame.lattice, frame.octree, nodes);
+        Self::of(&has, &Asked { method, colour, shines: frame.shines, is_dense, is_crowded })
+    }
+
+    /// Whether the points of a pixel's front surface are averaged.
+    pub fn averages(&self) -> bool {
+        self.passes.contains(&Pass::Average)
+    }
+
+    /// The same where one point wins a pixel, however many share it.
+    pub fn without_averages(self) -> Self {
+        let passes =
+            if self.averages() { pull_push(false, !self.has_pyramid) } else { self.passes };
+        Self { passes, ..self }
+    }
+
+    /// Whether colours and normals are read point by point to be averaged.
+    pub(crate) fn averages_read(&self) -> [bool; 2] {
+        let [_, colours, normals] = self.fetches;
+        [colours, normals].map(|reads| reads && self.averages())
+    }
+
+    /// Constants of the pass that adds points up.
+    pub fn average_constants(&self) -> [(&'static str, u32); 5] {
+        let [culls, hides] = self.project_constants();
+        let [normals, colour] = self.colour_constants();
+        [culls, hides, normals, ("COLOURS", u32::from(self.fetches[1])), colour]
     }
 
     /// Constants of the pass that projects, by compute or by primitives.
@@ -202,6 +239,11 @@ impl FramePlan {
             Pass::Shade => {
                 vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
             }
+            Pass::Average => vec![
+                variant("average/begin", &[normals]),
+                variant("average/add", &self.average_constants()),
+                variant("average/finish", &[normals]),
+            ],
             Pass::Place => {
                 let [normals, colour] = self.colour_constants();
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
@@ -216,6 +258,17 @@ impl FramePlan {
             other => vec![variant(other.name(), &[normals])],
         };
         self.passes.iter().flat_map(of).collect()
+    }
+}
+
+/// The passes of pull-push where points crowd and where they are dense.
+fn pull_push(is_crowded: bool, is_dense: bool) -> &'static [Pass] {
+    use Pass::{Average, Gather, Mend, Project, Pull, Push, Shade, Soften};
+    match (is_crowded, is_dense) {
+        (true, true) => &[Project, Gather, Average, Mend, Shade, Soften],
+        (false, true) => &[Project, Gather, Mend, Shade, Soften],
+        (true, false) => &[Project, Gather, Average, Pull, Push, Mend, Shade, Soften],
+        (false, false) => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
     }
 }
 
@@ -238,6 +291,35 @@ pub fn is_dense<'a>(
     any && is_dense
 }
 
+/// Whether points crowd: half of those of the finest nodes (given with their entries in the octree of the cut, and the
+/// number drawn) are closer together on the picture than [`CROWDED_PX`], by the middle of their node.
+pub fn is_crowded<'a>(
+    view: &View,
+    lattice: &Lattice,
+    octree: Option<&CompactOctree>,
+    nodes: impl IntoIterator<Item = (usize, &'a Node, usize)>,
+) -> bool {
+    let (mut crowded, mut all) = (0, 0);
+    for (entry, node, drawn) in nodes {
+        let spacing = match octree.filter(|o| entry < o.len()) {
+            Some(octree) => octree.leaf_spacing(entry),
+            None => Some(node.spacing),
+        };
+        let Some(spacing) = spacing else { continue };
+        let [low, high] = node.own_box();
+        let middle = [0, 1, 2].map(|axis| {
+            lattice.world_axis(axis, (f64::from(low[axis]) + f64::from(high[axis])) * 0.5)
+        });
+        let distance = (DVec3::from_array(middle) - view.eye).length().max(view.near);
+        let points = drawn.min(node.points()) as u64;
+        all += points;
+        if f64::from(spacing) * view.focal_px() <= CROWDED_PX * distance {
+            crowded += points;
+        }
+    }
+    crowded > 0 && crowded * 2 >= all
+}
+
 /// How far points of this spacing are apart on the picture where a node comes nearest, pixels.
 fn nearest_spacing_px(view: &View, lattice: &Lattice, node: &Node, spacing: f64) -> f64 {
     let [low, high] = node
@@ -257,6 +339,7 @@ impl Stages {
             Pass::Gather => &mut self.gather_ms,
             Pass::Place => &mut self.place_ms,
             Pass::Blend => &mut self.blend_ms,
+            Pass::Average => &mut self.average_ms,
             Pass::Pull => &mut self.pull_ms,
             Pass::Push => &mut self.push_ms,
             Pass::Mend => &mut self.mend_ms,
@@ -277,8 +360,13 @@ mod tests {
         colour_plane: true,
         hidden_points: false,
     };
-    const ASKED: Asked =
-        Asked { method: Method::PullPush, colour: ColourBy::Rgb, shines: true, is_dense: false };
+    const ASKED: Asked = Asked {
+        method: Method::PullPush,
+        colour: ColourBy::Rgb,
+        shines: true,
+        is_dense: false,
+        is_crowded: false,
+    };
 
     #[test]
     fn without_normals_none_is_read_carried_or_tested() {
@@ -312,6 +400,23 @@ mod tests {
         assert!(!plan.has_pyramid);
         assert!(!plan.passes.contains(&Pass::Pull) && !plan.passes.contains(&Pass::Push));
         assert!(FramePlan::of(&ALL, &ASKED).has_pyramid);
+    }
+
+    #[test]
+    fn points_are_averaged_where_they_crowd_and_nowhere_else() {
+        let crowded = Asked { is_crowded: true, ..ASKED };
+        let plan = FramePlan::of(&ALL, &crowded);
+        assert!(plan.averages() && plan.averages_read() == [true; 2]);
+        assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
+        let dense = FramePlan::of(&ALL, &Asked { is_dense: true, ..crowded });
+        assert!(dense.averages() && !dense.has_pyramid);
+        assert!(!dense.without_averages().has_pyramid);
+        for plan in [FramePlan::of(&ALL, &ASKED), plan.without_averages()] {
+            assert!(!plan.averages() && plan.has_pyramid && plan.averages_read() == [false; 2]);
+        }
+        for method in [Method::Points, Method::Ewa] {
+            assert!(!FramePlan::of(&ALL, &Asked { method, ..crowded }).averages());
+        }
     }
 
     #[test]

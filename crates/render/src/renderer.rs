@@ -1,6 +1,7 @@
 //! The frame from first pass to last, and the memory that the passes keep from frame to frame (fresh
 //! pages cost more than the passes that fill them). Which passes run, the frame's plan says.
 
+use crate::average::Averages;
 use crate::camera::Camera;
 use crate::edges::edges;
 use crate::error::RenderError;
@@ -29,6 +30,7 @@ const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
+    averages: Averages,
     pyramid: Pyramid,
     scratch: ReliefScratch,
     /// EWA splatting, and how it is done.
@@ -74,7 +76,11 @@ impl Renderer {
         let lookup = Lookup::new(frame, &camera, &list);
         pyramid.fit(width, height, lookup.has_normals());
         pyramid.lens = Lens::new(&camera);
-        Ok(gather(&lookup, &self.target, &mut pyramid.levels[0]))
+        let valid = gather(&lookup, &self.target, &mut pyramid.levels[0]);
+        if FramePlan::new(frame).averages() {
+            self.averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]);
+        }
+        Ok(valid)
     }
 
     /// Draws a frame over an earlier picture, whose memory is used again.
@@ -102,7 +108,7 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, pyramid, scratch, sources, ewa } = self;
+        let Self { target, averages, pyramid, scratch, sources, ewa } = self;
         if plan.passes.contains(&Pass::Shade) {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
@@ -120,6 +126,7 @@ impl Renderer {
                 Pass::Gather => {
                     stats.pixels_projected = gather(&lookup, target, &mut pyramid.levels[0]);
                 }
+                Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
                 Pass::Place => {
                     let counts = ewa.place(frame, &camera, &list, &lookup, plan.carries_normals);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);

@@ -6,9 +6,10 @@ mod scene;
 mod truth;
 
 use scene::Dice;
+use truth::flicker::{flicker, orbit};
 use truth::measure::{Cloud, Image};
 use truth::sample::{Kind, sample};
-use truth::{scenes, walls, walls_view};
+use truth::{Paint, Truth, scenes, walls, walls_view};
 
 const SIDE: u32 = 80;
 
@@ -40,6 +41,39 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
                 let inside = (0..image.seen.len()).filter(|&p| image.is_inside(p, 6));
                 assert_eq!(inside.filter(|&p| blue(p)).count(), 0, "blue: {what}");
             }
+        }
+    }
+}
+
+#[test]
+fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
+    let (_, truth, view) = scenes(SIDE).remove(0);
+    let pixel = view.eye.length() / view.focal_px();
+    let fine = Paint::Checks(2.3 * pixel, [230, 220, 210], [40, 60, 80]);
+    let fine = Truth { parts: truth.parts.iter().map(|(shape, _)| (*shape, fine)).collect() };
+    // What is left of the error, and of the flicker, of one point a pixel: at most.
+    for (truth, density, error, flickers) in [
+        (&truth, 2.0, 0.7, 0.9),
+        (&truth, 4.0, 0.65, 0.8),
+        (&fine, 2.0, 0.75, 0.85),
+        (&fine, 4.0, 0.5, 0.6),
+    ] {
+        let image = Image::new(truth, &view);
+        let spacing = pixel / f64::sqrt(density);
+        let s = sample(truth, spacing, Kind::Poisson, &mut Dice(17));
+        let way = orbit(&view, 4, 0.25);
+        for normals in [true, false] {
+            let [mean, one] = [true, false].map(|averages| {
+                let mut cloud = Cloud::new(&s.points, spacing, s.radius);
+                cloud.averages = averages;
+                let drawn = cloud.draw(&view, normals);
+                assert_eq!(drawn.picture.stats.stages.average_ms > 0.0, averages);
+                (drawn.errors(&image), flicker(&cloud, truth, &way, normals))
+            });
+            let what = format!("{density} points a pixel, {normals}: {mean:?}, one wins: {one:?}");
+            assert!(mean.0.colour <= error * one.0.colour, "{what}");
+            assert!(mean.1.colour <= flickers * one.1.colour, "{what}");
+            assert!(mean.0.holes == 0 && mean.0.bleeding == 0, "{what}");
         }
     }
 }

@@ -10,7 +10,9 @@ use esker_lod::{Occlusion, OrientedBox, View};
 use esker_points::quant::HIDDEN_AT;
 use esker_render::gpu::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
-use esker_render::{Background, ColourBy, Frame, Method, Picture, render};
+use esker_render::{
+    Background, ColourBy, ColourMap, Frame, FramePlan, Method, Palette, Picture, render,
+};
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
 use gpu::{few_gpus, gpus, laid_frame, lay, name};
@@ -71,6 +73,18 @@ fn ball_and_floor() -> Scene {
     Scene::new(&points, 1e-5, 0.045, 0.045, 3000)
 }
 
+/// The same of four times as many points, no two of one colour.
+fn speckled() -> Scene {
+    let mut dice = Dice(12);
+    let mut points = sphere(&mut dice, DVec3::Z, 1.0, 36_000, [0; 3]);
+    let (u, v) = (DVec3::X * 4.0, DVec3::Y * 4.0);
+    points.extend(sheet(&mut dice, -(u + v) / 2.0, u, v, 180, [0; 3]));
+    for p in &mut points {
+        p.colour = dice.bits().to_le_bytes()[3..6].try_into().unwrap();
+    }
+    Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
+}
+
 fn view(width: u32, height: u32) -> View {
     let eye = DVec3::new(2.6, -3.1, 2.4);
     View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height)
@@ -93,8 +107,18 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     }
     let marked_draws = marked.draws(true, true, true);
     let filtered = Frame { hides_points: true, ..marked.frame(&small, &marked_draws) };
+    let crowd = speckled();
+    let [crowd_with, crowd_without] = [true, false].map(|normals| crowd.draws(true, true, normals));
+    let crowded = crowd.frame(&small, &crowd_with);
+    assert!(FramePlan::new(&crowded).averages() && !FramePlan::new(&surface).averages());
+    let heights = ColourMap { low: 0.0, high: 2.0, palette: Palette::Viridis };
     let mut frames = vec![
         ("surface", surface),
+        ("crowded", crowded),
+        ("crowded, one point a pixel", Frame { averages: false, ..crowded }),
+        ("crowded without normals", crowd.frame(&small, &crowd_without)),
+        ("crowded from both sides", Frame { cull_back_faces: false, ..crowded }),
+        ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
         ("surface without highlights", Frame { shines: false, ..surface }),
         ("surface of a part of the points", filtered),
         ("a part of the points", Frame { method: Method::Points, ..filtered }),

@@ -251,6 +251,7 @@ fn any_bits_are_a_harmless_picture() {
             hides_points: false,
             shines: true,
             skips_push: true,
+            averages: true,
             background: Background::default(),
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {

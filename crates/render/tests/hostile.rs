@@ -83,6 +83,7 @@ proptest! {
             hides_points: false,
             shines: true,
             skips_push: true,
+            averages: true,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();

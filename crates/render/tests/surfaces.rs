@@ -232,6 +232,7 @@ fn radii_follow_the_finest_drawn_cell() {
         hides_points: false,
         shines: true,
         skips_push: true,
+        averages: true,
         background: Background::default(),
     };
     let mut pyramid = Pyramid::default();

@@ -197,6 +197,7 @@ fn passes(stages: &[Stages]) -> Passes {
     const PASSES: [Pass; 10] = [
         ("project", |s| s.project_ms),
         ("gather", |s| s.gather_ms),
+        ("average", |s| s.average_ms),
         ("pull", |s| s.pull_ms),
         ("push", |s| s.push_ms),
         ("mend", |s| s.mend_ms),

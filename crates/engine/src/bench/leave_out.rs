@@ -123,6 +123,11 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
     }
     let dense = Picture { target_spacing_px: DENSE, budget_points: u64::MAX, ..base.clone() };
     all.push(Omission {
+        name: "means of the points that share a pixel",
+        with: (dense.clone(), same),
+        without: (dense.clone(), Changes { one_wins: true, ..same }),
+    });
+    all.push(Omission {
         name: "pull and push of a dense view",
         with: (dense.clone(), Changes { always_pushes: true, ..same }),
         without: (dense, same),

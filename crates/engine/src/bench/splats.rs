@@ -118,6 +118,7 @@ impl Wall {
             hides_points: false,
             shines: true,
             skips_push: false,
+            averages: true,
             background: Background::default(),
         }
     }

@@ -28,8 +28,10 @@ pub struct Pages {
     pub position: u32,
     /// Of the dropped bits.
     pub residual: u32,
-    /// Of the normals, where points are dropped by them.
+    /// Of the normals, where points are dropped by them, or averaged.
     pub normal: u32,
+    /// Of the colours, where points are averaged.
+    pub colour: u32,
 }
 
 /// Chunks whose planes lie in the same pages.
@@ -160,6 +162,12 @@ impl GpuCut {
         }))
     }
 
+    /// The page of the colours of a list of work, as [`GpuCut::bind`] has pages.
+    pub fn colours<'p>(&self, work: &Work, pool: &'p NodePool) -> Option<&'p wgpu::Buffer> {
+        let Pages { colour, position, .. } = work.pages;
+        pool.page(if colour == NO_PAGE { position } else { colour } as usize)
+    }
+
     /// Takes the nodes of a frame and sends the tables with the next submission.
     ///
     /// # Errors
@@ -172,6 +180,7 @@ impl GpuCut {
         plan: &FramePlan,
         pool: &NodePool,
     ) -> Result<(), GpuError> {
+        let reads = plan.averages_read();
         self.rows.clear();
         self.chunk_rows.clear();
         self.by_pages.clear();
@@ -189,7 +198,8 @@ impl GpuCut {
             let pages = Pages {
                 position: row.position_page,
                 residual: row.residual_page,
-                normal: if plan.culls_back_faces { row.normal_page } else { NO_PAGE },
+                normal: if plan.culls_back_faces || reads[1] { row.normal_page } else { NO_PAGE },
+                colour: if reads[0] { row.colour_page } else { NO_PAGE },
             };
             let index = self.rows.len() as u32;
             let chunks = (0..row.points).step_by(CHUNK_POINTS as usize).map(|first| Chunk {

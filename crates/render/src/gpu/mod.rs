@@ -1,6 +1,7 @@
 //! The passes on a GPU. Each has its shader in `shaders/`, a host here, a twin of the same name in this
 //! crate, and a test that holds the two together. One thread submits, maps and polls.
 
+pub mod average;
 pub mod colour;
 pub mod cut;
 pub mod device;

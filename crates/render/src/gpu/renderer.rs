@@ -1,6 +1,7 @@
 //! The frame on the GPU from first pass to last, as its plan says: all passes in one command buffer, submitted
 //! once. Nothing waits for the GPU but [`GpuRenderer::read`]. Twin: [`crate::renderer`].
 
+use super::average::Average;
 use super::cut::GpuCut;
 use super::device::{Counted, Gpu, ProjectPath};
 use super::error::GpuError;
@@ -38,6 +39,7 @@ pub struct GpuRenderer {
     points: Points,
     lookup: GpuLookup,
     gather: Gather,
+    average: Average,
     resolve: Resolve,
     store: Store,
     pyramid: GpuPyramid,
@@ -77,6 +79,7 @@ impl GpuRenderer {
             },
             lookup: GpuLookup::new(gpu)?,
             gather: Gather::default(),
+            average: Average::default(),
             resolve: Resolve::new(gpu)?,
             store: Store::new(gpu)?,
             pyramid: GpuPyramid::default(),
@@ -108,7 +111,12 @@ impl GpuRenderer {
         pool: &NodePool,
     ) -> Result<(), GpuError> {
         let camera = Camera::new(frame.view, frame.lattice)?;
-        let plan = FramePlan::new(frame);
+        let mut plan = FramePlan::new(frame);
+        let pixels = camera.size.into_iter().map(u64::from).product();
+        if !Average::fits(&self.gpu, pixels, &plan) {
+            plan = plan.without_averages();
+        }
+        self.average.fit(&self.gpu, pixels, &plan)?;
         self.fit(camera.size, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
@@ -223,6 +231,12 @@ impl GpuRenderer {
                 let mut pass = timing.compute(encoder, Pass::Gather);
                 self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
                 drop(pass);
+                if plan.averages()
+                    && let Some(level) = pyramid.levels.first()
+                {
+                    self.average
+                        .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
+                }
                 self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
             }
         }
@@ -295,9 +309,10 @@ impl GpuRenderer {
             Points::Primitives(primitives) => primitives.reload(gpu)?,
         };
         let won = self.lookup.reload(gpu)? | self.gather.reload(gpu)? | self.resolve.reload(gpu)?;
+        let averages = self.average.reload(gpu)?;
         let splats = self.ewa.as_mut().map_or(Ok(false), |ewa| ewa.reload(gpu))?;
         let rest =
             self.hits.reload(gpu)? | self.surface.reload(gpu)? | self.feedback.reload(gpu)?;
-        Ok(points | won | splats | rest)
+        Ok(points | won | averages | splats | rest)
     }
 }

@@ -103,6 +103,7 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         hides_points: frame.hides_points,
         shines: frame.shines,
         skips_push: frame.skips_push,
+        averages: frame.averages,
         background: frame.background,
     }
 }

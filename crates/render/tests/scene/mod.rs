@@ -89,6 +89,7 @@ impl Scene {
             hides_points: false,
             shines: true,
             skips_push: true,
+            averages: true,
             background: Background::default(),
         }
     }

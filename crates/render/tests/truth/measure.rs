@@ -89,11 +89,14 @@ impl Image {
 /// Nodes of one spacing and radius, with the frame that draws them all.
 pub struct Cloud {
     pub scenes: Vec<Scene>,
+    /// Whether points that share a pixel are averaged.
+    pub averages: bool,
 }
 
 impl Cloud {
     pub fn new(points: &[ScenePoint], spacing: f64, radius: f64) -> Self {
-        Self { scenes: vec![Scene::new(points, 1e-6, spacing, radius, 1 << 15)] }
+        let scenes = vec![Scene::new(points, 1e-6, spacing, radius, 1 << 15)];
+        Self { scenes, averages: true }
     }
 
     /// Draws it, and what the passes before shading leave.
@@ -126,7 +129,7 @@ impl Cloud {
         let draws: Vec<_> =
             self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
         let mut frame = self.scenes[0].frame(view, &draws);
-        frame.background = Background::Plain([0; 4]);
+        (frame.background, frame.averages) = (Background::Plain([0; 4]), self.averages);
         let picture = Renderer::default().render(&frame).unwrap();
         let (level, depth) = last_level(&frame, fill);
         Drawn { view: *view, picture, level, depth }

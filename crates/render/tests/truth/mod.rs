@@ -2,6 +2,7 @@
 //! points sampled from their surfaces. Tests and the example `surface_quality` measure pictures against them.
 #![allow(dead_code, reason = "not every user needs all of it")]
 
+pub mod flicker;
 pub mod measure;
 pub mod sample;
 

@@ -112,6 +112,7 @@ pub fn frame_of<'a, P>(
         hides_points: false,
         shines: true,
         skips_push: true,
+        averages: true,
         background: Background::default(),
     }
 }

@@ -27,6 +27,8 @@ pub struct Stand<'a> {
 pub struct Changes {
     /// Pulled and pushed though it is dense.
     pub always_pushes: bool,
+    /// One point wins a pixel, however many share it.
+    pub one_wins: bool,
     /// Drawn from both sides.
     pub keeps_back_faces: bool,
     /// Without highlights.
@@ -36,6 +38,7 @@ pub struct Changes {
 impl Changes {
     fn apply<P>(self, frame: &mut Frame<'_, P>) {
         frame.skips_push &= !self.always_pushes;
+        frame.averages &= !self.one_wins;
         frame.cull_back_faces &= !self.keeps_back_faces;
         frame.shines &= !self.is_matt;
     }

@@ -1,0 +1,110 @@
+// Adds each point of a pixel's front surface to the pixel's sums. A group of threads a chunk. Twin:
+// crates/render/src/average.rs.
+
+// include common/points.wgsl
+// include common/lookup.wgsl
+// include common/colour.wgsl
+// include common/average.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool = false;
+// Whether colours come from the colour plane.
+override COLOURS: bool = true;
+
+// One page, whole.
+@group(0) @binding(7) var<storage, read> colours: array<u32>;
+@group(0) @binding(8) var<storage, read_write> sums: array<atomic<u32>>;
+@group(0) @binding(9) var<uniform> lookup: Lookup;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let item = group.x + group.y * groups.x;
+    if item >= arrayLength(&work) {
+        return;
+    }
+    let chunk = chunks[work[item]];
+    let draw = draws[chunk.draw];
+    let points = min(chunk.points, CHUNK_POINTS);
+    for (var i = thread; i < points; i += 256u) {
+        add(chunk.draw, draw, chunk.first + i);
+    }
+}
+
+// No reach is less: what it divides stays a number.
+const LEAST_REACH: f32 = 1.1754944e-38;
+
+fn float_at(word: u32) -> f32 {
+    return bitcast<f32>(atomicLoad(&sums[word]));
+}
+
+fn add(row: u32, draw: Draw, index: u32) {
+    let seen = see(draw, index);
+    if !is_inside(seen) {
+        return;
+    }
+    let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
+    let first = (at.y * frame.width + at.x) * words();
+    var plane = float_at(first + AT_SCALE);
+    if NORMALS {
+        let slope = vec2<f32>(float_at(first + AT_SLOPE), float_at(first + AT_SLOPE + 1u));
+        plane += dot(slope, seen.at - vec2<f32>(at) - 0.5);
+    }
+    let behind = plane - frame.focal_px / seen.depth;
+    let reach = float_at(first + AT_REACH);
+    // Infinite where no point won.
+    if is_infinite(plane) || behind > reach || is_dropped(draw, index, seen.from_eye) {
+        return;
+    }
+    let offset = offset_at(draw, index);
+    let height = draw.box_min.z + offset.z;
+    let paint = paint_of(row, draw, index);
+    let high = vec2<u32>(u32(height < offset.z), height);
+    let colour = whole(colour_of(paint, high, bitcast<u32>(seen.depth)));
+    atomicAdd(&sums[first + AT_COUNT], 1u);
+    for (var k = 0u; k < 3u; k += 1u) {
+        atomicAdd(&sums[first + AT_COLOUR + k], colour[k]);
+    }
+    if NORMALS {
+        let normal = whole(to_eye(paint.w, seen.from_eye) * 0.5 + 0.5);
+        for (var k = 0u; k < 3u; k += 1u) {
+            atomicAdd(&sums[first + AT_NORMAL + k], normal[k]);
+        }
+    } else {
+        let depth = whole(vec3<f32>(behind / max(reach, LEAST_REACH)));
+        atomicAdd(&sums[first + AT_DEPTH], depth.x);
+    }
+}
+
+// Numbers from 0 to 1 in steps.
+fn whole(value: vec3<f32>) -> vec3<u32> {
+    return vec3<u32>(clamp(value, vec3<f32>(0.0), vec3<f32>(1.0)) * STEPS + 0.5);
+}
+
+// The words of a point as `gather/fetch` leaves them.
+fn paint_of(row: u32, draw: Draw, index: u32) -> vec4<u32> {
+    var paint = vec4<u32>(row, 0u, 0u, NO_NORMAL);
+    if COLOURS && draw.colour_page != NO_PAGE && index < draw.colour_points {
+        let place = colour_place(draw.colour_kind, index);
+        let word = draw.colour_word + place.x;
+        paint.x = row | HAS_COLOUR;
+        paint.y = colours[word] >> place.y;
+        if place.z == 1u {
+            paint.z = colours[word + 1u];
+        }
+    }
+    if draw.normal_page != NO_PAGE && index < draw.normal_points && (NORMALS || COLOUR == BY_NORMAL) {
+        paint.w = normals[draw.normal_word + index];
+    }
+    return paint;
+}
+
+// A normal in view space; where back faces are not culled, turned to the eye.
+fn to_eye(code: u32, from_eye: vec3<f32>) -> vec3<f32> {
+    let world = normal_of(code);
+    let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
+    return select(n, -n, dot(world, from_eye) > 0.0 && frame.cull_back_faces == 0u);
+}

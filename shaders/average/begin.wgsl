@@ -1,0 +1,41 @@
+// Takes the planes of the points that won, and clears the sums. Twin: crates/render/src/average.rs.
+
+// include common/frame.wgsl
+// include common/tangent.wgsl
+// include common/average.wgsl
+
+// Whether pixels carry normals.
+override NORMALS: bool = false;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> normals: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> sums: array<u32>;
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    if pixel >= frame.width * frame.height {
+        return;
+    }
+    let first = pixel * words();
+    for (var i = 0u; i < words(); i += 1u) {
+        sums[first + i] = 0u;
+    }
+    let own = front[pixel];
+    if is_infinite(own.x) {
+        sums[first + AT_SCALE] = INFINITE_BITS;
+        return;
+    }
+    let scale = frame.focal_px / own.x;
+    var at_centre = scale;
+    if NORMALS {
+        let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
+        let slope = slope_of(normals[pixel], centre - own.zw) * scale;
+        at_centre += dot(slope, own.zw);
+        sums[first + AT_SLOPE] = bitcast<u32>(slope.x);
+        sums[first + AT_SLOPE + 1u] = bitcast<u32>(slope.y);
+    }
+    sums[first + AT_SCALE] = bitcast<u32>(at_centre);
+    sums[first + AT_REACH] = bitcast<u32>(scale - frame.focal_px / own.y);
+}
