@@ -201,7 +201,9 @@ impl Block {
         let row = camera.size[0];
         let zero = [0.0; BLOCK];
         let mut block = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
-        for k in 0..BLOCK {
+        let Self { pixels, dx, dy, scale: scales } = &mut block;
+        let places = pixels.iter_mut().zip(dx).zip(dy.iter_mut().zip(scales));
+        for (k, ((pixel, dx), (dy, scale_there))) in places.enumerate() {
             let x = place.axis_steps(0, offsets[0][k]) * step.x;
             let y = place.axis_steps(1, offsets[1][k]) * step.y;
             let z = place.axis_steps(2, offsets[2][k]) * step.z;
@@ -213,10 +215,10 @@ impl Block {
             let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
             let [column, line] = [at_x as i32 as u32, at_y as i32 as u32];
             let at = line.wrapping_mul(row).wrapping_add(column);
-            block.pixels[k] = if is_inside { at } else { u32::MAX };
-            block.dx[k] = at_x - column as f32 - 0.5;
-            block.dy[k] = at_y - line as f32 - 0.5;
-            block.scale[k] = scale;
+            *pixel = if is_inside { at } else { u32::MAX };
+            *dx = at_x - column as f32 - 0.5;
+            *dy = at_y - line as f32 - 0.5;
+            *scale_there = scale;
         }
         block
     }

@@ -194,7 +194,7 @@ pub type Passes = Vec<(&'static str, f64)>;
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
     type Pass = (&'static str, fn(&Stages) -> f64);
-    const PASSES: [Pass; 10] = [
+    const PASSES: [Pass; 11] = [
         ("project", |s| s.project_ms),
         ("gather", |s| s.gather_ms),
         ("average", |s| s.average_ms),
