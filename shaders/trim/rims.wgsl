@@ -8,6 +8,10 @@
 
 // Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
+// Width of lines at most, radii and pixels; their length on either side at least, radii; and radii at most, pixels.
+const LINE_WIDTH: vec2<f32> = vec2<f32>(2.0, 2.0);
+const LINE_SIDE: f32 = 2.0;
+const LINE_RADIUS_MAX_PX: f32 = 32.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> marks: array<u32>;
@@ -18,11 +22,7 @@ const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
 // Whether a pixel has gone in a tile.
 @group(0) @binding(6) var<storage, read_write> gone: array<atomic<u32>>;
 
-// The eight directions, around.
-fn direction(k: u32) -> vec2<i32> {
-    let x = array<i32, 8>(1, 1, 0, -1, -1, -1, 0, 1);
-    return vec2<i32>(x[k & 7u], x[(k + 6u) & 7u]);
-}
+// include common/source.wgsl
 
 fn is_in_picture(at: vec2<i32>) -> bool {
     return all(at >= vec2<i32>(0)) && all(at < vec2<i32>(i32(frame.width), i32(frame.height)));
@@ -42,10 +42,79 @@ fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
     return true;
 }
 
-// The pixel beyond the rim plus one, where the pixel is at one: outwards in three neighbouring directions
+fn pixel_of(at: vec2<i32>) -> u32 {
+    return u32(at.y) * frame.width + u32(at.x);
+}
+
+// Whether depth goes on from a place for so many steps in a direction.
+fn goes_on(start: vec2<i32>, way: vec2<i32>, wanted: u32, radius: f32) -> bool {
+    let slack = 1.0 + radius * (1.0 / frame.focal_px);
+    var at = start;
+    for (var steps = 0u; steps < wanted; steps++) {
+        let next = at + way;
+        if !is_in_picture(next) || depth[pixel_of(next)] > depth[pixel_of(at)] * slack {
+            return false;
+        }
+        at = next;
+    }
+    return true;
+}
+
+// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open
+// beyond, and long.
+fn is_line(at: vec2<i32>, outwards: u32, beyond: f32) -> bool {
+    let radius = tint[pixel_of(at)].w;
+    if radius > LINE_RADIUS_MAX_PX {
+        return false;
+    }
+    let inwards = direction(outwards + 4u);
+    let along = direction(outwards + 2u);
+    let width = (radius * LINE_WIDTH.x + LINE_WIDTH.y) / stride(inwards);
+    var inner = at;
+    for (var k = 0; ; k++) {
+        let next = inner + inwards;
+        if !is_in_picture(next) || depth[pixel_of(next)] > beyond {
+            let reach = i32(clamp(radius + 1.0, OPEN_PX.x, OPEN_PX.y));
+            if !is_open(inner, inwards, reach, beyond) {
+                return false;
+            }
+            // From the far rim back to the middle.
+            inner -= inwards * (k / 2);
+            break;
+        }
+        if f32(k) > width {
+            return false;
+        }
+        inner = next;
+    }
+    let wanted = u32(radius * LINE_SIDE / stride(along));
+    return goes_on(inner, along, wanted, radius) && goes_on(inner, -along, wanted, radius);
+}
+
+// Whether it is open that way.
+fn bit(open: u32, k: u32) -> bool {
+    return ((open >> (k & 7u)) & 1u) == 1u;
+}
+
+// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
+fn line_of(at: vec2<i32>, pixel: u32, open: u32, beyond: f32) -> u32 {
+    let count = countOneBits(open);
+    if count > 5u {
+        return 0u;
+    }
+    for (var k = 0u; k < 8u; k++) {
+        let is_inner = bit(open, k + 7u) && bit(open, k) && bit(open, k + 1u);
+        if is_inner && (count == 4u || bit(open, k + 6u) == bit(open, k + 2u)) {
+            return select(0u, k + 1u, sticks_out(pixel, k + 1u) && is_line(at, k, beyond));
+        }
+    }
+    return 0u;
+}
+
+// The pixel beyond the rim as a source, where the pixel is at one: outwards in three neighbouring directions
 // nothing lies as near as the surface; else 0.
 fn beyond_rim(at: vec2<i32>, pixel: u32) -> u32 {
-    if is_infinite(depth[pixel]) || !overhangs(pixel) {
+    if is_infinite(depth[pixel]) || !may_stick_out(pixel) {
         return 0u;
     }
     let beyond = limit(depth[pixel], pixel);
@@ -70,7 +139,11 @@ fn beyond_rim(at: vec2<i32>, pixel: u32) -> u32 {
             if !is_in_picture(there) {
                 return 0u;
             }
-            return u32(there.y) * frame.width + u32(there.x) + 1u;
+            let line = line_of(at, pixel, open, beyond);
+            if line == 0u && !sticks_out(pixel, 0u) {
+                return 0u;
+            }
+            return (pixel_of(there) + 1u) | (line << PIXEL_BITS);
         }
     }
     return 0u;

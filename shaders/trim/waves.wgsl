@@ -77,9 +77,10 @@ fn go(pixel: u32, slot: u32, wave: u32) {
         return;
     }
     let own = tile_sources[slot];
-    let seen = select(own - 1u, pixel, own == 0u);
+    let seen = select((own & PIXEL_MASK) - 1u, pixel, own == 0u);
     let is_behind = tile_depths[next - 1u] > limit(tile_depths[slot], seen);
-    if is_behind && f32(wave) <= tint[seen].w && overhangs(seen) {
+    let line = tile_sources[next - 1u] >> PIXEL_BITS;
+    if is_behind && f32(wave) <= tint[seen].w && sticks_out(seen, line) {
         tile_sources[slot] = tile_sources[next - 1u];
         tile_depths[slot] = tile_depths[next - 1u];
         atomicStore(&has_gone, 1u);

@@ -306,10 +306,10 @@ pub fn is_crowded<'a>(
             None => Some(node.spacing),
         };
         let Some(spacing) = spacing else { continue };
-        let [low, high] = node.own_box();
-        let middle = [0, 1, 2].map(|axis| {
-            lattice.world_axis(axis, (f64::from(low[axis]) + f64::from(high[axis])) * 0.5)
-        });
+        // Its box is more than half of what hot positions reach, and all of it at most.
+        let half = 0.375 * 2f64.powi(16 + i32::from(node.hot_shift.min(16)));
+        let middle =
+            [0, 1, 2].map(|axis| lattice.world_axis(axis, f64::from(node.box_min[axis]) + half));
         let distance = (DVec3::from_array(middle) - view.eye).length().max(view.near);
         let points = drawn.min(node.points()) as u64;
         all += points;

@@ -7,6 +7,10 @@
 //! section 3.2) tells how far beyond the samples the pixel lies. Such pixels are given to what is behind,
 //! from the rim inwards. Gaps smaller than a radius have no rim: they are not to grow.
 //!
+//! Where samples lie on a line (a wire, a railing), discs make a band of it as wide as they are, and both of its rims
+//! are beyond the samples. What sticks out of a line is cut to its samples, by the displacement across it alone: along
+//! it a pixel may lie far from them.
+//!
 //! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a chessboard a
 //! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
 //! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
@@ -23,6 +27,17 @@ const OVERHANG: [f32; 2] = [0.5, 0.35];
 const OVERHANG_MIN_PX: f32 = 1.5;
 /// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
+/// How far a line may reach beyond its samples, pixels.
+const LINE_OVERHANG_PX: f32 = 1.0;
+/// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on either side: one
+/// sample alone is none, nor is one that stands out of a surface.
+const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
+const LINE_SIDE: f32 = 2.0;
+/// Radii beyond this, pixels, are not looked at for lines.
+const LINE_RADIUS_MAX_PX: f32 = 32.0;
+/// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
+const PIXEL_BITS: u32 = 28;
+const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
 /// only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
@@ -75,7 +90,8 @@ struct Waves<'a> {
     per_focal: f32,
     /// Depth of what each pixel shows.
     depth: &'a mut [f32],
-    /// For each pixel the one whose attributes it shows, plus one; 0 where it shows its own.
+    /// For each pixel the one whose attributes it shows, plus one, and above [`PIXEL_BITS`] the line's direction; 0
+    /// where it shows its own.
     source: Vec<u32>,
 }
 
@@ -89,7 +105,7 @@ struct Step {
 impl Waves<'_> {
     /// The pixel whose attributes a pixel shows.
     fn shown(&self, pixel: usize) -> usize {
-        (self.source[pixel] as usize).checked_sub(1).unwrap_or(pixel)
+        ((self.source[pixel] & PIXEL_MASK) as usize).checked_sub(1).unwrap_or(pixel)
     }
 
     /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
@@ -101,7 +117,9 @@ impl Waves<'_> {
     /// The pixels of `edges` at a rim, each with what lies beyond it.
     fn rims(&self, edges: &[usize]) -> Vec<Step> {
         let rims = edges.par_iter().with_min_len(1024);
-        rims.filter_map(|&pixel| Some(self.step(pixel, self.beyond_rim(pixel)?))).collect()
+        let step =
+            |pixel| self.beyond_rim(pixel).map(|(after, line)| self.step(pixel, after, line));
+        rims.filter_map(|&pixel| step(pixel)).collect()
     }
 
     /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
@@ -110,13 +128,14 @@ impl Waves<'_> {
             let beside = self.grid().beside(gone).into_iter().flatten();
             // A pixel beside several goes with the one that it has chosen.
             let follow = beside.filter(move |&p| self.follows(wave, p, gone));
-            follow.map(move |p| self.step(p, gone))
+            follow.map(move |p| self.step(p, gone, self.source[gone] >> PIXEL_BITS))
         });
         follow.collect()
     }
 
-    fn step(&self, pixel: usize, after: usize) -> Step {
-        Step { pixel, source: self.shown(after) as u32, depth: self.depth[after] }
+    fn step(&self, pixel: usize, after: usize, line: u32) -> Step {
+        let source = (self.shown(after) as u32 + 1) | line << PIXEL_BITS;
+        Step { pixel, source, depth: self.depth[after] }
     }
 
     /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels; those that had
@@ -126,10 +145,10 @@ impl Waves<'_> {
             match self.source[pixel] {
                 0 => gone.push(pixel),
                 // Twice among the steps, after a neighbour that was twice among the last.
-                before if before == source + 1 => return None,
+                before if before == source => return None,
                 _ => {}
             }
-            (self.source[pixel], self.depth[pixel]) = (source + 1, depth);
+            (self.source[pixel], self.depth[pixel]) = (source, depth);
             Some(pixel)
         });
         written.collect()
@@ -144,7 +163,8 @@ impl Waves<'_> {
         }
         let shown = self.shown(pixel);
         let (radius, limit) = (self.base.tint[shown].w, self.limit(pixel, shown));
-        if behind <= limit || wave > radius as u32 || !overhangs(self.base, shown) {
+        let line = self.source[after] >> PIXEL_BITS;
+        if behind <= limit || wave > radius as u32 || !sticks_out(self.base, shown, line) {
             return false;
         }
         let beside = self.grid().beside(pixel).into_iter().flatten();
@@ -174,34 +194,92 @@ impl Waves<'_> {
     }
 
     /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
-    /// nothing lies as near as the surface.
-    fn beyond_rim(&self, pixel: usize) -> Option<usize> {
-        if self.depth[pixel] == f32::INFINITY || !overhangs(self.base, pixel) {
+    /// nothing lies as near as the surface. And where the rim is a line's, its direction outwards plus one, else 0.
+    fn beyond_rim(&self, pixel: usize) -> Option<(usize, u32)> {
+        if self.depth[pixel] == f32::INFINITY || !may_stick_out(self.base, pixel) {
             return None;
         }
         let limit = self.limit(pixel, pixel);
-        let Grid { width, height } = self.grid();
-        let reach = (self.base.tint[pixel].w + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
-        let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
-        let is_open = |[dx, dy]: [isize; 2]| {
-            for k in 1..=reach {
-                let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
-                // What is left of the picture or above it wraps round to far beyond it.
-                if u >= width || v >= height {
-                    return k as f32 > OPEN_PX.0;
-                }
-                if self.depth[v * width + u] <= limit {
-                    return false;
-                }
-            }
-            true
-        };
+        let is_open = |way| self.is_open(pixel, way, self.base.tint[pixel].w, limit);
         let mut open = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i % 2 == 0 && is_open(AROUND[i]));
         for i in [1, 3, 5, 7] {
             open[i] = (open[i - 1] || open[(i + 1) % 8]) && is_open(AROUND[i]);
         }
         let middle = (0..8).find(|&i| open[(i + 7) % 8] && open[i] && open[(i + 1) % 8])?;
-        self.grid().step(pixel, AROUND[middle])
+        let line = self.line(pixel, open, limit);
+        let beyond = self.grid().step(pixel, AROUND[middle])?;
+        (line > 0 || sticks_out(self.base, pixel, 0)).then_some((beyond, line))
+    }
+
+    /// Whether nothing lies as near as `limit` from a pixel in a direction, for a radius.
+    fn is_open(&self, pixel: usize, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
+        let Grid { width, height } = self.grid();
+        let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
+        let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
+        for k in 1..=reach {
+            let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
+            // What is left of the picture or above it wraps round to far beyond it.
+            if u >= width || v >= height {
+                return k as f32 > OPEN_PX.0;
+            }
+            if self.depth[v * width + u] <= limit {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
+    fn line(&self, pixel: usize, open: [bool; 8], limit: f32) -> u32 {
+        let count = open.into_iter().filter(|&o| o).count();
+        let is_middle = |i: usize| {
+            let at = |turn: usize| open[(i + turn) % 8];
+            at(7) && at(0) && at(1) && (count == 4 || at(6) == at(2))
+        };
+        let outwards = if count > 5 { None } else { (0..8).find(|&i| is_middle(i)) };
+        let is_line = |&way: &usize| {
+            sticks_out(self.base, pixel, way as u32 + 1) && self.is_line(pixel, way, limit)
+        };
+        outwards.filter(is_line).map_or(0, |way| way as u32 + 1)
+    }
+
+    /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open beyond, and
+    /// long.
+    fn is_line(&self, pixel: usize, outwards: usize, limit: f32) -> bool {
+        let radius = self.base.tint[pixel].w;
+        if radius > LINE_RADIUS_MAX_PX {
+            return false;
+        }
+        let [inwards, along] = [4, 2].map(|turn| AROUND[(outwards + turn) % 8]);
+        let width = (radius * LINE_WIDTH.0 + LINE_WIDTH.1) / stride(inwards);
+        let mut inner = pixel;
+        for k in 0.. {
+            let Some(next) = self.grid().step(inner, inwards).filter(|&p| self.depth[p] <= limit)
+            else {
+                if !self.is_open(inner, inwards, radius, limit) {
+                    return false;
+                }
+                // From the far rim back to the middle.
+                let back = inwards.map(|d| -d * (k / 2));
+                inner = self.grid().step(inner, back).unwrap_or(inner);
+                break;
+            };
+            if k as f32 > width {
+                return false;
+            }
+            inner = next;
+        }
+        let wanted = (radius * LINE_SIDE / stride(along)) as u32;
+        let goes_on = |way: [isize; 2]| {
+            let (mut at, mut steps) = (inner, 0);
+            while let Some(next) = self.grid().step(at, way).filter(|&p| {
+                steps < wanted && self.depth[p] <= self.depth[at] * (1.0 + radius * self.per_focal)
+            }) {
+                (at, steps) = (next, steps + 1);
+            }
+            steps == wanted
+        };
+        goes_on(along) && goes_on(along.map(|d| -d))
     }
 }
 
@@ -253,8 +331,26 @@ fn copy<T: Copy>(plane: &mut [T], pixels: &[usize], sources: &[usize]) {
     }
 }
 
-/// Whether a pixel lies too far from the samples that it was interpolated from.
-fn overhangs(base: &Level, pixel: usize) -> bool {
+/// Length of a step in a direction, pixels.
+fn stride([dx, dy]: [isize; 2]) -> f32 {
+    if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 }
+}
+
+/// Whether a pixel may stick out, of whatever it is a part.
+fn may_stick_out(base: &Level, pixel: usize) -> bool {
+    let front = base.front[pixel];
+    front.z * front.z + front.w * front.w > LINE_OVERHANG_PX * LINE_OVERHANG_PX
+}
+
+/// Whether a pixel lies too far from the samples that it was interpolated from: at a line with this direction outwards
+/// (plus one), or where it is 0 at any surface.
+fn sticks_out(base: &Level, pixel: usize, line: u32) -> bool {
+    if line > 0 {
+        let way = AROUND[(line as usize - 1) % 8];
+        let [dx, dy] = way.map(|d| d as f32 * (1.0 / stride(way)));
+        let front = base.front[pixel];
+        return front.z * dx + front.w * dy > LINE_OVERHANG_PX;
+    }
     let share = OVERHANG[usize::from(base.normal.is_empty())];
     let (front, reach) = (base.front[pixel], (base.tint[pixel].w * share).max(OVERHANG_MIN_PX));
     front.z * front.z + front.w * front.w > reach * reach
@@ -317,9 +413,11 @@ mod tests {
         let rim =
             Waves { base, per_focal: 1.0 / FOCAL_PX, depth: before, source: vec![0; depth.len()] };
         let mut source = vec![None; depth.len()];
+        let mut lines = vec![0; depth.len()];
         for &pixel in edges {
-            source[pixel] = rim.beyond_rim(pixel);
-            depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
+            let Some((beyond, line)) = rim.beyond_rim(pixel) else { continue };
+            (source[pixel], lines[pixel]) = (Some(beyond), line);
+            depth[pixel] = rim.depth[beyond];
         }
         for wave in 1..=WAVES {
             for &pixel in order {
@@ -330,9 +428,10 @@ mod tests {
                 let shown = source[pixel].unwrap_or(pixel);
                 let radius = base.tint[shown].w;
                 let mut beyond = depth[pixel] * (1.0 + radius * (1.0 / FOCAL_PX));
-                if wave as f32 > radius || !overhangs(base, shown) {
+                if wave as f32 > radius {
                     continue;
                 }
+                let mut chosen = None;
                 for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
                     let (u, v) = (x as isize + dx, y as isize + dy);
                     if !(0..WIDTH as isize).contains(&u) || !(0..HEIGHT as isize).contains(&v) {
@@ -340,8 +439,11 @@ mod tests {
                     }
                     let next = v as usize * WIDTH + u as usize;
                     if source[next].is_some() && depth[next] > beyond {
-                        (beyond, source[pixel]) = (depth[next], source[next]);
+                        (beyond, chosen) = (depth[next], Some(next));
                     }
+                }
+                if let Some(next) = chosen.filter(|&next| sticks_out(base, shown, lines[next])) {
+                    (source[pixel], lines[pixel]) = (source[next], lines[next]);
                 }
                 depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
             }
