@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
+mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 mod look;

@@ -5,9 +5,11 @@
 mod scene;
 mod truth;
 
+use esker_render::colour::{Encoder, linear};
+use glam::{DVec2, DVec3, Vec3};
 use scene::Dice;
 use truth::flicker::{flicker, orbit};
-use truth::measure::{Cloud, Image};
+use truth::measure::{Cloud, Image, srgb};
 use truth::sample::{Kind, sample};
 use truth::{Paint, Truth, scenes, walls, walls_view};
 
@@ -18,7 +20,7 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
     let gap = 0.01;
     for (ratio, kind) in [(1.15, Kind::Poisson), (1.15, Kind::Regular), (3.0, Kind::Poisson)] {
         // Both walls a centimetre apart; the radius that covers them as the ratio asks.
-        let truth = walls(gap, 0.7);
+        let truth = walls(gap, if ratio < 2.0 { 0.7 } else { 0.35 });
         let factor = if kind == Kind::Regular { 0.729 } else { 0.9 };
         let mut spacing = gap / ratio / factor;
         let mut cloud = sample(&truth, spacing, kind, &mut Dice(5));
@@ -42,6 +44,63 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
                 assert_eq!(inside.filter(|&p| blue(p)).count(), 0, "blue: {what}");
             }
         }
+    }
+}
+
+/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::shade`] has it: what a colour is multiplied by, and
+/// what is added.
+fn phong(normal: DVec3, to_eye: DVec3) -> (f64, f64) {
+    let key = DVec3::new(-0.42, 0.60, 0.6808);
+    let facing = normal.dot(key);
+    let ambient = 0.12 + 0.18 * (0.5 + 0.5 * normal.y);
+    let light = ambient + 0.62 * facing.max(0.0) + 0.16 * normal.dot(to_eye).max(0.0);
+    let mirrored = normal * (2.0 * facing) - key;
+    (light, if facing > 0.0 { 0.10 * mirrored.dot(to_eye).max(0.0).powi(24) } else { 0.0 })
+}
+
+#[test]
+fn figure_7_deferred_shading_has_sharper_highlights_than_shading_each_splat() {
+    const DARK: [u8; 3] = [70, 40, 30];
+    let (_, truth, view) = scenes(SIDE).remove(0);
+    let truth = Truth { parts: vec![(truth.parts[0].0, Paint::Plain(DARK))] };
+    let image = Image::new(&truth, &view);
+    let to_view = view.view_from_world();
+    let lit = |normal: DVec3, at: DVec3| {
+        let (light, shine) = phong(normal, -at.normalize_or_zero());
+        linear(DARK) * light as f32 + Vec3::splat(shine as f32)
+    };
+    for spacing_px in [4.0, 8.0] {
+        let spacing = spacing_px * view.eye.length() / view.focal_px();
+        let s = sample(&truth, spacing, Kind::Poisson, &mut Dice(21));
+        let deferred = Cloud::new(&s.points, spacing, s.radius).draw(&view, true);
+        // The paper's figure 7a: splats are lit, and colours interpolated.
+        let mut points = s.points.clone();
+        for p in &mut points {
+            let colour = lit(to_view * p.normal, to_view * (p.at - view.eye));
+            p.colour = Encoder::get().bytes(colour);
+        }
+        let splats = Cloud::new(&points, spacing, s.radius).draw(&view, true);
+        let (mut off, mut peaks, mut count) = ([0.0; 2], [0f64; 3], 0.0);
+        for (pixel, seen) in image.seen.iter().enumerate() {
+            let Some(seen) = seen.filter(|_| image.is_inside(pixel, 4)) else { continue };
+            let place = DVec2::new((pixel % SIDE as usize) as f64, (pixel / SIDE as usize) as f64);
+            let at = to_view * Truth::way(&view, place + 0.5) * seen.depth;
+            let wanted = srgb(lit(seen.normal, at));
+            let [r, g, b] = [0, 1, 2].map(|k| f32::from(deferred.picture.rgba[pixel * 4 + k]));
+            let got = [Vec3::new(r, g, b), srgb(splats.level.tint[pixel].truncate())];
+            for (off, got) in off.iter_mut().zip(got) {
+                *off += f64::from((got - wanted).length_squared()) / 3.0;
+            }
+            for (peak, of) in peaks.iter_mut().zip([got[0], got[1], wanted]) {
+                *peak = peak.max(f64::from(of.element_sum()) / 3.0);
+            }
+            count += 1.0;
+        }
+        let [deferred, splats] = off.map(|sum: f64| (sum / f64::max(count, 1.0)).sqrt());
+        let what = format!("{spacing_px} px: errors {deferred:.2}, {splats:.2}; peaks {peaks:.1?}");
+        eprintln!("{what}");
+        assert!(count > 1000.0 && deferred < 0.5 * splats, "{what}");
+        assert!((peaks[0] - peaks[2]).abs() < 0.5 * (peaks[1] - peaks[2]).abs().max(2.0), "{what}");
     }
 }
 
