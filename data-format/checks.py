@@ -95,6 +95,12 @@ def check_points(esker, index, planes, p, classes, values, require):
             absent = ~np.array(having)[classes]
             raw = np.ascontiguousarray(column[absent]).view(np.uint8)
             require(not raw.any(), "a value that the point does not have is not zero")
+    if (7, None) in planes:
+        words = planes[7, None].copy().view("<u4")
+        lines = words[:, 1] & 0x7FFFFFF, words[:, 3] & 0x7FFFFFF
+        clean = (words[:, 1] >> 28 == 0) & (words[:, 3] >> 29 == 0)
+        require(clean.all(), "clip lines: bits that mean nothing are not zero")
+        require((lines[0] != 0)[words[:, 1:].any(axis=1)].all(), "clip lines: a second without a first")
     if esker.meta["normals"] == "source":
         code = octahedral([values[a] for a in esker.normals])
         stored = planes[5, None].copy().view("<i2")

@@ -25,8 +25,9 @@ TYPES = {
     "u8": "u1", "i8": "i1", "u16": "<u2", "i16": "<i2", "u32": "<u4",
     "i32": "<i4", "u64": "<u8", "i64": "<i8", "f32": "<f4", "f64": "<f8",
 }  # fmt: skip
-POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE = 1, 2, 3, 4, 5, 8, 9, 10
+POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLIP, CLASS, REMAINDER, ATTRIBUTE = 1, 2, 3, 4, 5, 7, 8, 9, 10
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
+CLIP_LINES = (CLIP, None, False, 16)
 NODE = np.dtype([
     ("corner", "<u4", 3), ("cell_log2", "u1"), ("shape", "u1"), ("child_count", "u1"),
     ("level_count", "u1"), ("parent", "<u4"), ("first_child", "<u4"), ("levels", "u1", (16, 3)),
@@ -189,7 +190,9 @@ class Esker:
                 planes.append((ATTRIBUTE, a, False, dtype.itemsize))
         members = "kind", "attribute", "hot", "value_bytes"
         self.planes = [tuple(p[m] for m in members) for p in self.meta["planes"]]
-        known = [p for p in self.planes if p[0] in KNOWN]
+        known = [p for p in self.planes if p[0] in KNOWN or p == CLIP_LINES]
+        if CLIP_LINES in known:
+            planes.insert(planes.index((RESIDUAL, None, True, 0)) + 1, CLIP_LINES)
         require(known == planes, "the planes are not those that the attributes ask for")
         hot = [p[2] for p in self.planes]
         require(hot == sorted(hot, reverse=True), "a hot plane stands behind a cold one")
@@ -232,7 +235,7 @@ class Esker:
             require(not any(page[end:offset]), "padding between planes is not zero")
             data, end = page[offset : offset + length], offset + length
             require(zlib.crc32(data) == crc, f"plane of kind {kind}: its CRC does not match")
-            if kind not in KNOWN:
+            if kind not in KNOWN and (kind, attribute, hot, value_bytes) != CLIP_LINES:
                 continue
             if kind == RESIDUAL:
                 value_bytes = 0 if shift == 0 else 4 if shift <= 10 else 6

@@ -41,9 +41,10 @@ struct Draw {
     colour_points: u32,
     // Points that the normal plane has.
     normal_points: u32,
-    unused_a: u32,
-    unused_b: u32,
-    unused_c: u32,
+    clip_page: u32,
+    clip_word: u32,
+    // Points that the plane of clip lines has.
+    clip_points: u32,
 }
 
 // Kinds of colour planes: bytes red, green, blue and one unused; or one value of a type.

@@ -21,6 +21,12 @@ struct Batch {
     // Tiles in a row, rows of tiles.
     tiles: vec2<u32>,
     unused: vec2<u32>,
+    // The eye on the lattice, rounded down: the part above 2^16, the part below, and what is left, steps.
+    eye_high: vec3<i32>,
+    eye_low: vec3<i32>,
+    eye_rest: vec3<f32>,
+    // Log2 of the grain of clip lines, an axis, steps.
+    grain: vec3<u32>,
 }
 
 struct Splat {
@@ -34,8 +40,16 @@ struct Splat {
     d: vec4<u32>,
 }
 
+// What of a splat its clip lines keep: all, what the first one keeps, what both, what either.
+const KEPT_WHOLE: u32 = 0u;
+const KEPT_ONE: u32 = 1u;
+const KEPT_BOTH: u32 = 2u;
+const KEPT_EITHER: u32 = 3u;
+
 // Pixels on a side of a tile.
 const TILE: u32 = 16u;
+// The first word of the empty box of a splat that cannot be drawn: the eye lies in its plane.
+const DROPPED: u32 = 0xffffu;
 // A point that is none.
 const NOTHING: u32 = 0xffffffffu;
 // As in crates/render/src/ewa/splat.rs.

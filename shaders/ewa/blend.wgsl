@@ -13,6 +13,8 @@ const ATTRIBUTES: u32 = 1u;
 const SINGLE: u32 = 2u;
 // Whether the cloud has normals.
 override NORMALS: bool = false;
+// Whether splats are clipped.
+override CLIPS: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> batch: Batch;
@@ -27,9 +29,14 @@ override NORMALS: bool = false;
 // Normal (or radius) and inverse depth.
 @group(0) @binding(8) var<storage, read_write> shape: array<vec4<f32>>;
 
+// Two rows a point: lines over the pixels from the picture's middle, what is kept in the first one's last word.
+@group(0) @binding(9) var<storage, read> clips: array<vec4<u32>>;
+
 // Splats looked at together.
 const BLOCK: u32 = 128u;
 var<workgroup> block: array<Splat, 128>;
+// Their places in the batch, where they are clipped.
+var<workgroup> places: array<u32, 128>;
 
 // A splat that is nowhere.
 fn nowhere() -> Splat {
@@ -73,12 +80,22 @@ fn main(
         workgroupBarrier();
         if thread < count {
             block[thread] = fetched(start + thread, group.xy, has_room);
+            if CLIPS {
+                var at = start + thread;
+                if has_room {
+                    at = entries[at];
+                }
+                places[thread] = at;
+            }
         }
         workgroupBarrier();
         for (var k = 0u; k < count; k += 1u) {
             let splat = block[k];
             let seen = seen_at(splat, place, frame.near);
             if seen.x > 1.0 {
+                continue;
+            }
+            if CLIPS && !is_kept(places[k], place - frame.centre_px) {
                 continue;
             }
             let z = seen.y;
@@ -120,6 +137,23 @@ fn main(
         tint[pixel] = sum_tint;
         shape[pixel] = sum_shape;
     }
+}
+
+// Whether a splat's lines keep a pixel. The same numbers but for their sign on both sides of a line.
+fn is_kept(splat: u32, place: vec2<f32>) -> bool {
+    let row = clips[2u * splat];
+    let kept = row.w;
+    if kept == KEPT_WHOLE {
+        return true;
+    }
+    let a = bitcast<vec3<f32>>(row.xyz);
+    let first = a.x * place.x + (a.z + a.y * place.y) >= 0.0;
+    if kept == KEPT_ONE {
+        return first;
+    }
+    let b = bitcast<vec3<f32>>(clips[2u * splat + 1u].xyz);
+    let second = b.x * place.x + (b.z + b.y * place.y) >= 0.0;
+    return select(first && second, first || second, kept == KEPT_EITHER);
 }
 
 // An entry of the tile; or, without entries, a splat of the batch where it touches the tile.

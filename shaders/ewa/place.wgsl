@@ -14,6 +14,8 @@
 override NORMALS: bool = false;
 // Whether points are dropped that a filter has marked.
 override HIDES_POINTS: bool = false;
+// Whether splats are clipped.
+override CLIPS: bool = false;
 
 const REACH_MAX: f32 = 0.7;
 const CONDITION_MAX: f32 = 1e6;
@@ -36,6 +38,9 @@ const HALF: f32 = 0.41422;
 // Least and one past the greatest pixel, x in the first word and y in the second, 16 bits each.
 @group(0) @binding(8) var<storage, read_write> boxes: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read_write> cursors: array<atomic<u32>>;
+// Two rows a point: in as the words of the file, out as lines over the pixels from the picture's middle, with
+// what is kept in the first one's last word.
+@group(0) @binding(10) var<storage, read_write> clips: array<vec4<u32>>;
 
 struct Placed {
     splat: Splat,
@@ -64,9 +69,12 @@ fn all_finite(v: vec4<f32>) -> bool {
     return !(is_infinite(v.x) || is_infinite(v.y) || is_infinite(v.z) || is_infinite(v.w));
 }
 
+// The box of a splat that cannot be drawn, for those in the picture.
+const NOT_DRAWN: vec4<u32> = vec4<u32>(DROPPED, 0u, 0u, 0u);
+
 fn checked(splat: Splat, box: vec4<u32>) -> Placed {
     let fine = all_finite(splat.a) && all_finite(splat.b) && all_finite(splat.c) && splat.c.w != 0.0;
-    return Placed(splat, select(vec4<u32>(0u), box, fine));
+    return Placed(splat, select(NOT_DRAWN, box, fine));
 }
 
 // How much longer a depth gets where it moves back along its line of sight.
@@ -102,8 +110,11 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
     let origin = slope * frame.focal_px + middle + frame.centre_px;
     let box = clip(origin - half, origin + half);
     let condition = lengths / (abs(area) * max(discriminant, 0.0));
-    if !(condition >= 0.0 && condition < CONDITION_MAX) {
+    if is_empty(box) {
         return Placed(Splat(), vec4<u32>(0u));
+    }
+    if !(condition >= 0.0 && condition < CONDITION_MAX) {
+        return Placed(Splat(), NOT_DRAWN);
     }
     let along = 1.0 / sqrt(shape.y);
     let across = 1.0 / (root * along);
@@ -151,8 +162,11 @@ fn by_rays(p: vec3<f32>, a: vec3<f32>, b: vec3<f32>, radius: f32) -> Placed {
     let normal = cross(a, b);
     let seen = dot(normal, p);
     let sine = abs(seen) / (length(normal) * length(p));
-    if low.x > high.x || is_empty(box) || !(sine >= SINE_MIN && sine < 2.0) {
+    if low.x > high.x || is_empty(box) {
         return Placed(Splat(), vec4<u32>(0u));
+    }
+    if !(sine >= SINE_MIN && sine < 2.0) {
+        return Placed(Splat(), NOT_DRAWN);
     }
     let corners = vec4<f32>(box);
     let origin = (corners.xy + corners.zw) * 0.5;
@@ -174,6 +188,86 @@ fn row(n: vec3<f32>, place: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(grows, n.z + grows.x * place.x + grows.y * place.y);
 }
 
+// Greatest shift of a line's unit (crates/points/src/clip.rs).
+const CLIP_SHIFT_MAX: u32 = 22u;
+// As in crates/render/src/ewa/clip.rs.
+const CLIP_FLAT: f32 = 0.1;
+const CLIP_WIDER: f32 = 1.3;
+
+// Three numbers of 9 bits with a sign.
+fn parts(word: u32) -> vec3<i32> {
+    return bitcast<vec3<i32>>(vec3<u32>(word) << vec3<u32>(23u, 14u, 5u)) >> vec3<u32>(23u);
+}
+
+fn in_view(world: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
+}
+
+// A line over the homogeneous pixel, not negative where the splat is kept; zeros where it is none.
+fn clip_line(at: u32, way: u32, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3<f32> {
+    let shifts = batch.grain + vec3<u32>(at >> 27u);
+    if any(shifts > vec3<u32>(CLIP_SHIFT_MAX)) {
+        return vec3<f32>(0.0);
+    }
+    let along = parts(way) << shifts;
+    let begin = ((hot >> shifts) + bitcast<vec3<u32>>(parts(at))) << shifts;
+    let high = vec3<i32>(begin >> vec3<u32>(16u)) - batch.eye_high;
+    let low = vec3<i32>(begin & vec3<u32>(0xffffu)) - batch.eye_low;
+    let steps = vec3<f32>(high) * 65536.0 + vec3<f32>(low) - batch.eye_rest;
+    let c = in_view(steps * frame.step);
+    let plane = cross(c, in_view(vec3<f32>(along) * frame.step));
+    let keeps_right = (way & 0x8000000u) != 0u;
+    let by_normal = (dot(normal, p) < 0.0) != keeps_right;
+    let sign = select(1.0, -1.0, select(by_normal, dot(plane, p) < 0.0, is_flat));
+    let own = vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign;
+    let fine = !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z));
+    return select(vec3<f32>(0.0), own, fine);
+}
+
+// Makes lines of the words of a point.
+fn make_lines(i: u32, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>) {
+    let words = clips[2u * i];
+    let either = ((words.w & 0x10000000u) != 0u) && any(parts(words.w) != vec3<i32>(0));
+    let is_flat = abs(dot(normal, p)) < CLIP_FLAT * length(p) && !either;
+    var first = vec3<f32>(0.0);
+    if any(normal != vec3<f32>(0.0)) {
+        first = clip_line(words.x, words.y, hot, p, normal, is_flat);
+    }
+    var second = vec3<f32>(0.0);
+    if any(first != vec3<f32>(0.0)) {
+        second = clip_line(words.z, words.w, hot, p, normal, is_flat);
+    }
+    var kept = select(KEPT_WHOLE, KEPT_ONE, any(first != vec3<f32>(0.0)));
+    if any(second != vec3<f32>(0.0)) {
+        kept = select(KEPT_BOTH, KEPT_EITHER, either);
+    }
+    clips[2u * i] = vec4<u32>(bitcast<vec3<u32>>(first), kept);
+    clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
+}
+
+// Whether all pixels of a box lie beyond a line, farther than rounding may tell.
+fn is_beyond(line: vec3<f32>, box: vec4<u32>) -> bool {
+    let low = vec2<f32>(box.xy) + 0.5 - frame.centre_px;
+    let high = vec2<f32>(box.zw) - 0.5 - frame.centre_px;
+    let greatest = max(line.xy * low, line.xy * high);
+    let size = dot(abs(line.xy), max(abs(low), abs(high))) + abs(line.z);
+    return greatest.x + greatest.y + line.z < -1e-6 * size;
+}
+
+// Whether nothing of a splat in a box is kept.
+fn is_cut_away(i: u32, box: vec4<u32>) -> bool {
+    let row = clips[2u * i];
+    if row.w == KEPT_WHOLE {
+        return false;
+    }
+    let first = is_beyond(bitcast<vec3<f32>>(row.xyz), box);
+    if row.w == KEPT_ONE {
+        return first;
+    }
+    let second = is_beyond(bitcast<vec3<f32>>(clips[2u * i + 1u].xyz), box);
+    return select(first || second, first && second, row.w == KEPT_EITHER);
+}
+
 fn place(i: u32) -> Placed {
     let words = geometry[i];
     let own = paint[i];
@@ -186,14 +280,21 @@ fn place(i: u32) -> Placed {
     let p = vec3<f32>(dot(frame.right, from_eye), -dot(frame.up, from_eye), -dot(frame.back, from_eye));
     let code = radius_code_of(words.xy);
     let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
-    let radius = stored * batch.radius_factor;
+    var radius = stored * batch.radius_factor;
 
     let none = Placed(Splat(), vec4<u32>(0u));
     var world = vec3<f32>(0.0);
     if NORMALS {
         world = normal_of(own.w);
     }
-    var normal = vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
+    var normal = in_view(world);
+    if CLIPS {
+        let dropped = vec3<u32>((*d).shift);
+        make_lines(i, (*d).box_min + ((offset >> dropped) << dropped), p, normal);
+        if clips[2u * i].w != KEPT_WHOLE {
+            radius *= CLIP_WIDER;
+        }
+    }
     let looks_away = dot(normal, p) > 0.0;
     if looks_away && frame.cull_back_faces == 1u {
         return none;
@@ -220,6 +321,9 @@ fn place(i: u32) -> Placed {
         placed = by_rays(p, a, b, radius);
     }
     if is_empty(placed.bounds) {
+        return placed;
+    }
+    if CLIPS && is_cut_away(i, placed.bounds) {
         return none;
     }
     // The carry of the height, which may need more than 32 bits.
@@ -247,7 +351,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         splats[i] = placed.splat;
     }
     if is_empty(box) {
-        boxes[i] = vec2<u32>(0u);
+        boxes[i] = vec2<u32>(box.x, 0u);
         return;
     }
     boxes[i] = box.xy | (box.zw << vec2<u32>(16u));

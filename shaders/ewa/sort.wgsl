@@ -11,6 +11,8 @@
 @group(0) @binding(2) var<storage, read_write> starts: array<u32>;
 @group(0) @binding(3) var<storage, read> boxes: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> entries: array<u32>;
+// Beside counts of pixels: splats that are drawn, splats that cannot be.
+@group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>, 4>;
 
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, 256>;
@@ -43,17 +45,37 @@ fn begin(@builtin(local_invocation_index) thread: u32) {
     }
 }
 
+var<workgroup> drawn: atomic<u32>;
+var<workgroup> dropped: atomic<u32>;
+
 @compute @workgroup_size(256)
-fn fill(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn fill(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
     let i = id.x + id.y * groups.x * 256u;
-    if i >= batch.points {
-        return;
+    if i < batch.points {
+        enter(i);
     }
+    workgroupBarrier();
+    if thread == 0u {
+        atomicAdd(&counts[2], atomicLoad(&drawn));
+        atomicAdd(&counts[3], atomicLoad(&dropped));
+    }
+}
+
+// Enters a splat in the tiles that it touches.
+fn enter(i: u32) {
     let low = boxes[i] & vec2<u32>(0xffffu);
     let past = boxes[i] >> vec2<u32>(16u);
     if any(low >= past) {
+        if boxes[i].x == DROPPED {
+            atomicAdd(&dropped, 1u);
+        }
         return;
     }
+    atomicAdd(&drawn, 1u);
     let last = min((past - 1u) / TILE, batch.tiles - 1u);
     for (var y = low.y / TILE; y <= last.y; y += 1u) {
         for (var x = low.x / TILE; x <= last.x; x += 1u) {

@@ -12,6 +12,8 @@
 override GEOMETRY: bool = true;
 override COLOURS: bool = true;
 override NORMALS: bool = true;
+// Whether it is clip lines that are wanted, and nothing else: they go to every other row of `paint`.
+override CLIPS: bool = false;
 
 struct Pages {
     numbers: vec3<u32>,
@@ -58,6 +60,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let chunk = chunks[hit.x / CHUNK_POINTS];
     let index = chunk.first + hit.x % CHUNK_POINTS;
+    if CLIPS {
+        fetch_clips(pixel, chunk.draw, index);
+        return;
+    }
     if pages.is_first == 1u {
         paint[pixel] = vec4<u32>(chunk.draw, 0u, 0u, NO_NORMAL);
     }
@@ -74,6 +80,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
             paint[pixel].w = word(slot, draws[chunk.draw].normal_word + index);
         }
     }
+}
+
+fn fetch_clips(pixel: u32, draw: u32, index: u32) {
+    if pages.is_first == 1u {
+        paint[pixel * 2u] = vec4<u32>(0u);
+    }
+    let slot = slot_of(draws[draw].clip_page);
+    if slot == ELSEWHERE || index >= draws[draw].clip_points {
+        return;
+    }
+    let at = draws[draw].clip_word + index * 4u;
+    paint[pixel * 2u] =
+        vec4<u32>(word(slot, at), word(slot, at + 1u), word(slot, at + 2u), word(slot, at + 3u));
 }
 
 fn fetch_position(pixel: u32, draw: u32, index: u32) {

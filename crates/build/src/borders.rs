@@ -8,7 +8,8 @@ use crate::normals::{Bounds, estimate, turned_to};
 use crate::partition::Bucket;
 use crate::row::{RowLayout, position};
 use crate::scratch::{Extent, Scratch};
-use esker_points::{Cell, quant};
+use crate::sharp::{Edge, detect};
+use esker_points::{Cell, Grain, quant};
 use rayon::prelude::*;
 
 /// Rows that are looked at by one task, and tasks whose positions are put aside together.
@@ -21,6 +22,8 @@ const POSITION_BYTES: usize = 12;
 pub struct Borders {
     bounds: Bounds,
     rows: RowLayout,
+    /// Whether edges are looked for too.
+    finds_edges: bool,
     /// Cells, and the positions near their faces.
     cells: Vec<(Cell, Vec<Extent>)>,
 }
@@ -52,8 +55,8 @@ pub fn spacing(
 
 impl Borders {
     /// Of rows that have room for normals.
-    pub fn new(bounds: Bounds, rows: RowLayout) -> Self {
-        Self { bounds, rows, cells: Vec::new() }
+    pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
+        Self { bounds, rows, finds_edges, cells: Vec::new() }
     }
 
     /// What was put aside, a chunk's cell each.
@@ -113,12 +116,24 @@ impl Borders {
     ) -> Result<(), BuildError> {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
-        let codes = estimate(&own, &self.halo(cell, scratch)?, &self.bounds);
-        rows.par_chunks_exact_mut(stride)
-            .zip(codes)
-            .with_min_len(TASK_ROWS)
-            .for_each(|(row, code)| self.set(row, code));
+        let halo = self.halo(cell, scratch)?;
+        let codes = estimate(&own, &halo, &self.bounds);
+        let edges = if self.finds_edges { detect(&own, &halo, &self.bounds) } else { Vec::new() };
+        rows.par_chunks_exact_mut(stride).zip(codes).enumerate().with_min_len(TASK_ROWS).for_each(
+            |(i, (row, code))| match edges.get(i).copied().flatten() {
+                Some(edge) => self.set_edge(row, &edge),
+                None => self.set(row, code),
+            },
+        );
         Ok(())
+    }
+
+    /// Sets the normal and the lines of a row near an edge.
+    fn set_edge(&self, row: &mut [u8], edge: &Edge) {
+        self.set(row, edge.normal);
+        let is_turned = self.rows.normal(row) != Some(edge.normal);
+        let clip = if is_turned { edge.clip.turned() } else { edge.clip };
+        self.rows.set_clip_lines(row, clip.words(position(row), Grain::new(self.bounds.scale)));
     }
 
     /// The code of the normal of a point that is alone in its cell.

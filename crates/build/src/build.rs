@@ -1,6 +1,7 @@
 //! One build from first to last: intake, chunks, levels, the file, the proof.
 
 use crate::borders::Borders;
+use crate::clips::Clips;
 use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::identity::Identity;
@@ -56,6 +57,8 @@ pub struct Options {
     pub onto: Onto,
     /// Where the normals that are drawn come from.
     pub normals: NormalsMode,
+    /// Whether edges are found, at which splats are clipped; normals are estimated for it.
+    pub sharp_features: bool,
 }
 
 impl Default for Options {
@@ -70,6 +73,7 @@ impl Default for Options {
             resume: Resume::default(),
             onto: Onto::default(),
             normals: NormalsMode::default(),
+            sharp_features: false,
         }
     }
 }
@@ -206,6 +210,7 @@ fn build_into(
     shares.chunk_bytes_max = store.journal.chunk_bytes_max();
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     intake.estimates_normals = options.normals == NormalsMode::Estimate;
+    intake.finds_edges = options.sharp_features;
     intake.lattice = options.onto.lattice;
     if !store.journal.is_resumed() {
         let needs = Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max);
@@ -229,21 +234,26 @@ fn build_into(
         NormalsMode::Estimate => Normals::Estimated,
         NormalsMode::None => Normals::None,
     };
+    let clips = Clips::of(&plan.schema, &plan.lattice, options.sharp_features);
+    let clips = clips.filter(|_| normals != Normals::None);
+    let pages = pages.with_codec(options.compress).with_normals(normals);
     let context = Context {
         rows: plan.rows(),
-        pages: pages.with_codec(options.compress).with_normals(normals),
+        pages: pages.with_clip_lines(clips.is_some()),
+        clips,
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
         histograms: (0..rayon::current_num_threads().max(1))
             .map(|_| Mutex::new(Histograms::new(ranges.clone())))
             .collect(),
     };
+    let has_clip_lines = context.clips.is_some();
     task.phase("building", Some(points), "points");
     let buckets = partition.finish(&mut store.scratch)?;
     if normals.is_estimated() && !buckets.is_empty() {
         let spacing = store.spacing(&buckets, context.rows.bytes())?;
         let bounds = Bounds::new(plan.lattice.scale, spacing);
-        store.borders = Some(Borders::new(bounds, context.rows.clone()));
+        store.borders = Some(Borders::new(bounds, context.rows.clone(), options.sharp_features));
     }
     let root = Raiser {
         chunk_rows_max,
@@ -270,6 +280,7 @@ fn build_into(
     let depth = table.depths().into_iter().max().unwrap_or(0);
     let mut metadata = metadata(&intake, &plan, &reports, options);
     metadata.normals = normals;
+    metadata.has_clip_lines = has_clip_lines;
     metadata.bounds = bounds;
     peak.sample();
     task.check()?;
@@ -307,6 +318,11 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
             "a node capacity of {} is outside {low} to {high}",
             options.node_capacity
         ));
+    }
+    if options.sharp_features && options.normals != NormalsMode::Estimate {
+        return say(
+            "sharp features are found while normals are estimated; add --normals estimate".into()
+        );
     }
     if options.ignore_crs {
         return Ok(());
@@ -361,6 +377,7 @@ fn metadata(
         classes: plan.classes.clone(),
         node_capacity: options.node_capacity,
         normals: Normals::None,
+        has_clip_lines: false,
         codec: options.compress,
         sources: match &options.onto.merged {
             None => reports.iter().enumerate().map(record).collect(),

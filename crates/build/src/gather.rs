@@ -25,6 +25,7 @@ impl Context {
             radius_codes,
             classes: Vec::new(),
             normals: Vec::new(),
+            clip_lines: Vec::new(),
             columns: ranges.iter().map(|r| Vec::with_capacity(own.len() * r.len())).collect(),
         };
         let mut block = vec![0; BLOCK_ROWS * rows.stride];

@@ -39,6 +39,8 @@ pub struct Intake {
     pub lattice: Option<Lattice>,
     /// Whether rows have room for normals.
     pub estimates_normals: bool,
+    /// Whether rows have room for clip lines.
+    pub finds_edges: bool,
 }
 
 /// What was chosen for all inputs.
@@ -53,6 +55,8 @@ pub struct Plan {
     pub class_of: Vec<u16>,
     /// Whether rows have room for normals.
     pub estimates_normals: bool,
+    /// Whether rows have room for clip lines.
+    pub finds_edges: bool,
     /// For each source, the file's attribute for each of its own.
     to_file: Vec<Vec<usize>>,
 }
@@ -117,7 +121,8 @@ impl Plan {
     /// The layout of rows.
     pub fn rows(&self) -> RowLayout {
         let rows = RowLayout::new(&self.schema, &self.classes);
-        if self.estimates_normals { rows.with_normals() } else { rows }
+        let rows = if self.estimates_normals { rows.with_normals() } else { rows };
+        if self.finds_edges { rows.with_clip_lines() } else { rows }
     }
 
     /// Bytes of a row.
@@ -138,7 +143,15 @@ impl Intake {
         let grids = sources.iter().map(|s| s.info().grid.clone()).collect();
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         let depths = sources.iter().map(|s| depth(s.as_ref())).collect();
-        Self { sources, grids, depths, forced_depth, lattice: None, estimates_normals: false }
+        Self {
+            sources,
+            grids,
+            depths,
+            forced_depth,
+            lattice: None,
+            estimates_normals: false,
+            finds_edges: false,
+        }
     }
 
     /// Chooses lattice, where none is given, schema and classes.
@@ -180,8 +193,8 @@ impl Intake {
         if classes.is_empty() {
             classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
         }
-        let estimates_normals = self.estimates_normals;
-        Ok(Plan { lattice, schema, classes, class_of, estimates_normals, to_file })
+        let Self { estimates_normals, finds_edges, .. } = *self;
+        Ok(Plan { lattice, schema, classes, class_of, estimates_normals, finds_edges, to_file })
     }
 
     fn check_scale(&self, lattice: &Lattice) -> Result<(), BuildError> {

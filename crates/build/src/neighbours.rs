@@ -78,6 +78,17 @@ impl Neighbours {
         tell: impl Fn(&[[f64; 3]]) -> Option<T> + Sync,
         none: T,
     ) -> Vec<T> {
+        self.map_placed(ask, wanted, |_, steps| tell(steps), none)
+    }
+
+    /// The same where `tell` is given the point's place as well.
+    pub fn map_placed<T: Copy + Send + Sync>(
+        &self,
+        ask: &Ask,
+        wanted: impl Fn(usize) -> bool + Sync,
+        tell: impl Fn(usize, &[[f64; 3]]) -> Option<T> + Sync,
+        none: T,
+    ) -> Vec<T> {
         let mut out = vec![none; self.points[0].len()];
         let mut tasks = Vec::new();
         let (mut rest, mut run) = (out.as_mut_slice(), 0);
@@ -99,7 +110,7 @@ impl Neighbours {
                     search.around(run, count);
                     open.retain(|&place| {
                         let steps = search.nearest(place, count);
-                        let told = tell(steps);
+                        let told = tell(place, steps);
                         if let Some(told) = told {
                             out[place - first] = told;
                         }

@@ -66,7 +66,7 @@ pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], bounds: &Bounds) -> Vec<[i1
 }
 
 /// The distinct points of both along the Morton curve, and the place of each of `own` among them.
-fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32>) {
+pub(crate) fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32>) {
     let mut points: Vec<[u32; 3]> = Vec::with_capacity(own.len() + halo.len());
     let mut place_of = Vec::with_capacity(own.len());
     let mut halo = halo.iter().peekable();
@@ -89,6 +89,14 @@ fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32>) {
 /// The code of the direction in which a point and its neighbours, that many steps away, spread least; none
 /// where they are too few or lie along a line.
 fn normal(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<[i16; 2]> {
+    let ([x, y, z], _) = flattest(steps, scale)?;
+    let up = [z, y, x].into_iter().find(|&c| c != 0.0).unwrap_or_default();
+    let turned = if up < 0.0 { [-x, -y, -z] } else { [x, y, z] };
+    Some(quant::oct_encode(turned.map(|c| c as f32)))
+}
+
+/// The direction in which a point and its neighbours spread least, and their variances; as for [`normal`].
+pub(crate) fn flattest(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
     const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
     if steps.len() < 2 {
         return None;
@@ -108,10 +116,7 @@ fn normal(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<[i16; 2]> {
     if eigen.values[1] <= LINE * eigen.values[0] {
         return None;
     }
-    let [x, y, z] = eigen.axes[2];
-    let up = [z, y, x].into_iter().find(|&c| c != 0.0).unwrap_or_default();
-    let turned = if up < 0.0 { [-x, -y, -z] } else { [x, y, z] };
-    Some(quant::oct_encode(turned.map(|c| c as f32)))
+    Some((eigen.axes[2], eigen.values))
 }
 
 /// A normal turned to the side of a direction; unknown ones stay.

@@ -2,7 +2,8 @@
 //! of all attributes of the file's schema in canonical order (absent ones zero), and the point's class
 //! where there are several; where normals are estimated, room for one. Comparing rows bytewise after the coordinates breaks ties.
 
-use esker_points::{Batch, MultisetHash, PointClass, Schema};
+use esker_points::clip::CLIP_BYTES;
+use esker_points::{Batch, ClipWords, MultisetHash, PointClass, Schema};
 use std::ops::Range;
 
 /// Rows made before they are used: they stay in the first-level cache meanwhile.
@@ -15,6 +16,7 @@ pub struct RowLayout {
     attributes: Vec<Range<usize>>,
     class_at: Option<usize>,
     normal_at: Option<usize>,
+    clip_at: Option<usize>,
     bytes: usize,
     classes: Vec<ClassLayout>,
 }
@@ -65,7 +67,7 @@ impl RowLayout {
         };
         let bytes = at + if class_at.is_some() { 2 } else { 0 };
         let classes = classes.iter().map(class_layout).collect();
-        Self { classes, attributes, class_at, normal_at: None, bytes }
+        Self { classes, attributes, class_at, normal_at: None, clip_at: None, bytes }
     }
 
     /// The same with room for an estimated normal; until it is, for the direction to the scanner, or up.
@@ -73,6 +75,26 @@ impl RowLayout {
         self.normal_at = Some(self.bytes);
         self.bytes += 4;
         self
+    }
+
+    /// The same with room for clip lines that are found; none until they are.
+    pub fn with_clip_lines(mut self) -> Self {
+        self.clip_at = Some(self.bytes);
+        self.bytes += CLIP_BYTES;
+        self
+    }
+
+    /// Clip lines against a row's position, where there is room for them.
+    pub fn clip_lines(&self, row: &[u8]) -> Option<ClipWords> {
+        let bytes = row[self.clip_at?..].as_chunks::<4>().0;
+        Some([0, 1, 2, 3].map(|i| u32::from_le_bytes(bytes[i])))
+    }
+
+    /// Puts clip lines there.
+    pub fn set_clip_lines(&self, row: &mut [u8], words: ClipWords) {
+        if let Some(at) = self.clip_at {
+            row[at..at + CLIP_BYTES].copy_from_slice(&words.map(u32::to_le_bytes).concat());
+        }
     }
 
     /// The octahedral code in a row's room for a normal.

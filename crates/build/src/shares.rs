@@ -9,6 +9,9 @@ const CHUNK_ROWS: u64 = 1 << 20;
 /// Bytes a point of a chunk while normals are estimated, its halo's share among them.
 const NORMALS_BYTES: f64 = 80.0;
 
+/// The same while edges are found, more.
+const EDGES_BYTES: f64 = 240.0;
+
 /// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only where
 /// their pages stand in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +35,8 @@ impl Shares {
     /// better and use the same memory again.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
         let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
-        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0 + estimating;
+        let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
+        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0 + estimating + finding;
         let rows = (self.chunk_bytes_max as f64 / each) as u64;
         let nodes = |n| u64::from(options.node_capacity) * n;
         let rows = rows.clamp(nodes(4), (1 << 32) - 1);

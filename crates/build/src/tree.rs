@@ -3,6 +3,7 @@
 //! page made, when the cell above has taken its share. A cell that has few points left gives them to the node above.
 
 use crate::candidates::Candidates;
+use crate::clips::Clips;
 use crate::contour;
 use crate::order::{order, parts};
 use crate::row::{RowLayout, Rows};
@@ -35,6 +36,8 @@ pub struct Context {
     pub pages: PageLayout,
     /// Length of a step, an axis.
     pub scale: [f64; 3],
+    /// The clip lines that points have, where any does.
+    pub clips: Option<Clips>,
     /// Points a node holds.
     pub capacity: usize,
     /// One for each thread of the pool, so that none waits.
@@ -301,13 +304,16 @@ impl Context {
         let codes = ordered().map(|i| quant::radius_code(radius(i) * spacing, spacing)).collect();
         let own: Vec<u32> = ordered().map(|i| pending.offered[i]).collect();
 
-        let (points, hash) = self.page_points(rows, &own, codes);
+        let (mut points, hash) = self.page_points(rows, &own, codes);
         let mut node = Node::zeroed();
         (node.corner, node.cell_log2) = (pending.cell.corner, pending.cell.log2);
         node.shape = shape.dimension as u8;
         node.spacing = spacing as f32;
         node.set_levels(&order.levels);
         let bounds = set_box(&mut node, &points.positions);
+        if let Some(clips) = &self.clips {
+            points.clip_lines = clips.words(rows, &own, &self.rows, &node);
+        }
         let step =
             self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);
         contour::enclose(&mut node, &points.positions, self.scale, step);

@@ -41,6 +41,9 @@ pub struct BuildHow {
     /// Where the normals that are drawn come from.
     #[arg(long, value_enum, default_value_t)]
     pub normals: NormalsArg,
+    /// Find sharp edges, at which --method ewa ends its splats; normals are estimated for it.
+    #[arg(long)]
+    pub sharp_features: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -61,7 +64,11 @@ impl BuildHow {
             node_capacity: self.node_capacity.unwrap_or(default.node_capacity),
             colour_depth: self.colour_bits.map(Into::into),
             compress: self.compress.into(),
-            normals: self.normals.into(),
+            normals: match self.normals {
+                NormalsArg::Keep if self.sharp_features => NormalsMode::Estimate,
+                normals => normals.into(),
+            },
+            sharp_features: self.sharp_features,
             ignore_crs: self.ignore_crs,
             ..default
         }

@@ -69,6 +69,7 @@ impl Look {
             oriented_normals: file.has_oriented_normals() && self.method == Method::PullPush,
             colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
             hidden_points: self.shown.hides_any(),
+            clip_lines: file.has(PlaneKind::ClipLines),
         };
         let (method, colour, shines) = (self.method, self.colouring.by, self.shines);
         FramePlan::of(&has, &Asked { method, colour, shines, is_dense, is_crowded })
@@ -78,7 +79,7 @@ impl Look {
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
-        Needs { colour, normals: plan.reads_normals }
+        Needs { colour, normals: plan.reads_normals, clip_lines: plan.clips }
     }
 
     /// The frame of these nodes.
@@ -116,6 +117,7 @@ pub fn draw_node<'a, P: Default>(
         residual: plane(PlaneKind::Residual),
         colour,
         normal: plane(PlaneKind::Normal),
+        clip: plane(PlaneKind::ClipLines),
     }
 }
 

@@ -87,6 +87,8 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
             (true, true) => "back-face test: the normals do not tell front from back",
         },
     );
+    let is_splats = plan.passes.contains(&Pass::Place);
+    say(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
     say(!plan.reads_colours, "colour plane: colours come from elsewhere");
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");

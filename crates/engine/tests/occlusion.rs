@@ -57,6 +57,7 @@ impl Scan {
                 residual: planes.get(PlaneKind::Residual),
                 colour: ColourPlane::None,
                 normal: None,
+                clip: None,
             }
         };
         drawn.iter().enumerate().map(draw).collect()

@@ -3,7 +3,7 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
-use crate::layout::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
+use crate::layout::{CLIP_LINES, NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
 use crate::normals::Normals;
 use esker_points::lattice::GridKind;
@@ -134,11 +134,7 @@ impl MetadataJson {
     /// What it says, not yet checked.
     pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
-        let planes = self.planes.iter().map(|p| PlaneSpec {
-            kind: PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE)),
-            hot: p.hot,
-            value_bytes: p.value_bytes,
-        });
+        let planes = self.planes.iter().map(plane_spec);
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
         let normals = Normals::from_name(&self.normals)
             .ok_or_else(|| Fault::new("metadata", "the origin of normals is none that is known"))?;
@@ -149,6 +145,7 @@ impl MetadataJson {
             classes: self.classes,
             node_capacity: self.node_capacity,
             normals,
+            has_clip_lines: self.planes.iter().any(|p| plane_spec(p) == CLIP_LINES),
             codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
@@ -164,6 +161,18 @@ fn plane_json(plane: &PlaneSpec) -> PlaneJson {
         attribute: if let PlaneKind::Attribute(a) = plane.kind { Some(a) } else { None },
         hot: plane.hot,
         value_bytes: plane.value_bytes,
+    }
+}
+
+/// A plane of the kind of clip lines that is not as this version writes it is of an unknown kind.
+fn plane_spec(p: &PlaneJson) -> PlaneSpec {
+    let kind = PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE));
+    let plane = PlaneSpec { kind, hot: p.hot, value_bytes: p.value_bytes };
+    match kind {
+        PlaneKind::ClipLines if plane != CLIP_LINES => {
+            PlaneSpec { kind: PlaneKind::Unknown(p.kind), ..plane }
+        }
+        _ => plane,
     }
 }
 

@@ -18,7 +18,7 @@ pub enum PlaneKind {
     Normal,
     /// Reserved: tangents of splats.
     Tangents,
-    /// Reserved: clip lines of splats.
+    /// [`esker_points::ClipWords`]; only where the file has clip lines.
     ClipLines,
     /// Index of each point's class, `u16`; only where the file has several.
     Class,
@@ -50,7 +50,7 @@ impl PlaneKind {
 
     /// Whether this version writes such planes. Others are skipped.
     pub fn is_written(self) -> bool {
-        !matches!(self, Self::Unknown(_) | Self::Tangents | Self::ClipLines)
+        !matches!(self, Self::Unknown(_) | Self::Tangents)
     }
 
     /// A word for it.

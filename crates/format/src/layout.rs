@@ -7,6 +7,7 @@ use crate::error::Fault;
 pub use crate::kinds::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::normals::Normals;
 use esker_points::attribute::names;
+use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
 use std::collections::BTreeMap;
@@ -24,6 +25,10 @@ pub const ATTRIBUTES_MAX: usize = 65_000;
 pub const ATTRIBUTES_TIMES_CLASSES_MAX: usize = 1 << 22;
 /// Bytes of a point's value in a plane: bounds sums of lengths.
 const VALUE_BYTES_MAX: u32 = 1 << 16;
+
+/// The plane of clip lines: cold, since most nodes have none, and then it is one value.
+pub(crate) const CLIP_LINES: PlaneSpec =
+    PlaneSpec { kind: PlaneKind::ClipLines, hot: false, value_bytes: CLIP_BYTES as u32 };
 
 /// Where a class of points has its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +62,7 @@ pub struct PageLayout {
     colours: Vec<Option<ColourSource>>,
     homes: Vec<Home>,
     normals: Normals,
+    has_clip_lines: bool,
     codec: Codec,
 }
 
@@ -91,6 +97,7 @@ impl PageLayout {
             colours,
             homes,
             normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
+            has_clip_lines: false,
             codec: Codec::default(),
         };
         layout.set_planes(layout.derive_planes());
@@ -100,6 +107,13 @@ impl PageLayout {
     /// The same with a normal plane of this origin, or none; exact normals stay, as attributes.
     pub fn with_normals(mut self, normals: Normals) -> Self {
         self.normals = normals;
+        self.set_planes(self.derive_planes());
+        self
+    }
+
+    /// The same with a plane of clip lines, or none.
+    pub fn with_clip_lines(mut self, has_clip_lines: bool) -> Self {
+        self.has_clip_lines = has_clip_lines;
         self.set_planes(self.derive_planes());
         self
     }
@@ -130,6 +144,9 @@ impl PageLayout {
             planes.push(hot(PlaneKind::Normal, 4));
         }
         planes.push(hot(PlaneKind::Residual, 0));
+        if self.has_clip_lines {
+            planes.push(CLIP_LINES);
+        }
         if self.classes.len() > 1 {
             planes.push(cold(PlaneKind::Class, 2));
         }
@@ -172,6 +189,11 @@ impl PageLayout {
     /// Where the normal plane comes from. Of estimates [`crate::PagePoints`] have a column.
     pub fn normals(&self) -> Normals {
         self.normals
+    }
+
+    /// Whether there is a plane of clip lines. [`crate::PagePoints`] have a column of it.
+    pub fn has_clip_lines(&self) -> bool {
+        self.has_clip_lines
     }
 
     /// The attributes of the file.

@@ -33,6 +33,8 @@ pub struct Metadata {
     pub node_capacity: u32,
     /// Where the normal plane comes from.
     pub normals: Normals,
+    /// Whether there is a plane of clip lines.
+    pub has_clip_lines: bool,
     /// How cold planes were compressed.
     pub codec: Codec,
     /// Where the points come from, in the order given.
@@ -103,7 +105,10 @@ impl Metadata {
     /// The layout of the pages that such a file has.
     pub fn layout(&self) -> PageLayout {
         let layout = PageLayout::new(&self.schema, &self.classes);
-        layout.with_codec(self.codec).with_normals(self.normals)
+        layout
+            .with_codec(self.codec)
+            .with_normals(self.normals)
+            .with_clip_lines(self.has_clip_lines)
     }
 
     /// The greatest of the sources' rounding errors.

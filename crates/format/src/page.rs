@@ -2,12 +2,13 @@
 //! coordinate, the colour plane and its remainder 16-bit colour; every other attribute has a plane.
 
 use crate::codec::{self, Codec, Encoding, Scratch};
-use crate::directory::{Directory, Entry, u16_at};
+use crate::directory::{Directory, Entry, u16_at, u32_at};
 use crate::error::Fault;
 use crate::layout::{ALIGNMENT, ColourSource, Home, PageLayout, PlaneKind};
 use crate::planes::Values;
 use crate::points::PagePoints;
 use esker_points::ColourDepth;
+use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
 
 /// The whole page of a node: directory and planes, padded with zeros to a multiple of 64 bytes. Cold planes
@@ -121,6 +122,11 @@ impl Page<'_> {
             let normals = plane(PlaneKind::Normal)?;
             let codes = normals.as_chunks::<4>().0.iter();
             points.normals = codes.map(|c| [0, 2].map(|at| u16_at(c, at) as i16)).collect();
+        }
+        if self.layout.has_clip_lines() {
+            let lines = plane(PlaneKind::ClipLines)?;
+            let words = lines.as_chunks::<CLIP_BYTES>().0.iter();
+            points.clip_lines = words.map(|w| [0, 4, 8, 12].map(|at| u32_at(w, at))).collect();
         }
         self.columns(&mut points)?;
         Ok(points)

@@ -37,8 +37,11 @@ impl Values<'_> {
             PlaneKind::Normal => self.push_normals(out),
             PlaneKind::Class => out.extend(points.classes.iter().flat_map(|c| c.to_le_bytes())),
             PlaneKind::Attribute(a) => out.extend_from_slice(&points.columns[usize::from(a)]),
+            PlaneKind::ClipLines => {
+                out.extend(points.clip_lines.iter().flatten().flat_map(|w| w.to_le_bytes()));
+            }
             // What this version cannot make is left zero.
-            PlaneKind::Tangents | PlaneKind::ClipLines | PlaneKind::Unknown(_) => {
+            PlaneKind::Tangents | PlaneKind::Unknown(_) => {
                 out.resize(out.len() + points.len() * plane.value_bytes as usize, 0);
             }
         }

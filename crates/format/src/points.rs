@@ -1,7 +1,7 @@
 //! A node's points as columns, and their multiset hash.
 
 use crate::layout::PageLayout;
-use esker_points::MultisetHash;
+use esker_points::{ClipWords, MultisetHash};
 
 /// Records that are put together at a time.
 const BLOCK: usize = 128;
@@ -18,6 +18,9 @@ pub struct PagePoints {
     /// Estimated normals, see [`esker_points::quant::oct_encode`]; empty where the layout has none. They are
     /// no part of the hash.
     pub normals: Vec<[i16; 2]>,
+    /// Clip lines of splats, see [`esker_points::clip`], as they are stored; empty where the layout has none. They
+    /// are no part of the hash.
+    pub clip_lines: Vec<ClipWords>,
     /// One column an attribute of the file's schema, raw little-endian values; zero bytes where a
     /// point's class does not have the attribute.
     pub columns: Vec<Vec<u8>>,
@@ -46,6 +49,7 @@ impl PagePoints {
         let classes_max = layout.classes().len().max(1);
         self.radius_codes.len() == n
             && self.normals.len() == if layout.normals().is_estimated() { n } else { 0 }
+            && self.clip_lines.len() == if layout.has_clip_lines() { n } else { 0 }
             && self.classes.len() == if layout.classes().len() > 1 { n } else { 0 }
             && self.classes.iter().all(|&c| usize::from(c) < classes_max)
             && self.columns.len() == attributes.len()

@@ -168,4 +168,16 @@ pub mod names {
     pub const NY: &str = "ny";
     /// Unit normal, z, `f32`.
     pub const NZ: &str = "nz";
+    /// Clip lines of a splat ([`crate::clip`]), `u8`: 0 none, 1 one, 2 two (what both keep is kept), 3 two (what either
+    /// keeps is kept).
+    pub const CLIP: &str = "clip";
+    /// Where they lie, in the file's coordinates, `f64`: two places of the first line, two of the second. Kept is what
+    /// lies left of the way from the first to the second place, seen from where the normal points to. Lines that two
+    /// splats share have the same places, in either order, about as far apart as the splats are away.
+    pub const CLIP_ENDS: [[&str; 3]; 4] = [
+        ["clip_x1", "clip_y1", "clip_z1"],
+        ["clip_x2", "clip_y2", "clip_z2"],
+        ["clip_x3", "clip_y3", "clip_z3"],
+        ["clip_x4", "clip_y4", "clip_z4"],
+    ];
 }

@@ -5,6 +5,7 @@
 pub mod attribute;
 pub mod batch;
 pub mod cell;
+pub mod clip;
 pub mod codes;
 pub mod filter;
 pub mod hash;
@@ -19,6 +20,7 @@ pub mod task;
 pub use attribute::{AttrType, Attribute};
 pub use batch::{Batch, Column};
 pub use cell::Cell;
+pub use clip::{Clip, ClipLine, ClipWords, Grain};
 pub use codes::{Codes, Coding};
 pub use filter::{Filter, FilterError};
 pub use hash::MultisetHash;

@@ -73,6 +73,16 @@ impl Schema {
             self.find_typed(names::NZ, AttrType::F32)?,
         ])
     }
+
+    /// Indices of the attributes of clip lines, where all are there: their number, and the ends of both.
+    pub fn clip_lines(&self) -> Option<(usize, [[usize; 3]; 4])> {
+        let number = self.find_typed(names::CLIP, AttrType::U8)?;
+        let mut ends = [[0; 3]; 4];
+        for (index, name) in ends.iter_mut().flatten().zip(names::CLIP_ENDS.iter().flatten()) {
+            *index = self.find_typed(name, AttrType::F64)?;
+        }
+        Some((number, ends))
+    }
 }
 
 /// What the 16-bit colour fields of a source hold.

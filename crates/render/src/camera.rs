@@ -21,6 +21,12 @@ pub(crate) const SHIFT_MAX: u8 = 16;
 #[derive(Clone, Debug)]
 pub struct Camera {
     eye_steps: [f64; 3],
+    /// The eye on the lattice, rounded down: the part above 2^16 ...
+    pub eye_high: [i32; 3],
+    /// ... and the part below.
+    pub eye_low: [i32; 3],
+    /// What rounding down left, steps.
+    pub eye_rest: Vec3,
     /// Length of a lattice step, an axis, the file's unit.
     pub step: Vec3,
     /// Rows right, up, back of the rotation from the world's axes to the view's.
@@ -54,8 +60,13 @@ impl Camera {
         usable(view.focal_px() > 0.0 && view.focal_px().is_finite(), "field of view")?;
         usable(view.near > 0.0 && view.near.is_finite(), "near plane")?;
         let rows = view.view_from_world().transpose();
+        let eye_steps = [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i]));
+        let whole = eye_steps.map(|e| e.clamp(-STEPS_FAR, STEPS_FAR).floor());
         Ok(Self {
-            eye_steps: [0, 1, 2].map(|i| lattice.steps_axis(i, view.eye[i])),
+            eye_steps,
+            eye_high: whole.map(|w| (w as i64 >> 16) as i32),
+            eye_low: whole.map(|w| (w as i64 & 0xffff) as i32),
+            eye_rest: [0, 1, 2].map(|i| (eye_steps[i] - whole[i]).clamp(0.0, 1.0) as f32).into(),
             step: Vec3::from_array(lattice.scale.map(|s| s as f32)),
             view_from_world: [rows.x_axis, rows.y_axis, rows.z_axis].map(|r| r.as_vec3()),
             focal_px: view.focal_px() as f32,
@@ -69,6 +80,17 @@ impl Camera {
     pub fn to_view(&self, v: Vec3) -> Vec3 {
         let [right, up, back] = self.view_from_world;
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
+    }
+
+    /// A place of the lattice against the eye, in steps: the same bits from whichever node it is asked.
+    #[inline(always)]
+    pub fn steps_from_eye(&self, at: [u32; 3]) -> Vec3 {
+        let axis = |i: usize| {
+            let high = ((at[i] >> 16) as i32).wrapping_sub(self.eye_high[i]);
+            let low = (at[i] & 0xffff) as i32 - self.eye_low[i];
+            high as f32 * 65_536.0 + low as f32 - self.eye_rest[i]
+        };
+        Vec3::new(axis(0), axis(1), axis(2))
     }
 
     /// The constants of a node's points.

@@ -30,6 +30,8 @@ pub struct DrawNode<'a, P = &'a [u8]> {
     pub colour: ColourPlane<P>,
     /// Octahedral normals, two little-endian `i16` a point.
     pub normal: Option<P>,
+    /// Clip lines of splats, [`esker_points::clip::CLIP_BYTES`] a point.
+    pub clip: Option<P>,
 }
 
 /// The plane that a node's colours come from.

@@ -73,6 +73,8 @@ pub struct SceneHas {
     pub colour_plane: bool,
     /// Marks of points that a filter leaves out.
     pub hidden_points: bool,
+    /// Clip lines of splats, in some node at least.
+    pub clip_lines: bool,
 }
 
 /// What is asked of a frame.
@@ -105,6 +107,8 @@ pub struct FramePlan {
     pub culls_back_faces: bool,
     /// Whether points are dropped that a filter has marked.
     pub hides_points: bool,
+    /// Whether splats are clipped at lines, whose plane is read.
+    pub clips: bool,
     /// Whether the highlight is lit, which needs the direction to the eye.
     pub shines: bool,
     /// Whether pixels find a surface above level 0 of the pyramid.
@@ -145,6 +149,8 @@ impl FramePlan {
             carries_normals,
             culls_back_faces,
             hides_points: has.hidden_points,
+            // The kept side of a line is told by the splat's normal.
+            clips: has.clip_lines && carries_normals && asked.method == Method::Ewa,
             shines: asked.shines && has_surface,
             has_pyramid,
             colour: asked.colour.number(),
@@ -164,6 +170,7 @@ impl FramePlan {
             oriented_normals: normals && frame.cull_back_faces,
             colour_plane: frame.draws.iter().any(|d| !matches!(d.colour, ColourPlane::None)),
             hidden_points: frame.hides_points,
+            clip_lines: frame.draws.iter().any(|d| d.clip.is_some()),
         };
         let (method, colour) = (frame.method, frame.colour);
         let nodes = || frame.draws.iter().map(|draw| (draw.entry, draw.node));
@@ -222,6 +229,7 @@ impl FramePlan {
     /// The pipelines of a frame on a GPU, in the order of the passes.
     pub fn variants(&self) -> Vec<Variant> {
         let normals = ("NORMALS", u32::from(self.carries_normals));
+        let clips = ("CLIPS", u32::from(self.clips));
         let variant = |shader, constants: &[(&'static str, u32)]| Variant {
             shader,
             constants: constants.to_vec(),
@@ -249,11 +257,11 @@ impl FramePlan {
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
                 vec![
                     variant("gather/fetch", &self.fetch_constants()),
-                    variant("ewa/place", &[normals, colour, hides]),
+                    variant("ewa/place", &[normals, colour, hides, clips]),
                 ]
             }
             Pass::Blend => {
-                vec![variant("ewa/blend", &[normals]), variant("ewa/normalise", &[normals])]
+                vec![variant("ewa/blend", &[normals, clips]), variant("ewa/normalise", &[normals])]
             }
             other => vec![variant(other.name(), &[normals])],
         };
@@ -359,6 +367,7 @@ mod tests {
         oriented_normals: true,
         colour_plane: true,
         hidden_points: false,
+        clip_lines: false,
     };
     const ASKED: Asked = Asked {
         method: Method::PullPush,
@@ -392,6 +401,21 @@ mod tests {
         let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
         assert_eq!(reads(codes), (true, false, [false, true, false]));
         assert_eq!(FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
+    }
+
+    #[test]
+    fn only_splats_of_a_scene_with_clip_lines_and_normals_are_clipped() {
+        let ewa = Asked { method: Method::Ewa, ..ASKED };
+        let has = SceneHas { clip_lines: true, ..ALL };
+        let clips = |has: &SceneHas, asked: &Asked| {
+            let plan = FramePlan::of(has, asked);
+            let variants = plan.variants().into_iter().flat_map(|v| v.constants);
+            assert_eq!(plan.clips, variants.into_iter().any(|c| c == ("CLIPS", 1)));
+            plan.clips
+        };
+        assert!(clips(&has, &ewa));
+        assert!(!clips(&ALL, &ewa) && !clips(&has, &ASKED));
+        assert!(!clips(&SceneHas { normals: false, ..has }, &ewa));
     }
 
     #[test]

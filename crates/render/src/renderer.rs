@@ -128,7 +128,7 @@ impl Renderer {
                 }
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
                 Pass::Place => {
-                    let counts = ewa.place(frame, &camera, &list, &lookup, plan.carries_normals);
+                    let counts = ewa.place(frame, &camera, &list, &lookup, &plan);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
                 }
                 Pass::Blend => {

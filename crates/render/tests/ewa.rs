@@ -2,6 +2,8 @@
 //! holes, no moire, no harm from extreme splats.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "ewa/clip.rs"]
+mod clip;
 #[path = "ewa/device.rs"]
 mod device;
 #[path = "ewa/exact.rs"]

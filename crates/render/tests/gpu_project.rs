@@ -235,6 +235,7 @@ fn any_bits_are_a_harmless_picture() {
                 residual: (round % 2 == 0).then_some(&planes[1][..]),
                 colour: ColourPlane::Rgba(&planes[2][..]),
                 normal: (round % 3 > 0).then_some(&planes[3][..]),
+                clip: None,
             })
             .collect();
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };

@@ -53,6 +53,7 @@ proptest! {
         colour in colour_by(),
         (width, height) in (1u32..40, 1u32..40),
         cull_back_faces: bool,
+        clips: bool,
         method in 0usize..3,
         scale in prop_oneof![Just(1e-3), Just(1e-300), Just(1e300), Just(2f64.powi(-30))],
     ) {
@@ -72,6 +73,7 @@ proptest! {
             colour: scalar.map_or(ColourPlane::Rgba(&colours[..]),
                 |ty| ColourPlane::Scalar { bytes: &colours[..], ty: types[ty] }),
             normal: normal.as_deref(),
+            clip: clips.then_some(&colours[..]),
         };
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };
         let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);

@@ -148,7 +148,7 @@ fn main() {
     let bounds = file.bounds().unwrap();
     let [low, high] = bounds.map(|c| DVec3::from_array(file.lattice().world(c)));
     let view = View::fit(low, high, DVec3::new(0.3, 1.0, -0.7), 1.0, 3840, 2160);
-    let needs = Needs { colour: Some(PlaneKind::Colour), normals: true };
+    let needs = Needs { colour: Some(PlaneKind::Colour), normals: true, ..Needs::default() };
     let (mut streamed, mut plain, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
     let mut last = load(&file, view, needs.clone());
     let ranges = joined(last.ranges.clone());

@@ -30,7 +30,7 @@ fn cuts(file: &Arc<Forest>, view: View, priority: Priority) -> Vec<(u64, Arc<Cut
         priority,
         ..Options::default()
     };
-    let needs = Needs { colour: Some(PlaneKind::Colour), normals: true };
+    let needs = Needs { colour: Some(PlaneKind::Colour), normals: true, ..Needs::default() };
     let streamer = Streamer::start(Arc::clone(file), Arc::clone(&ring), options, needs).unwrap();
     streamer.look(view);
     let (mut cuts, mut bytes): (Vec<(u64, Arc<Cut>)>, u64) = (Vec::new(), 0);

@@ -61,4 +61,6 @@ pub struct Needs {
     pub colour: Option<PlaneKind>,
     /// Whether normals are drawn.
     pub normals: bool,
+    /// Whether splats are clipped at their lines.
+    pub clip_lines: bool,
 }

@@ -27,8 +27,9 @@ impl Planes {
     /// out.
     pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
         let mut base = vec![PlaneKind::Position];
-        let more = needs.colour.into_iter().chain(needs.normals.then_some(PlaneKind::Normal));
-        for kind in more {
+        let normals = needs.normals.then_some(PlaneKind::Normal);
+        let clip_lines = needs.clip_lines.then_some(PlaneKind::ClipLines);
+        for kind in needs.colour.into_iter().chain(normals).chain(clip_lines) {
             // The residual is asked for node by node.
             let counts = kind.is_written() && kind != PlaneKind::Residual;
             if counts && self.forest.has(kind) && !base.contains(&kind) {

@@ -23,7 +23,7 @@ fn seconds() -> f64 {
 }
 
 fn needs() -> Needs {
-    Needs { colour: Some(PlaneKind::Colour), normals: true }
+    Needs { colour: Some(PlaneKind::Colour), normals: true, ..Needs::default() }
 }
 
 /// About a tenth of the file.
@@ -195,8 +195,8 @@ fn a_flight_with_changing_needs_and_few_nodes() {
     fly(&mut rig, 9, |rig, share| {
         let needs = match (share * 20.0) as u32 % 4 {
             0 => needs(),
-            1 => Needs { colour: Some(PlaneKind::Intensity), normals: false },
-            2 => Needs { colour: Some(PlaneKind::Attribute(7)), normals: true },
+            1 => Needs { colour: Some(PlaneKind::Intensity), normals: false, ..Needs::default() },
+            2 => Needs { colour: Some(PlaneKind::Attribute(7)), normals: true, ..Needs::default() },
             _ => Needs::default(),
         };
         rig.streamer.need(needs);

@@ -12,7 +12,7 @@ use esker_stream::{Needs, Options};
 use rig::{Habits, Random, Rig, planted};
 
 fn colours() -> Needs {
-    Needs { colour: Some(PlaneKind::Colour), normals: true }
+    Needs { colour: Some(PlaneKind::Colour), normals: true, ..Needs::default() }
 }
 
 fn roomy() -> Options {
@@ -55,7 +55,7 @@ fn an_attribute_is_that_of_its_name_in_every_tree_that_has_it() {
     for (name, of) in [("a_number", &[1u16, 2][..]), ("gps_time", &[0, 1, 2])] {
         let attribute = rig.forest.schema().find(name).unwrap() as u16;
         let plane = PlaneKind::Attribute(attribute);
-        let needs = Needs { colour: Some(plane), normals: false };
+        let needs = Needs { colour: Some(plane), normals: false, ..Needs::default() };
         rig.streamer.need(needs.clone());
         rig.until("shows", |cut, _| cut.needs == needs && cut.settled);
         let cut = rig.streamer.cut();

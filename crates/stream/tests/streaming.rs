@@ -13,7 +13,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::Ordering::SeqCst;
 
 fn needs() -> Needs {
-    Needs { colour: Some(PlaneKind::Colour), normals: true }
+    Needs { colour: Some(PlaneKind::Colour), normals: true, ..Needs::default() }
 }
 
 fn roomy() -> Options {
@@ -218,11 +218,11 @@ fn needs_change_without_an_empty_picture() {
     let schema = rig.forest.schema();
     let time = schema.attributes.iter().position(|a| a.name == "gps_time").unwrap() as u16;
     let changes = [
-        Needs { colour: Some(PlaneKind::Intensity), normals: false },
-        Needs { colour: Some(PlaneKind::Attribute(time)), normals: true },
-        Needs { colour: None, normals: false },
+        Needs { colour: Some(PlaneKind::Intensity), normals: false, ..Needs::default() },
+        Needs { colour: Some(PlaneKind::Attribute(time)), normals: true, ..Needs::default() },
+        Needs { colour: None, normals: false, ..Needs::default() },
         // What the file does not have is left out.
-        Needs { colour: Some(PlaneKind::Class), normals: true },
+        Needs { colour: Some(PlaneKind::Class), normals: true, ..Needs::default() },
         needs(),
     ];
     for needs in changes {

@@ -101,6 +101,7 @@ impl Wall {
                     residual: None,
                     colour: ColourPlane::None,
                     normal: Some(plane(true, first * 4, count * 4)),
+                    clip: None,
                 }
             })
             .collect()

@@ -46,6 +46,7 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         classes,
         bounds: None,
         node_capacity: 64,
+        has_clip_lines: false,
         codec: Codec::Fast,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],
@@ -67,6 +68,10 @@ pub fn take(points: &PagePoints, layout: &PageLayout, indices: &[usize]) -> Page
             .normals
             .first()
             .map_or(vec![], |_| indices.iter().map(|&i| points.normals[i]).collect()),
+        clip_lines: points
+            .clip_lines
+            .first()
+            .map_or(vec![], |_| indices.iter().map(|&i| points.clip_lines[i]).collect()),
         columns: sizes
             .zip(&points.columns)
             .map(|(s, c)| indices.iter().flat_map(|&i| c[i * s..][..s].to_vec()).collect())

@@ -3,6 +3,7 @@
 //! that), and normalisation (sums over the sum of weights), into level 0 of the pyramid, which is shaded
 //! afterwards. Rows of an ellipse are walked between its two crossings, four pixels at a time.
 
+use super::clip::{Lines, WHOLE};
 use super::gauss::falloff;
 use super::place::{Run, TILE, unpacked};
 use super::splat::{Splat, WIDENED};
@@ -122,21 +123,60 @@ impl Blend<'_> {
     fn tile(&self, tile: usize, window: &Window, sums: &mut Sums) {
         sums.front.fill(0.0);
         sums.sums.fill([Vec4::ZERO; 2]);
-        let splats = || self.runs.iter().flat_map(|run| run.of_tile(tile));
         match self.passes {
             Passes::Three => {
-                splats().for_each(|splat| self.visibility(splat, window, sums));
-                splats().for_each(|splat| self.attributes::<true>(splat, window, sums));
+                self.for_each(tile, |splat, lines| self.visibility(splat, lines, window, sums));
+                self.for_each(tile, |splat, lines| {
+                    self.attributes::<true>(splat, lines, window, sums);
+                });
             }
-            Passes::One => splats().for_each(|splat| self.attributes::<false>(splat, window, sums)),
+            Passes::One => self.for_each(tile, |splat, lines| {
+                self.attributes::<false>(splat, lines, window, sums);
+            }),
         }
     }
 
+    /// Gives the splats of a tile in their order, with the lines of those that are clipped.
+    #[inline(always)]
+    fn for_each(&self, tile: usize, mut work: impl FnMut(&Splat, Option<&Lines>)) {
+        for run in self.runs {
+            if run.clips() {
+                let both = run.of_tile(tile).zip(run.lines_of_tile(tile));
+                both.for_each(|(splat, lines)| {
+                    work(splat, Some(lines).filter(|l| l.kept != WHOLE));
+                });
+            } else {
+                run.of_tile(tile).for_each(|splat| work(splat, None));
+            }
+        }
+    }
+
+    /// Gives the pixels of a tile that are inside a splat and that its lines keep.
+    #[inline(always)]
+    fn for_each_kept(
+        &self,
+        splat: &Splat,
+        lines: Option<&Lines>,
+        window: &Window,
+        mut work: impl FnMut(usize, Pixels),
+    ) {
+        let near = self.camera.near;
+        let Some(lines) = lines else { return for_each_run(splat, window, near, work) };
+        let [cx, cy] = self.camera.centre_px;
+        for_each_run(splat, window, near, |at, mut pixels| {
+            let (x, y) = (window.left + at % STRIDE, window.top + at / STRIDE);
+            // The same for all splats on a pixel.
+            let x = LANE + (x as f32 + 0.5) - cx;
+            pixels.inside *= lines.inside(x, y as f32 + 0.5 - cy);
+            work(at, pixels);
+        });
+    }
+
     /// Pass 1.
-    fn visibility(&self, splat: &Splat, window: &Window, sums: &mut Sums) {
+    fn visibility(&self, splat: &Splat, lines: Option<&Lines>, window: &Window, sums: &mut Sums) {
         // Nothing of a disc is nearer than this.
         let nearest = Vec4::splat(splat.form[5]);
-        for_each_run(splat, window, self.camera.near, |at, pixels| {
+        self.for_each_kept(splat, lines, window, |at, pixels| {
             let moved = if splat.is_by_rays() {
                 pixels.inverse_depth / (pixels.inverse_depth * -splat.back + 1.0)
             } else {
@@ -150,7 +190,13 @@ impl Blend<'_> {
     }
 
     /// Pass 2; or the only one, where a splat in front takes the pixel.
-    fn attributes<const BLENDS: bool>(&self, splat: &Splat, window: &Window, sums: &mut Sums) {
+    fn attributes<const BLENDS: bool>(
+        &self,
+        splat: &Splat,
+        lines: Option<&Lines>,
+        window: &Window,
+        sums: &mut Sums,
+    ) {
         let tint = Vec3::from_array(splat.tint).extend(1.0);
         let shape = if self.has_normals {
             unpacked(splat.normal).extend(1.0)
@@ -158,7 +204,7 @@ impl Blend<'_> {
             Vec4::new(f32::from_bits(splat.normal), 0.0, 0.0, 1.0)
         };
         let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
-        for_each_run(splat, window, self.camera.near, |at, pixels| {
+        self.for_each_kept(splat, lines, window, |at, pixels| {
             let front = Vec4::from_slice(&sums.front[at..at + LANES]);
             let seen = if BLENDS {
                 pixels.inverse_depth.cmpge(front)

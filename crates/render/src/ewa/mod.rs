@@ -1,13 +1,14 @@
 //! Perspective-accurate EWA splatting (zwicker2004): each point is a disc on its tangent plane, drawn with the
 //! exact shape of its projection, filtered against aliasing, and blended with its neighbours by Gaussian
-//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`place`] sorts splats into tiles,
-//! [`blend`] draws these.
+//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`clip`] the lines at which it ends,
+//! [`place`] sorts splats into tiles, [`blend`] draws these.
 //!
 //! Two remarks on the paper. It uses Q''' as the inverse of a variance (section 4.4) and as a variance
 //! (section 6); meant is R' = Q'''^-1, with the filter (Q'''^-1 + H)^-1. And equation 3 prints the inverse of
 //! its amplitude, which is |R'|^(1/2). Both follow from numerical convolution, in the tests.
 
 pub mod blend;
+pub mod clip;
 pub mod gauss;
 pub mod mapping;
 pub mod place;
@@ -18,9 +19,12 @@ pub use blend::Passes;
 use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::gather::Lookup;
+use crate::plan::FramePlan;
 use crate::project::DrawList;
 use crate::pyramid::Pyramid;
 use blend::Blend;
+use clip::Clipping;
+use esker_points::Grain;
 use glam::Vec2;
 use place::{Placing, Run, Tiles};
 use splat::Lens;
@@ -71,7 +75,7 @@ impl Ewa {
         camera: &Camera,
         list: &DrawList,
         lookup: &Lookup<'_>,
-        has_normals: bool,
+        plan: &FramePlan,
     ) -> Counts {
         let [width, height] = camera.size.map(|s| s as usize);
         let options = self.options.within_bounds();
@@ -83,7 +87,11 @@ impl Ewa {
             lowpass: if options.lowpass { options.cutoff * options.cutoff } else { 0.0 },
         };
         let radius_factor = options.radius_factor;
-        let placing = Placing { frame, camera, list, lookup, lens, radius_factor, has_normals };
+        let has_normals = plan.carries_normals;
+        let grain = Grain::new(frame.lattice.scale);
+        let clipping = plan.clips.then_some(Clipping { camera, grain });
+        let placing =
+            Placing { frame, camera, list, lookup, lens, radius_factor, has_normals, clipping };
         placing.place(Tiles::new(width, height), &mut self.runs);
         Counts {
             drawn: self.runs.iter().map(|r| r.splats.len() as u64).sum(),

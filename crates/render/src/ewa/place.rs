@@ -2,8 +2,9 @@
 //! its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
 //! through the runs in their order: the same sums, and so the same bits, for any number of threads.
 
+use super::clip::{Clipping, Lines, WIDER};
 use super::splat::{Box4, Disc, Lens, Placed, Splat};
-use crate::camera::{Camera, NodePlace, Positions};
+use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::frame::{DrawNode, Frame};
 use crate::gather::Lookup;
 use crate::project::{DrawList, is_hidden};
@@ -43,6 +44,8 @@ pub struct Run {
     starts: Vec<u32>,
     /// Splats by tile.
     entries: Vec<u32>,
+    /// What of each splat is kept; empty where no splat of the run is clipped.
+    lines: Vec<Lines>,
     /// Splats that could not be evaluated.
     pub dropped: u64,
 }
@@ -54,9 +57,29 @@ impl Run {
         self.entries[range].iter().map(|&i| &self.splats[i as usize])
     }
 
+    /// The lines of these splats, in the same order; none where no splat of the run is clipped.
+    pub fn lines_of_tile(&self, tile: usize) -> impl Iterator<Item = &Lines> {
+        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
+        self.entries[range].iter().map_while(|&i| self.lines.get(i as usize))
+    }
+
+    /// Whether splats of the run are clipped.
+    pub fn clips(&self) -> bool {
+        !self.lines.is_empty()
+    }
+
+    /// Adds what is kept of the newest splat.
+    fn clip(&mut self, lines: Option<Lines>) {
+        if lines.is_some() || self.clips() {
+            self.lines.resize(self.splats.len() - 1, Lines::default());
+            self.lines.push(lines.unwrap_or_default());
+        }
+    }
+
     fn clear(&mut self) {
         self.splats.clear();
         self.boxes.clear();
+        self.lines.clear();
         self.dropped = 0;
     }
 
@@ -106,6 +129,8 @@ pub struct Placing<'a> {
     pub radius_factor: f32,
     /// Whether the cloud has normals.
     pub has_normals: bool,
+    /// How splats are clipped, where they are.
+    pub clipping: Option<Clipping<'a>>,
 }
 
 impl Placing<'_> {
@@ -145,8 +170,13 @@ impl Placing<'_> {
                 let Some((normal, code)) = self.normal(node, start + k, centres[k]) else {
                     continue;
                 };
+                let lines = self.lines(node, start + k, offsets[k], centres[k], normal);
+                let radius = if lines.is_some() { radius * WIDER } else { radius };
                 match Disc::round(centres[k], normal, radius).place(&self.lens) {
                     Placed::Drawn(mut splat, bounds) => {
+                        let kept = lines.map(|l| l.within(bounds, self.camera.centre_px));
+                        // All of it lies beyond its lines.
+                        let Some(lines) = kept.unwrap_or(Some(None)) else { continue };
                         let depth = centres[k].z;
                         let tint = self.lookup.colour(draw, start + k, offsets[k], depth);
                         splat.tint = tint.to_array();
@@ -157,12 +187,29 @@ impl Placing<'_> {
                         };
                         run.splats.push(splat);
                         run.boxes.push(bounds);
+                        run.clip(lines);
                     }
                     Placed::Outside => {}
                     Placed::Dropped => run.dropped += 1,
                 }
             }
         }
+    }
+
+    /// The clip lines of a point.
+    #[inline(always)]
+    fn lines(
+        &self,
+        draw: &DrawNode<'_>,
+        index: usize,
+        offset: [u32; 3],
+        centre: Vec3,
+        normal: Vec3,
+    ) -> Option<Lines> {
+        let (clipping, plane) = (self.clipping.as_ref()?, draw.clip?);
+        let (node, shift) = (draw.node, draw.node.hot_shift.min(SHIFT_MAX));
+        let hot = [0, 1, 2].map(|i| node.box_min[i].wrapping_add(offset[i] >> shift << shift));
+        clipping.lines(plane, index, hot, centre, normal)
     }
 
     /// Whether a ball touches the cone of what is in view. Generous by a pixel or so for the low-pass.

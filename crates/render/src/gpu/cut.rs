@@ -115,6 +115,12 @@ impl GpuCut {
         numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
     }
 
+    /// The pages of clip lines.
+    pub fn clip_pages<'p>(&self, pool: &'p NodePool) -> Vec<(u32, &'p wgpu::Buffer)> {
+        let numbers: BTreeSet<u32> = self.rows.iter().map(|row| row.clip_page).collect();
+        numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
+    }
+
     /// Row and place in its node of a numbered point.
     pub fn find(&self, point: u32) -> Option<(usize, u32)> {
         let chunk = self.chunk_rows.get((point / CHUNK_POINTS) as usize)?;

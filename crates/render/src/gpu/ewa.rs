@@ -20,10 +20,12 @@ use super::shader::sources;
 use super::table::CHUNK_POINTS;
 use super::timing::Timing;
 use super::variants::Variants;
+use crate::camera::Camera;
 use crate::ewa::{Options, Passes};
 use crate::plan::{FramePlan, Pass};
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
+use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass};
 
 /// Room for a batch: what does not fit goes into further ones, and tiles do without entries where these do not fit.
@@ -68,6 +70,14 @@ struct Batch {
     is_first: u32,
     tiles: [u32; 2],
     unused: [u32; 2],
+    eye_high: [i32; 3],
+    unused_a: u32,
+    eye_low: [i32; 3],
+    unused_b: u32,
+    eye_rest: [f32; 3],
+    unused_c: u32,
+    grain: [u32; 3],
+    unused_d: u32,
 }
 
 same_layout!(Batch {
@@ -79,7 +89,11 @@ same_layout!(Batch {
     points,
     entries,
     is_first,
-    tiles
+    tiles,
+    eye_high,
+    eye_low,
+    eye_rest,
+    grain
 });
 
 /// The passes, and the memory that they keep from frame to frame.
@@ -88,12 +102,13 @@ pub struct GpuEwa {
     pub options: Options,
     room: Room,
     list: Kernel,
-    /// By whether there are normals, what gives points their colour, and whether a filter hides some.
-    place: Variants<3>,
+    /// By whether there are normals, what gives points their colour, whether a filter hides some, and whether splats are
+    /// clipped.
+    place: Variants<4>,
     begin: Kernel,
     fill: Kernel,
-    /// By pass, and whether there are normals.
-    blend: Variants<2>,
+    /// By pass, whether there are normals, and whether splats are clipped.
+    blend: Variants<3>,
     normalise: Variants<1>,
     memory: Option<Memory>,
 }
@@ -111,7 +126,14 @@ struct Memory {
     cursors: Counted,
     starts: Counted,
     entries: Counted,
+    /// Two rows a point where splats are clipped, else two.
+    clips: Counted,
+    /// Takes counts that nobody wants.
+    uncounted: Counted,
 }
+
+/// Bytes of a splat's lines.
+const LINES_BYTES: u64 = size_of::<crate::ewa::clip::Lines>() as u64;
 
 /// What a frame is drawn from and to.
 pub struct Target<'a> {
@@ -131,6 +153,10 @@ pub struct Target<'a> {
     pub picture: &'a GpuPicture,
     /// As in [`Won`].
     pub counts: &'a wgpu::Buffer,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// The grain of clip lines.
+    pub grain: Grain,
 }
 
 impl GpuEwa {
@@ -143,10 +169,13 @@ impl GpuEwa {
             options: Options::default(),
             room,
             list: Kernel::new(gpu, sources::EWA_LIST, "main", &[])?,
-            place: Variants::new(sources::EWA_PLACE, ["NORMALS", "COLOUR", "HIDES_POINTS"]),
+            place: Variants::new(
+                sources::EWA_PLACE,
+                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS"],
+            ),
             begin: Kernel::new(gpu, sources::EWA_SORT, "begin", &[])?,
             fill: Kernel::new(gpu, sources::EWA_SORT, "fill", &[])?,
-            blend: Variants::new(sources::EWA_BLEND, ["PASS", "NORMALS"]),
+            blend: Variants::new(sources::EWA_BLEND, ["PASS", "NORMALS", "CLIPS"]),
             normalise: Variants::new(sources::EWA_NORMALISE, ["NORMALS"]),
             memory: None,
         })
@@ -174,6 +203,9 @@ impl GpuEwa {
             self.memory = None;
             self.memory = Some(Memory::new(gpu, size, self.room)?);
         }
+        if let Some(memory) = &mut self.memory {
+            memory.fit_clips(gpu, target.plan.clips, self.room)?;
+        }
         let chunks = target.cut.chunk_count();
         let batches = chunks.div_ceil(self.room.chunks).max(1);
         self.send(gpu, target, chunks, batches)?;
@@ -186,7 +218,9 @@ impl GpuEwa {
             for batch in 0..batches {
                 if !is_placed {
                     let mut pass = timing.compute(encoder, Pass::Place);
-                    self.place(gpu, &mut pass, lookup, target, batch)?;
+                    // Splats are counted once, however often they are made.
+                    let counts = sweep == sweeps[0];
+                    self.place(gpu, &mut pass, lookup, target, (batch, counts))?;
                 }
                 let mut pass = timing.compute(encoder, Pass::Blend);
                 self.blend(gpu, &mut pass, target, batch, sweep)?;
@@ -221,7 +255,11 @@ impl GpuEwa {
                 entries: self.room.entries,
                 is_first: u32::from(number == 0),
                 tiles: tiles(memory.size),
-                unused: [0; 2],
+                eye_high: target.camera.eye_high,
+                eye_low: target.camera.eye_low,
+                eye_rest: target.camera.eye_rest.to_array(),
+                grain: target.grain.0.map(u32::from),
+                ..Batch::zeroed()
             };
             if memory.batches.len() <= number as usize {
                 let bytes = size_of::<Batch>() as u64;
@@ -233,14 +271,14 @@ impl GpuEwa {
         Ok(())
     }
 
-    /// Makes the splats of a batch and sorts them into tiles.
+    /// Makes the splats of a batch and sorts them into tiles; `counts` whether they are counted.
     fn place(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         lookup: &mut GpuLookup,
         target: &Target<'_>,
-        batch: u32,
+        (batch, counts): (u32, bool),
     ) -> Result<(), GpuError> {
         let Some(m) = &self.memory else { return Ok(()) };
         let batch = &m.batches[batch as usize];
@@ -261,10 +299,15 @@ impl GpuEwa {
             counts: target.counts,
         };
         lookup.fetch(gpu, pass, &won, target.plan, [&m.geometry, &m.paint])?;
+        if target.plan.clips {
+            let won = Won { pages: &target.cut.clip_pages(target.pool), ..won };
+            lookup.fetch_clips(gpu, pass, &won, [&m.geometry, &m.clips])?;
+        }
 
         let [normals, colour] = target.plan.colour_constants().map(|(_, value)| value);
         let hides = u32::from(target.plan.hides_points);
-        let kernel = self.place.get(gpu, [normals, colour, hides])?;
+        let clips = u32::from(target.plan.clips);
+        let kernel = self.place.get(gpu, [normals, colour, hides, clips])?;
         let buffers = [
             (0, target.uniform),
             (1, lookup.uniform()),
@@ -276,12 +319,14 @@ impl GpuEwa {
             (7, &m.splats),
             (8, &m.boxes),
             (9, &m.cursors),
+            (10, &m.clips),
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), groups_of(points));
 
-        let counts: [(u32, &wgpu::Buffer); 3] = [(0, batch), (1, &m.cursors), (2, &m.starts)];
-        self.begin.dispatch(pass, &self.begin.bind(gpu, &counts), [1, 1, 1]);
-        let entries = [(0, &**batch), (1, &m.cursors), (3, &m.boxes), (4, &m.entries)];
+        let starts: [(u32, &wgpu::Buffer); 3] = [(0, batch), (1, &m.cursors), (2, &m.starts)];
+        self.begin.dispatch(pass, &self.begin.bind(gpu, &starts), [1, 1, 1]);
+        let counts = if counts { target.counts } else { &m.uncounted };
+        let entries = [(0, &**batch), (1, &m.cursors), (3, &m.boxes), (4, &m.entries), (5, counts)];
         self.fill.dispatch(pass, &self.fill.bind(gpu, &entries), groups_of(points));
         Ok(())
     }
@@ -299,7 +344,8 @@ impl GpuEwa {
             return Ok(());
         };
         let normals = u32::from(target.plan.carries_normals);
-        let kernel = self.blend.get(gpu, [sweep, normals])?;
+        let clips = u32::from(target.plan.clips);
+        let kernel = self.blend.get(gpu, [sweep, normals, clips])?;
         let buffers = [
             (0, target.uniform),
             (1, &*m.batches[batch as usize]),
@@ -310,6 +356,7 @@ impl GpuEwa {
             (6, &base.depth),
             (7, &base.tint),
             (8, &base.front),
+            (9, &m.clips),
         ];
         let [columns, rows] = tiles(m.size);
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), [columns, rows, 1]);
@@ -367,7 +414,18 @@ impl Memory {
             cursors: plane("counts of tiles", columns * rows * 4)?,
             starts: plane("starts of tiles", (columns * rows + 1) * 4)?,
             entries: plane("entries of tiles", u64::from(room.entries) * 4)?,
+            clips: plane("no clip lines", LINES_BYTES)?,
+            uncounted: plane("counts of splats made again", 16)?,
         })
+    }
+
+    /// Has room for the lines of a batch where splats are clipped, and none where they are not.
+    fn fit_clips(&mut self, gpu: &Gpu, clips: bool, room: Room) -> Result<(), GpuError> {
+        let points = if clips { u64::from(room.points()) } else { 1 };
+        if self.clips.size() != points * LINES_BYTES {
+            self.clips = gpu.buffer("clip lines", points * LINES_BYTES, BufferUsages::STORAGE)?;
+        }
+        Ok(())
     }
 }
 

@@ -13,12 +13,12 @@ use crate::frame::{Method, Stats};
 use esker_lod::{DepthFeedback, View};
 use wgpu::{BufferUsages, CommandEncoder, PollType};
 
-/// Bytes of the counts: pixels that a point won, pixels that show something.
-const COUNTS_BYTES: u64 = 8;
+/// Bytes of the counts: pixels that a point won, pixels that show something, splats drawn, splats dropped.
+const COUNTS_BYTES: u64 = 16;
 
 /// Counts, times and tiles of frames.
 pub struct Feedback {
-    /// Two words: pixels that a point won, pixels that show something.
+    /// Four words: pixels that a point won, pixels that show something, splats drawn, splats dropped.
     pub counts: Counted,
     /// Times of the passes.
     pub timing: Timing,
@@ -92,8 +92,10 @@ impl Feedback {
         // A lost device shows in its fault.
         let _ = gpu.device.poll(PollType::Poll);
         if let Some((stats, bytes)) = self.counts_ring.newest() {
-            let counts: &[u32] = bytemuck::try_cast_slice(&bytes).unwrap_or(&[0, 0]);
+            let counts: &[u32] = bytemuck::try_cast_slice(&bytes).unwrap_or(&[0; 4]);
             self.stats = Some(Stats {
+                splats_drawn: u64::from(counts[2]),
+                splats_dropped: u64::from(counts[3]),
                 pixels_projected: u64::from(counts[0]),
                 pixels_covered: u64::from(counts[1]),
                 ..stats

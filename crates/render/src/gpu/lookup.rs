@@ -87,7 +87,7 @@ pub struct GpuLookup {
     octree: GpuOctree,
     colour: ColourBy,
     lattice: Option<Lattice>,
-    kernels: Variants<3>,
+    kernels: Variants<4>,
     pages: HashMap<Pages, Counted>,
     /// Bound where a plane or page is not needed.
     nothing: Counted,
@@ -106,7 +106,10 @@ impl GpuLookup {
             octree: GpuOctree::new(gpu)?,
             colour: ColourBy::Plain,
             lattice: None,
-            kernels: Variants::new(sources::GATHER_FETCH, ["GEOMETRY", "COLOURS", "NORMALS"]),
+            kernels: Variants::new(
+                sources::GATHER_FETCH,
+                ["GEOMETRY", "COLOURS", "NORMALS", "CLIPS"],
+            ),
             pages: HashMap::new(),
             nothing: gpu.buffer("nothing", 16, BufferUsages::STORAGE)?,
         })
@@ -148,10 +151,32 @@ impl GpuLookup {
         pass: &mut ComputePass<'_>,
         won: &Won<'_>,
         plan: &FramePlan,
+        to: [&Buffer; 2],
+    ) -> Result<(), GpuError> {
+        let [geometry, colours, normals] = plan.fetch_constants().map(|(_, value)| value);
+        self.run(gpu, pass, won, [geometry, colours, normals, 0], to)
+    }
+
+    /// Fetches the clip lines of points into every other row of a buffer; `any` is bound and not touched.
+    pub(super) fn fetch_clips(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        won: &Won<'_>,
+        [any, clips]: [&Buffer; 2],
+    ) -> Result<(), GpuError> {
+        self.run(gpu, pass, won, [0, 0, 0, 1], [any, clips])
+    }
+
+    fn run(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        won: &Won<'_>,
+        constants: [u32; 4],
         [geometry, paint]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
-        let constants = plan.fetch_constants();
-        let kernel = self.kernels.get(gpu, constants.map(|(_, value)| value))?;
+        let kernel = self.kernels.get(gpu, constants)?;
         if self.pages.len() > PAGES_KEPT {
             self.pages.clear();
         }

@@ -25,6 +25,7 @@ use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
 use crate::plan::{FramePlan, Pass};
 use esker_lod::DepthFeedback;
+use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, TextureView};
 
 /// Bytes of the widest plane of pictures and pyramids, a pixel.
@@ -211,9 +212,20 @@ impl GpuRenderer {
         match frame.method {
             Method::Ewa => {
                 let (pyramid, counts) = (&self.pyramid, won.counts);
+                let grain = Grain::new(frame.lattice.scale);
                 let frame = FrameUniform::new(frame, camera);
-                let target =
-                    ewa::Target { uniform, frame, plan, cut, pool, pyramid, picture, counts };
+                let target = ewa::Target {
+                    uniform,
+                    frame,
+                    plan,
+                    cut,
+                    pool,
+                    pyramid,
+                    picture,
+                    counts,
+                    camera,
+                    grain,
+                };
                 let ewa = match &mut self.ewa {
                     Some(ewa) => ewa,
                     none => none.insert(GpuEwa::new(gpu, Room::default())?),

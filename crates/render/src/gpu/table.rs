@@ -6,6 +6,7 @@ use crate::frame::{ColourPlane, DrawNode};
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::AttrType;
+use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 
 /// Points of a chunk.
@@ -75,8 +76,12 @@ pub struct Draw {
     pub colour_points: u32,
     /// Points that the normal plane has, at most those drawn.
     pub normal_points: u32,
-    /// To a whole multiple of 16 bytes.
-    pub unused: [u32; 3],
+    /// Page of the clip lines, or [`NO_PAGE`].
+    pub clip_page: u32,
+    /// Their first word in it.
+    pub clip_word: u32,
+    /// Points that their plane has, at most those drawn.
+    pub clip_points: u32,
 }
 
 impl Draw {
@@ -106,6 +111,7 @@ impl Draw {
         };
         let (colour_page, colour_word) = place(colour);
         let (normal_page, normal_word) = place(draw.normal);
+        let (clip_page, clip_word) = place(draw.clip);
         let drawn = |plane: Option<PlaneAt>, bytes: usize| {
             plane.map_or(0, |p| held(p, bytes)).min(points) as u32
         };
@@ -132,7 +138,9 @@ impl Draw {
             colour_kind,
             colour_points: drawn(colour, colour_bytes),
             normal_points: drawn(draw.normal, 4),
-            unused: [0; 3],
+            clip_page,
+            clip_word,
+            clip_points: drawn(draw.clip, CLIP_BYTES),
         }
     }
 }
@@ -176,7 +184,10 @@ same_layout!(Draw {
     chunk,
     colour_kind,
     colour_points,
-    normal_points
+    normal_points,
+    clip_page,
+    clip_word,
+    clip_points
 });
 same_layout!(Chunk { draw, first, points });
 

@@ -51,9 +51,19 @@ fn every_room_and_view_gives_the_picture_of_the_cpu() {
     ];
     let ahead = from(DVec3::NEG_Y * 4.0, DVec3::ZERO, 0.6);
     let (draws, crowd_draws) = (scene.draws(true, true, true), crowd.draws(true, true, true));
+    // Splats that are clipped, of which the second view sees some from close by.
+    let (cube, l_shaped) = (crate::clip::cube(14), crate::clip::l_shaped());
+    let clipped = [
+        (cube.draws(true, true, true), from(DVec3::new(1.1, -1.4, 0.9), DVec3::ZERO, 0.8)),
+        (cube.draws(false, true, true), from(DVec3::new(0.7, -0.5, 0.3), DVec3::X * 0.3, 1.6)),
+        (l_shaped.draws(true, true, true), ahead),
+    ];
     let frames = views.iter().map(|view| splats(scene.frame(view, &draws)));
     let mut frames: Vec<_> = frames.flat_map(|f| [(f, USUAL), (f, LITTLE)]).take(5).collect();
     frames.push((splats(crowd.frame(&ahead, &crowd_draws)), USUAL));
+    let scenes = [&cube, &cube, &l_shaped].into_iter().zip(&clipped);
+    frames.extend(scenes.map(|(s, (draws, view))| (splats(s.frame(view, draws)), USUAL)));
+    frames.push((frames[6].0, LITTLE));
     let pictures: Vec<_> = frames.iter().map(|(f, _)| render(f).unwrap()).collect();
     assert!(pictures[2].stats.splats_drawn > 1000);
     for gpu in few_gpus() {
@@ -64,6 +74,10 @@ fn every_room_and_view_gives_the_picture_of_the_cpu() {
             let laid = lay(&gpu, frame.draws, 64 << 10);
             renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
             let other = renderer.read().unwrap();
+            let (own, theirs) = (cpu.stats, renderer.stats().unwrap());
+            let differ = own.splats_drawn.abs_diff(theirs.splats_drawn);
+            assert!(differ * 1000 <= own.splats_drawn, "view {i}: {own:?} {theirs:?}");
+            assert_eq!(own.splats_dropped, theirs.splats_dropped, "view {i}");
             let flip = mean_flip(&cpu.rgba, &other.rgba, 97);
             let off = pixels_off(&cpu.rgba, &other.rgba);
             let on = name(&gpu);

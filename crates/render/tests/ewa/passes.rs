@@ -18,12 +18,12 @@ pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
     let [width, height] = camera.size.map(|s| s as usize);
     let list = DrawList::new(frame.draws);
     let lookup = Lookup::new(&frame, &camera, &list);
-    let has_normals = FramePlan::new(&frame).carries_normals;
+    let plan = FramePlan::new(&frame);
     let mut pyramid = Pyramid::default();
-    pyramid.fit(width, height, has_normals);
+    pyramid.fit(width, height, plan.carries_normals);
     let mut ewa = Ewa::default();
     ewa.options = options;
-    let counts = ewa.place(&frame, &camera, &list, &lookup, has_normals);
+    let counts = ewa.place(&frame, &camera, &list, &lookup, &plan);
     let mut depth = vec![0.0; width * height];
     ewa.draw(&camera, &mut pyramid, &mut depth);
     (pyramid.levels.swap_remove(0), depth, counts)

@@ -66,6 +66,7 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
     let positions: Vec<_> = draws.iter().map(|d| put(d.position)).collect();
     let residuals: Vec<_> = draws.iter().map(|d| d.residual.map(&mut put)).collect();
     let normals: Vec<_> = draws.iter().map(|d| d.normal.map(&mut put)).collect();
+    let clips: Vec<_> = draws.iter().map(|d| d.clip.map(&mut put)).collect();
     let colours: Vec<_> = draws
         .iter()
         .map(|d| match d.colour {
@@ -85,6 +86,7 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
             residual: residuals[i],
             colour: colours[i],
             normal: normals[i],
+            clip: clips[i],
         })
         .collect();
     Laid { pool, draws }

@@ -171,6 +171,7 @@ impl Rig {
                 ColourPlane::Scalar { bytes, ty } => ColourPlane::Scalar { bytes: put(bytes), ty },
             },
             normal: d.normal.map(&mut put),
+            clip: d.clip.map(&mut put),
         });
         let placed: Vec<_> = placed.collect();
         let list = DrawList::new(frame.draws);

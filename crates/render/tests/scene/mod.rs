@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use esker_lod::View;
-use esker_points::{AttrType, Cell, Lattice, Node, morton, quant};
+use esker_points::{AttrType, Cell, Clip, Grain, Lattice, Node, morton, quant};
 use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
 
@@ -23,6 +23,8 @@ pub struct SceneNode {
     pub residual: Vec<u8>,
     pub colour: Vec<u8>,
     pub normal: Vec<u8>,
+    /// Empty where no point is clipped.
+    pub clip: Vec<u8>,
 }
 
 /// Nodes on a lattice.
@@ -59,13 +61,26 @@ impl Scene {
         radius: f64,
         capacity: usize,
     ) -> Self {
+        Self::clipped(points, |_, _| Clip::default(), step, spacing, radius, capacity)
+    }
+
+    /// The same with the clip lines that `clip` gives of the lattice and a point's place in `points`.
+    pub fn clipped(
+        points: &[ScenePoint],
+        clip: impl Fn(&Lattice, usize) -> Clip,
+        step: f64,
+        spacing: f64,
+        radius: f64,
+        capacity: usize,
+    ) -> Self {
         let lattice = Lattice { scale: [step; 3], offset: [0.0; 3], shift: [0; 3] };
         let place = |p: &ScenePoint| {
             [0, 1, 2]
                 .map(|i| lattice.steps_axis(i, p.at[i]).round().clamp(0.0, 4_294_967_295.0) as u32)
         };
-        let mut sorted: Vec<_> = points.iter().map(|p| (place(p), *p)).collect();
-        sorted.sort_by_cached_key(|(at, _)| morton::encode3(*at));
+        let lines = (0..points.len()).map(|i| clip(&lattice, i));
+        let mut sorted: Vec<_> = points.iter().zip(lines).map(|(p, c)| (place(p), *p, c)).collect();
+        sorted.sort_by_cached_key(|(at, ..)| morton::encode3(*at));
         let code = quant::radius_code(radius, spacing);
         let nodes = sorted.chunks(capacity).map(|run| SceneNode::new(run, spacing as f32, code));
         Self { lattice, nodes: nodes.collect() }
@@ -112,10 +127,11 @@ impl SceneNode {
             residual: residual.then_some(&self.residual[..]),
             colour: if colour { ColourPlane::Rgba(&self.colour) } else { ColourPlane::None },
             normal: normal.then_some(&self.normal[..]),
+            clip: (!self.clip.is_empty()).then_some(&self.clip[..]),
         }
     }
 
-    fn new(run: &[([u32; 3], ScenePoint)], spacing: f32, radius_code: u8) -> Self {
+    fn new(run: &[([u32; 3], ScenePoint, Clip)], spacing: f32, radius_code: u8) -> Self {
         let fold = |f: fn(u32, u32) -> u32| {
             run.iter().map(|r| r.0).reduce(|a, b| [0, 1, 2].map(|i| f(a[i], b[i]))).unwrap()
         };
@@ -133,8 +149,10 @@ impl SceneNode {
             residual: Vec::new(),
             colour: Vec::new(),
             normal: Vec::new(),
+            clip: Vec::new(),
         };
-        for (at, point) in run {
+        let is_clipped = run.iter().any(|(.., clip)| !clip.is_none());
+        for (at, point, clip) in run {
             let q = [0, 1, 2].map(|i| quant::hot(at[i], min[i], shift));
             q.iter().for_each(|q| out.position.extend(q.to_le_bytes()));
             out.position.extend([radius_code, 0]);
@@ -143,6 +161,11 @@ impl SceneNode {
             out.colour.extend(point.colour.iter().chain(&[255]));
             let oct = quant::oct_encode(point.normal.as_vec3().to_array());
             oct.iter().for_each(|c| out.normal.extend(c.to_le_bytes()));
+            if is_clipped {
+                let hot = [0, 1, 2].map(|i| quant::exact(q[i], 0, min[i], shift));
+                let words = clip.words(hot, Grain::default());
+                out.clip.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+            }
         }
         out
     }

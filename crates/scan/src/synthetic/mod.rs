@@ -8,13 +8,17 @@
 //! | `bridge` | a bridge of stone and steel over a river, scanned from tripods around, under and on it |
 //! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
+//!
+//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip lines on their edges.
 
 mod airborne;
 mod bridge;
+mod csg;
 mod draw;
 mod floor_plan;
 mod furniture;
 mod landscape;
+pub mod model;
 mod office;
 mod point;
 mod ray;
@@ -84,7 +88,9 @@ struct Synthetic {
 /// Where the name is none of a generated scan.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Source>, ScanError> {
     let spec = spec::Spec::parse(path)?;
-    let kind = &SCENES[spec.scene];
+    let Some(kind) = SCENES.get(spec.scene) else {
+        return model::open(path, &model::MODELS[spec.scene - SCENES.len()], spec.points);
+    };
     let scene = (kind.make)(spec.points, spec.seed);
     let grid = scene.grid();
     let world = |corner: [f64; 3]| [0, 1, 2].map(|i| corner[i] + grid.offset[i]);

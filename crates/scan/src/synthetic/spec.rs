@@ -1,6 +1,7 @@
 //! The name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
 
 use super::SCENES;
+use super::model::MODELS;
 use crate::error::ScanError;
 use std::path::Path;
 
@@ -12,7 +13,7 @@ pub const POINTS_MAX: u64 = 1 << 40;
 /// A generated scan, as it was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spec {
-    /// Which of [`SCENES`].
+    /// Which of [`SCENES`] and, behind them, of [`MODELS`].
     pub scene: usize,
     /// Points, [`POINTS_MAX`] at most.
     pub points: u64,
@@ -34,7 +35,7 @@ impl Spec {
         let text = path.to_string_lossy();
         let rest = text.strip_prefix(PREFIX).unwrap_or(&text);
         Self::parts(rest).map_err(|what| {
-            let scenes: Vec<_> = SCENES.iter().map(|s| s.name).collect();
+            let scenes: Vec<_> = all().collect();
             ScanError::unsupported(
                 path,
                 format!(
@@ -48,7 +49,7 @@ impl Spec {
     fn parts(rest: &str) -> Result<Self, String> {
         let mut parts = rest.split(':');
         let name = parts.next().unwrap_or_default();
-        let scene = SCENES.iter().position(|s| s.name == name);
+        let scene = all().position(|scene| scene == name);
         let scene = scene.ok_or_else(|| format!("there is no scene `{name}`"))?;
         let points = parts.next().ok_or("the number of points is missing")?;
         let points = parse_points(points)?;
@@ -63,6 +64,11 @@ impl Spec {
             Some(more) => Err(format!("`{more}` follows the seed")),
         }
     }
+}
+
+/// The names of all scenes and models.
+fn all() -> impl Iterator<Item = &'static str> {
+    SCENES.iter().map(|s| s.name).chain(MODELS.iter().map(|m| m.name))
 }
 
 fn parse_points(text: &str) -> Result<u64, String> {
@@ -122,7 +128,7 @@ mod tests {
             let error = parse(text).unwrap_err();
             assert!(error.starts_with(&format!("{text}: ")), "{error}");
             assert!(error.contains(what) && !error.contains('\n'), "{error}");
-            assert!(SCENES.iter().all(|s| error.contains(s.name)), "{error}");
+            assert!(all().all(|name| error.contains(name)), "{error}");
         }
     }
 

@@ -42,6 +42,7 @@ fn metadata(schema: Schema) -> Metadata {
         node_capacity: 1000,
         sources: vec![],
         normals: esker_format::Normals::Source,
+        has_clip_lines: false,
         codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),
@@ -198,6 +199,7 @@ fn part(schema: &Schema, positions: &[[u32; 3]], own: &[usize]) -> PagePoints {
         radius_codes: own.iter().map(|&p| p as u8).collect(),
         classes: vec![],
         normals: vec![],
+        clip_lines: vec![],
         columns: schema.attributes.iter().map(column).collect(),
     }
 }

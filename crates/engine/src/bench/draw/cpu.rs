@@ -92,6 +92,7 @@ pub fn draw_of<P>(node: &Node, position: P) -> DrawNode<'_, P> {
         residual: None,
         colour: ColourPlane::None,
         normal: None,
+        clip: None,
     }
 }
 

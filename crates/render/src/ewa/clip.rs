@@ -1,0 +1,172 @@
+//! Clip lines in the picture (zwicker2004, section 5). The paper projects two points of a line and normalises them;
+//! here a line stays homogeneous, the plane through it and the eye, so its points may lie behind the camera. A pixel's
+//! ray is on the plane's one side or on its other: with `c` a point of the line and `e` its way, against the eye, it is
+//! the sign of `(c x e) . ray`. Both depend on the lattice and the eye alone, not on the splat, and numbers only change
+//! their sign from one splat of a pair to the other: what the one leaves the other takes, to the pixel.
+
+use crate::camera::Camera;
+use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
+use glam::{Vec3, Vec4};
+
+use super::splat::Box4;
+
+/// The lines of a splat, each over the homogeneous pixel (x, y, 1) from the picture's middle: not negative where the splat
+/// is kept. As large as on the GPU.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lines {
+    /// The first.
+    pub first: [f32; 3],
+    /// What is kept: [`WHOLE`], [`ONE`], [`BOTH`] or [`EITHER`].
+    pub kept: f32,
+    /// The second.
+    pub second: [f32; 3],
+    /// To a whole multiple of 16 bytes.
+    pub unused: f32,
+}
+
+/// There is no line.
+pub const WHOLE: f32 = 0.0;
+/// What the first line keeps.
+pub const ONE: f32 = 1.0;
+/// What both lines keep.
+pub const BOTH: f32 = 2.0;
+/// What either line keeps.
+pub const EITHER: f32 = 3.0;
+
+/// Sine between a splat's plane and the line of sight under which it is seen flat.
+const FLAT: f32 = 0.1;
+/// Radii of splats with lines over what they would be without: on an edge there are neighbours on one side only, and lines
+/// hold what would stick out.
+pub const WIDER: f32 = 1.3;
+
+/// What of a rectangle of pixels lies on a line's kept side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    All,
+    Some,
+    None,
+}
+
+/// What a frame's lines are made with.
+#[derive(Clone, Copy, Debug)]
+pub struct Clipping<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// As in [`Grain::new`].
+    pub grain: Grain,
+}
+
+impl Clipping<'_> {
+    /// The lines of the point `index` of a plane, which lies at `hot` on the lattice without its dropped bits and at
+    /// `centre` against the eye; `normal` as it is stored. Both right, down and away from the eye.
+    #[inline]
+    pub fn lines(
+        &self,
+        plane: &[u8],
+        index: usize,
+        hot: [u32; 3],
+        centre: Vec3,
+        normal: Vec3,
+    ) -> Option<Lines> {
+        let bytes = plane.get(index * CLIP_BYTES..(index + 1) * CLIP_BYTES)?;
+        let words = [0, 4, 8, 12]
+            .map(|i| u32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]));
+        // Most splats have none.
+        if words[1] == 0 || normal == Vec3::ZERO {
+            return None;
+        }
+        let clip = Clip::of_words(words, hot, self.grain);
+        let seen = normal.dot(centre);
+        // Round surfaces leave their lines a little; seen flat, that is all that is seen of the way to the line. The
+        // centre is on its own side then, unless the other line keeps it.
+        let is_flat = seen.abs() < FLAT * centre.length() && !clip.either;
+        let own = is_flat.then_some(centre);
+        let [first, second] = clip.lines.map(|line| self.line(&line?, seen, own));
+        let first = first?;
+        let kept = match (second, clip.either) {
+            (None, _) => ONE,
+            (Some(_), false) => BOTH,
+            (Some(_), true) => EITHER,
+        };
+        Some(Lines { first, kept, second: second.unwrap_or_default(), unused: 0.0 })
+    }
+
+    /// A line over the homogeneous pixel; `None` where it is no number, or the eye lies in it.
+    #[inline]
+    fn line(&self, line: &ClipLine, seen: f32, own: Option<Vec3>) -> Option<[f32; 3]> {
+        let camera = self.camera;
+        let [right, up, back] = camera.view_from_world;
+        let view = |v: Vec3| Vec3::new(right.dot(v), -up.dot(v), -back.dot(v));
+        let c = view(camera.steps_from_eye(line.from) * camera.step);
+        let e = view(Vec3::from_array(line.along.map(|a| a as f32)) * camera.step);
+        let plane = c.cross(e);
+        // The splat's own side: left of the way, as its normal looks at it.
+        let is_other = match own {
+            Some(centre) => plane.dot(centre) < 0.0,
+            None => (seen < 0.0) != line.keeps_right,
+        };
+        let sign = if is_other { -1.0 } else { 1.0 };
+        let inverse = 1.0 / camera.focal_px;
+        let own = [plane.x * inverse, plane.y * inverse, plane.z].map(|p| p * sign);
+        let is_usable = own.iter().all(|p| p.is_finite()) && own != [0.0; 3];
+        is_usable.then_some(own)
+    }
+}
+
+impl Lines {
+    /// The same without lines that do not cut the pixels of a box; `None` where nothing of it is kept. `Some(None)` where
+    /// all is.
+    #[inline]
+    pub fn within(self, bounds: Box4, centre_px: [f32; 2]) -> Option<Option<Self>> {
+        let [first, second] = [self.first, self.second].map(|line| side(line, bounds, centre_px));
+        let only = |line| Some(Some(Self { first: line, kept: ONE, ..self }));
+        match (self.kept, first, second) {
+            (ONE, Side::All, _) => Some(None),
+            (ONE, Side::None, _) => None,
+            (BOTH, Side::None, _) | (BOTH, _, Side::None) => None,
+            (BOTH, Side::All, Side::All) => Some(None),
+            (BOTH, Side::All, _) => only(self.second),
+            (BOTH, _, Side::All) => only(self.first),
+            (EITHER, Side::All, _) | (EITHER, _, Side::All) => Some(None),
+            (EITHER, Side::None, Side::None) => None,
+            (EITHER, Side::None, _) => only(self.second),
+            (EITHER, _, Side::None) => only(self.first),
+            _ => Some(Some(self)),
+        }
+    }
+
+    /// 1 for those of four pixels that are kept, else 0; `x` and `y` are their middles from the picture's.
+    #[inline(always)]
+    pub fn inside(&self, x: Vec4, y: f32) -> Vec4 {
+        let [a, b] =
+            [self.first, self.second].map(|[lx, ly, l]| (x * lx + (l + ly * y)).cmpge(Vec4::ZERO));
+        let kept = if self.kept == BOTH {
+            a & b
+        } else if self.kept == EITHER {
+            a | b
+        } else {
+            a
+        };
+        Vec4::select(kept, Vec4::ONE, Vec4::ZERO)
+    }
+}
+
+/// On which side of a line the pixels of a box lie. Near the line rounding decides, pixel by pixel.
+#[inline]
+fn side([lx, ly, l]: [f32; 3], [left, right, top, bottom]: Box4, [cx, cy]: [f32; 2]) -> Side {
+    /// Rounding of the sum of three products.
+    const ROUNDING: f32 = 1e-6;
+    let [x0, x1] = [f32::from(left) + 0.5 - cx, f32::from(right) - 0.5 - cx];
+    let [y0, y1] = [f32::from(top) + 0.5 - cy, f32::from(bottom) - 0.5 - cy];
+    let least = (lx * x0).min(lx * x1) + (ly * y0).min(ly * y1) + l;
+    let greatest = (lx * x0).max(lx * x1) + (ly * y0).max(ly * y1) + l;
+    let size = lx.abs() * x0.abs().max(x1.abs()) + ly.abs() * y0.abs().max(y1.abs()) + l.abs();
+    if least > size * ROUNDING {
+        Side::All
+    } else if greatest < -size * ROUNDING {
+        Side::None
+    } else {
+        Side::Some
+    }
+}

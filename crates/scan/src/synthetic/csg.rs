@@ -1,0 +1,331 @@
+//! Constructive solid geometry: a solid is what an expression makes of being inside some half-spaces, balls and cylinders.
+//! Its surface is sampled evenly, a splat at a time, and each splat near an edge gets the lines at which it ends
+//! (zwicker2004, section 5): exact, since the surfaces on both sides of the edge are known.
+
+use super::draw::cos_sin;
+use super::ray::Vec3;
+
+/// Splats no farther from an edge than so many spacings have lines.
+const REACH: f64 = 3.0;
+/// Steps of Newton's method: it doubles the digits each time.
+const STEPS: usize = 8;
+/// What lies no farther off a surface is on it.
+const ON: f64 = 1e-9;
+/// Sine of the angle between two surfaces under which they have no edge.
+const SINE_MIN: f64 = 0.05;
+
+/// What space is cut by.
+#[derive(Clone, Copy, Debug)]
+pub enum Surface {
+    /// All that is not farther along this direction (of length 1).
+    HalfSpace(Vec3, f64),
+    /// All that is not farther from a place.
+    Ball(Vec3, f64),
+    /// All that is not farther from an upright axis.
+    Cylinder([f64; 2], f64),
+}
+
+/// A solid within the cube of -1 to 1.
+pub struct Solid {
+    /// Its surfaces.
+    pub surfaces: Vec<Surface>,
+    /// Whether a place is inside, by whether it is inside each.
+    pub is_inside: fn(&[bool]) -> bool,
+}
+
+/// Two places of a line; kept is what lies left of the way between them, seen from outside.
+pub type Line = [Vec3; 2];
+
+/// A splat.
+#[derive(Clone, Copy, Debug)]
+pub struct Splat {
+    /// Its middle.
+    pub at: Vec3,
+    /// Outwards, of length 1.
+    pub normal: Vec3,
+    /// Where it ends.
+    pub lines: [Option<Line>; 2],
+    /// Whether what either line keeps is kept; else what both keep.
+    pub either: bool,
+}
+
+pub fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn is_near(a: Vec3, b: Vec3, distance: f64) -> bool {
+    let off = plus(a, b, -1.0);
+    dot(off, off) < distance * distance
+}
+
+fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
+    [0, 1, 2].map(|i| a[i] + b[i] * times)
+}
+
+impl Surface {
+    /// Distance of a place, negative inside; and the direction away from what is inside.
+    fn at(&self, p: Vec3) -> (f64, Vec3) {
+        let from = match *self {
+            Self::HalfSpace(n, offset) => return (dot(n, p) - offset, n),
+            Self::Ball(centre, _) => [0, 1, 2].map(|i| p[i] - centre[i]),
+            Self::Cylinder([x, y], _) => [p[0] - x, p[1] - y, 0.0],
+        };
+        let (Self::Ball(_, radius) | Self::Cylinder(_, radius) | Self::HalfSpace(_, radius)) =
+            *self;
+        let length = dot(from, from).sqrt().max(1e-12);
+        (length - radius, from.map(|c| c / length))
+    }
+
+    /// Gives even places of it, some of which may lie outside of the cube.
+    fn for_each(&self, spacing: f64, give: &mut dyn FnMut(Vec3)) {
+        let cells = |length: f64| (length / spacing + 0.5).max(1.0) as i64;
+        let middle = |i: i64, n: i64| (i as f64 + 0.5) / n as f64;
+        match *self {
+            Self::HalfSpace(n, offset) => {
+                let u = if n[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+                let u = plus(u, n, -dot(u, n));
+                let u = u.map(|c| c / dot(u, u).sqrt());
+                let v = cross(n, u);
+                // Wide enough for the cube's diagonal.
+                let side = 2 * cells(1.8);
+                let along = |i: i64| (i as f64 + 0.5) * spacing - 0.5 * side as f64 * spacing;
+                for i in 0..side {
+                    for j in 0..side {
+                        let base = n.map(|c| c * offset);
+                        give(plus(plus(base, u, along(i)), v, along(j)));
+                    }
+                }
+            }
+            Self::Ball(centre, radius) => {
+                let rings = cells(0.5 * std::f64::consts::TAU * radius);
+                for i in 0..rings {
+                    let [c, s] = cos_sin(0.5 * middle(i, rings));
+                    let steps = cells(std::f64::consts::TAU * radius * s);
+                    for j in 0..steps {
+                        let [x, y] = cos_sin(middle(j, steps) + 0.5 * middle(i, 2));
+                        give(plus(centre, [x * s, y * s, c], radius));
+                    }
+                }
+            }
+            Self::Cylinder([x, y], radius) => {
+                let (rings, steps) = (cells(2.0), cells(std::f64::consts::TAU * radius));
+                for i in 0..rings {
+                    for j in 0..steps {
+                        let [c, s] = cos_sin(middle(j, steps));
+                        give([x + c * radius, y + s * radius, 2.0 * middle(i, rings) - 1.0]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Solid {
+    /// Its surface as splats about so far apart.
+    pub fn splats(&self, spacing: f64) -> Vec<Splat> {
+        let mut splats = Vec::new();
+        for own in 0..self.surfaces.len() {
+            self.surfaces[own].for_each(spacing, &mut |at| {
+                splats.extend(self.splat(own, at, spacing));
+            });
+        }
+        splats
+    }
+
+    /// The splat of a surface at one of its places; `None` where the solid does not end there.
+    fn splat(&self, own: usize, at: Vec3, spacing: f64) -> Option<Splat> {
+        let found: Vec<(f64, Vec3)> = self.surfaces.iter().map(|s| s.at(at)).collect();
+        let mut inside: Vec<bool> = found.iter().map(|(distance, _)| *distance < 0.0).collect();
+        let ends = |inside: &mut Vec<bool>| {
+            let [within, beyond] = [true, false].map(|is_inside| {
+                inside[own] = is_inside;
+                (self.is_inside)(inside)
+            });
+            (within != beyond).then_some(within)
+        };
+        let goes_out = ends(&mut inside)?;
+        let normal = found[own].1.map(|c| if goes_out { c } else { -c });
+        let mut near: Vec<usize> = (0..found.len())
+            .filter(|&j| j != own && found[j].0.abs() < REACH * spacing)
+            .filter(|&j| {
+                self.edge(own, j, at).is_some_and(|e| is_near(e, at, 2.0 * REACH * spacing))
+            })
+            .collect();
+        near.sort_by(|&a, &b| found[a].0.abs().total_cmp(&found[b].0.abs()));
+        // Those that the surface does not end at, with all others as they are or turned, are no edges of it.
+        let mut ends_at = |turned: &[usize]| {
+            turned.iter().for_each(|&j| inside[j] = !inside[j]);
+            let is_end = ends(&mut inside) == Some(goes_out);
+            turned.iter().for_each(|&j| inside[j] = !inside[j]);
+            is_end
+        };
+        let pairs = near.clone();
+        near.retain(|&j| {
+            !ends_at(&[j]) || pairs.iter().any(|&k| k != j && ends_at(&[k]) != ends_at(&[j, k]))
+        });
+        let line = |j: usize, keeps_own_side: bool| {
+            let is_inside = (found[j].0 < 0.0) == keeps_own_side;
+            self.line(own, j, at, normal, is_inside, spacing)
+        };
+        let (mut lines, mut either) = ([None; 2], false);
+        match near[..] {
+            [] => {}
+            [j] => lines[0] = line(j, true),
+            [j, k, ..] => match [ends_at(&[j]), ends_at(&[k]), ends_at(&[j, k])] {
+                [false, false, _] => lines = [line(j, true), line(k, true)],
+                // Three of the four parts are kept: all but one.
+                [true, true, false] => (lines, either) = ([line(j, true), line(k, true)], true),
+                [false, true, true] => (lines, either) = ([line(j, true), line(k, false)], true),
+                [true, false, true] => (lines, either) = ([line(j, false), line(k, true)], true),
+                [false, true, false] => lines[0] = line(j, true),
+                [true, false, false] => lines[0] = line(k, true),
+                [true, true, true] => {}
+            },
+        }
+        Some(Splat { at, normal, lines, either })
+    }
+
+    /// The place of the edge of two surfaces that is near another one, by Newton's method.
+    fn edge(&self, own: usize, other: usize, near: Vec3) -> Option<Vec3> {
+        let mut at = near;
+        for _ in 0..STEPS {
+            let ((f, a), (g, b)) = (self.surfaces[own].at(at), self.surfaces[other].at(at));
+            // The shortest step that both distances ask for.
+            let c = dot(a, b);
+            let squared = 1.0 - c * c;
+            if squared < SINE_MIN * SINE_MIN {
+                return None;
+            }
+            at = plus(plus(at, a, (c * g - f) / squared), b, (c * f - g) / squared);
+        }
+        // Surfaces that do not meet here have none.
+        let is_on = |surface: usize| self.surfaces[surface].at(at).0.abs() < ON;
+        (is_on(own) && is_on(other)).then_some(at)
+    }
+
+    /// The line in which the tangent planes of two surfaces meet, at their edge near a place, so that what lies inside the
+    /// other one is kept, or what lies outside.
+    fn line(
+        &self,
+        own: usize,
+        other: usize,
+        near: Vec3,
+        normal: Vec3,
+        keeps_inside: bool,
+        spacing: f64,
+    ) -> Option<Line> {
+        let edge = self.edge(own, other, near)?;
+        // The splats on both sides of a piece of the edge share its line: it is that of a cell of space.
+        let cell = edge.map(|c| ((c / spacing).floor() + 0.5) * spacing);
+        let (first, second) = (own.min(other), own.max(other));
+        let at = self.edge(first, second, cell);
+        let at = at.filter(|at| is_near(*at, edge, 2.0 * spacing)).unwrap_or(edge);
+        let (a, b) = (self.surfaces[first].at(at).1, self.surfaces[second].at(at).1);
+        let along = cross(a, b);
+        let along = along.map(|c| c / dot(along, along).sqrt());
+        // Seen along the way from outside, left is across both.
+        let away = self.surfaces[other].at(at).1;
+        let is_left_inside = dot(cross(normal, along), away) < 0.0;
+        // As far as the splats reach whose line it is.
+        let ends = [-1.0, 1.0].map(|way| plus(at, along, way * spacing * REACH * 0.5));
+        Some(if is_left_inside == keeps_inside { ends } else { [ends[1], ends[0]] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distance(line: &Line, p: Vec3) -> f64 {
+        let way = plus(line[1], line[0], -1.0);
+        let from = plus(p, line[0], -1.0);
+        let off = plus(from, way, -dot(from, way) / dot(way, way));
+        dot(off, off).sqrt()
+    }
+
+    fn walls() -> Vec<Surface> {
+        let wall = |i: usize, side: f64| {
+            let mut n = [0.0; 3];
+            n[i] = side;
+            Surface::HalfSpace(n, 0.5)
+        };
+        (0..6).map(|k| wall(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect()
+    }
+
+    #[test]
+    fn a_cube_has_lines_on_its_edges_and_two_in_its_corners() {
+        let cube = Solid { surfaces: walls(), is_inside: |inside| inside.iter().all(|i| *i) };
+        let splats = cube.splats(0.05);
+        assert_eq!(splats.len(), 6 * 20 * 20);
+        for splat in &splats {
+            // Every place of a line is on two faces; kept is the splat's own side.
+            for line in splat.lines.iter().flatten() {
+                for end in line {
+                    let on = end.iter().filter(|c| (c.abs() - 0.5).abs() < 1e-9).count();
+                    assert!(on >= 2, "{end:?}");
+                }
+                let way = plus(line[1], line[0], -1.0);
+                let left = cross(splat.normal, way);
+                assert!(dot(left, plus(splat.at, line[0], -1.0)) > 0.0);
+            }
+            let edges = splat.at.iter().filter(|c| (c.abs() - 0.5).abs() < 0.15).count() - 1;
+            assert_eq!(splat.lines.iter().flatten().count(), edges.min(2), "{splat:?}");
+            assert!(!splat.either);
+        }
+        // Some lines are shared by splats of both faces, to the bit.
+        let all: Vec<Line> = splats.iter().flat_map(|s| s.lines).flatten().collect();
+        let shared = all.iter().filter(|l| all.contains(&[l[1], l[0]])).count();
+        assert!(shared * 10 > all.len() * 9, "{shared} of {}", all.len());
+    }
+
+    #[test]
+    fn a_corner_that_goes_in_keeps_what_either_line_keeps() {
+        // A wall with its upper right quarter cut out.
+        let mut surfaces = walls();
+        surfaces.push(Surface::HalfSpace([1.0, 0.0, 0.0], 0.0));
+        surfaces.push(Surface::HalfSpace([0.0, 1.0, 0.0], 0.0));
+        let is_inside =
+            |inside: &[bool]| inside[..6].iter().all(|i| *i) && (inside[6] || inside[7]);
+        let splats = Solid { surfaces, is_inside }.splats(0.05);
+        let top = splats.iter().filter(|s| s.normal == [0.0, 0.0, 1.0]);
+        let mut corners = 0;
+        for splat in top.filter(|s| s.at[0].abs().max(s.at[1].abs()) < 0.12) {
+            corners += 1;
+            assert!(splat.either, "{splat:?}");
+            // A place of the quarter that is cut out is right of both lines; other places are left of one.
+            for (p, is_kept) in [
+                ([0.1, 0.1], false),
+                ([0.1, -0.1], true),
+                ([-0.1, 0.1], true),
+                ([-0.1, -0.1], true),
+            ] {
+                let kept = splat.lines.iter().flatten().any(|line| {
+                    let left = cross(splat.normal, plus(line[1], line[0], -1.0));
+                    dot(left, plus([p[0], p[1], 0.5], line[0], -1.0)) > 0.0
+                });
+                assert_eq!(kept, is_kept, "{splat:?} {p:?}");
+            }
+        }
+        assert!(corners > 8);
+    }
+
+    #[test]
+    fn lines_of_round_edges_touch_them() {
+        // A ball with a hole: the edge is a circle.
+        let surfaces = vec![Surface::Ball([0.0; 3], 0.8), Surface::Cylinder([0.0; 2], 0.3)];
+        let splats = Solid { surfaces, is_inside: |inside| inside[0] && !inside[1] }.splats(0.02);
+        let height = (0.64f64 - 0.09).sqrt();
+        let lines: Vec<Line> = splats.iter().flat_map(|s| s.lines).flatten().collect();
+        assert!(lines.len() > 500);
+        for line in lines {
+            let middle = [0, 1, 2].map(|i| 0.5 * (line[0][i] + line[1][i]));
+            let round = (middle[0] * middle[0] + middle[1] * middle[1]).sqrt();
+            assert!((round - 0.3).abs() < 1e-9 && (middle[2].abs() - height).abs() < 1e-9);
+            assert!(distance(&line, [0.0, 0.0, middle[2]]) > 0.3 - 1e-9);
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. Small, so that all of a model
+//! is made when it is opened. What they are of is the file's unit; seeds mean nothing to them.
+
+use super::csg::{Solid, Splat, Surface};
+use super::draw::cos_sin;
+use crate::error::ScanError;
+use crate::source::{ReadReport, Sink, Source, SourceInfo};
+use esker_points::attribute::names;
+use esker_points::lattice::{GridKind, Placement};
+use esker_points::{AttrType, Attribute, Batch, Grid, InputGrid, Schema, Task};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Splats of a model at most.
+pub const SPLATS_MAX: u64 = 4_000_000;
+/// Length of a step: a model is two units wide.
+const STEP: f64 = 1e-6;
+/// Splats of a batch.
+const BATCH_POINTS: usize = 1 << 14;
+
+/// A kind of model.
+pub struct ModelKind {
+    /// Its name in `synthetic:NAME:...`.
+    pub name: &'static str,
+    make: fn() -> Solid,
+}
+
+/// All models.
+pub static MODELS: &[ModelKind] =
+    &[ModelKind { name: "cube", make: cube }, ModelKind { name: "csg", make: csg }];
+
+/// A cube of edge 1, turned: no edge lies along an axis.
+fn cube() -> Solid {
+    let axes = turned();
+    let wall = |k: usize| {
+        let side = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+        Surface::HalfSpace(axes[k / 2].map(|c| c * side), 0.5)
+    };
+    Solid { surfaces: (0..6).map(wall).collect(), is_inside: |inside| inside.iter().all(|i| *i) }
+}
+
+/// Three directions across each other.
+fn turned() -> [[f64; 3]; 3] {
+    let ([a, b], [c, d]) = (cos_sin(0.07), cos_sin(0.11));
+    [[a, b, 0.0], [-b * c, a * c, d], [b * d, -a * d, c]]
+}
+
+/// A block with a shaft through it, a bowl in its side, a notch in its edge and a tower on its top (as figure 8 of
+/// zwicker2004 has it: edges straight and round, corners that go out and in).
+fn csg() -> Solid {
+    let wall = |i: usize, side: f64, offset: f64| {
+        let mut n = [0.0; 3];
+        n[i] = side;
+        Surface::HalfSpace(n, offset)
+    };
+    let surfaces = vec![
+        // The block.
+        wall(0, 1.0, 0.8),
+        wall(0, -1.0, 0.8),
+        wall(1, 1.0, 0.6),
+        wall(1, -1.0, 0.6),
+        wall(2, 1.0, 0.1),
+        wall(2, -1.0, 0.5),
+        // The shaft, the bowl, the notch.
+        Surface::Cylinder([-0.4, 0.1], 0.22),
+        Surface::Ball([0.35, -0.6, 0.1], 0.3),
+        wall(0, -1.0, -0.3),
+        wall(1, -1.0, -0.2),
+        wall(2, -1.0, 0.2),
+        // The tower, and its top.
+        Surface::Cylinder([0.2, 0.0], 0.25),
+        wall(2, 1.0, 0.6),
+    ];
+    let is_inside = |inside: &[bool]| {
+        let all = |some: &[usize]| some.iter().all(|&i| inside[i]);
+        let block = all(&[0, 1, 2, 3, 4, 5]) && !inside[6] && !all(&[8, 9, 10]);
+        (block || all(&[11, 12, 5])) && !inside[7]
+    };
+    Solid { surfaces, is_inside }
+}
+
+struct Model {
+    info: SourceInfo,
+    splats: Vec<Splat>,
+}
+
+/// Opens a model of about so many splats.
+///
+/// # Errors
+/// Where these are too many.
+pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source>, ScanError> {
+    if points > SPLATS_MAX {
+        let what = format!("a generated model has at most {SPLATS_MAX} splats");
+        return Err(ScanError::unsupported(path, what));
+    }
+    let splats = if points == 0 { Vec::new() } else { splats(&(kind.make)(), points) };
+    let grid = Grid { scale: [STEP; 3], offset: [0.0; 3] };
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("synthetic {}", kind.name),
+        grid: InputGrid {
+            name: path.display().to_string(),
+            kind: GridKind::Integer,
+            grid,
+            bounds: (!splats.is_empty()).then(|| bounds(&splats)),
+        },
+        schema: Arc::new(schema()),
+        points_hint: splats.len() as u64,
+        bytes: 0,
+        colour_depth: None,
+        crs: None,
+        scanner: None,
+        verbatim: Vec::new(),
+        notes: Vec::new(),
+    };
+    Ok(Box::new(Model { info, splats }))
+}
+
+/// Splats of a solid, as near to so many as a few tries at their distance come.
+fn splats(solid: &Solid, points: u64) -> Vec<Splat> {
+    let mut spacing = (5.0 / points as f64).sqrt().min(0.5);
+    let mut best = solid.splats(spacing);
+    for _ in 0..3 {
+        spacing *= (best.len().max(1) as f64 / points as f64).sqrt();
+        best = solid.splats(spacing.clamp(1e-4, 1.0));
+    }
+    best
+}
+
+fn steps(at: [f64; 3]) -> [i32; 3] {
+    at.map(|c| (c / STEP).round() as i32)
+}
+
+fn bounds(splats: &[Splat]) -> [[f64; 3]; 2] {
+    let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+    for splat in splats {
+        let at = steps(splat.at);
+        low = [0, 1, 2].map(|i| low[i].min(at[i]));
+        high = [0, 1, 2].map(|i| high[i].max(at[i]));
+    }
+    [low, high].map(|corner| corner.map(|c| f64::from(c) * STEP))
+}
+
+fn schema() -> Schema {
+    use AttrType::{F32, F64, U8};
+    let colours = [names::RED, names::GREEN, names::BLUE].map(|name| (name, U8));
+    let normals = [names::NX, names::NY, names::NZ].map(|name| (name, F32));
+    let ends = names::CLIP_ENDS.iter().flatten().map(|&name| (name, F64));
+    let all = colours.into_iter().chain(normals).chain(ends).chain([(names::CLIP, U8)]);
+    Schema::new(all.map(|(name, ty)| Attribute::new(name, ty)).collect())
+}
+
+/// A smooth texture, 0 to 255.
+fn colour(at: [f64; 3]) -> [u8; 3] {
+    let wave = |turns: f64| (140.0 + 90.0 * cos_sin(turns)[0]) as u8;
+    [wave(at[0] + 0.4 * at[2]), wave(0.8 * at[1] - at[0] + 0.3), wave(1.3 * at[2] + at[1] + 0.6)]
+}
+
+impl Splat {
+    /// The raw bytes of an attribute.
+    fn value(&self, name: &str) -> Vec<u8> {
+        let component = |all: &[&str]| all.iter().position(|&n| n == name);
+        if let Some(i) = component(&[names::RED, names::GREEN, names::BLUE]) {
+            return vec![colour(self.at)[i]];
+        }
+        if let Some(i) = component(&[names::NX, names::NY, names::NZ]) {
+            return (self.normal[i] as f32).to_le_bytes().to_vec();
+        }
+        for (end, all) in names::CLIP_ENDS.iter().enumerate() {
+            if let Some(i) = component(all) {
+                let value = self.lines[end / 2].map_or(0.0, |line| line[end % 2][i]);
+                return value.to_le_bytes().to_vec();
+            }
+        }
+        let lines = self.lines.iter().flatten().count() as u8;
+        vec![if self.either { 3 } else { lines }]
+    }
+}
+
+impl Source for Model {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let mut report = ReadReport::default();
+        for splats in self.splats.chunks(BATCH_POINTS) {
+            task.check()?;
+            let mut batch = Batch::with_capacity(Arc::clone(&self.info.schema), splats.len());
+            for splat in splats {
+                let (at, grid) = (steps(splat.at), &self.info.grid.grid);
+                let placed = placement.integer(at, grid, &mut report.rounding_error_max);
+                batch.positions.push(placed.map_err(|off| ScanError::OffLattice {
+                    path: self.info.path.clone(),
+                    world: off.world,
+                })?);
+            }
+            for (attribute, column) in self.info.schema.attributes.iter().zip(&mut batch.columns) {
+                splats.iter().for_each(|s| column.extend(s.value(&attribute.name)));
+            }
+            report.points += batch.len() as u64;
+            sink(batch)?;
+        }
+        Ok(report)
+    }
+
+    fn survey(&self, _: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        Ok((!self.splats.is_empty()).then(|| bounds(&self.splats)))
+    }
+}
