@@ -39,7 +39,7 @@ impl Clips {
             let (p, shift) = (position(row), node.hot_shift);
             let hot = [0, 1, 2].map(|i| {
                 let least = node.box_min[i];
-                least + (p[i] - least >> shift << shift)
+                least + (((p[i] - least) >> shift) << shift)
             });
             clip.words(hot, self.grain)
         };

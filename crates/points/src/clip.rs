@@ -136,7 +136,7 @@ impl Clip {
     /// left out: then either would keep everything, so both are.
     pub fn words(&self, hot: [u32; 3], grain: Grain) -> ClipWords {
         let words = self.lines.map(|line| line.map(|l| l.words(hot, grain)));
-        let lost = words.iter().any(|w| *w == Some(None));
+        let lost = words.contains(&Some(None));
         if lost && self.either {
             return [0; 4];
         }
