@@ -2,32 +2,23 @@
 //! What goes wrong at silhouettes goes wrong there, so [`crate::mend`], [`crate::trim`] and
 //! [`crate::soften`] look at these pixels alone.
 
+use crate::lanes::LANES;
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Rows that a job has.
 const ROWS: usize = 16;
-/// Pixels that are looked at together.
-const RUN: usize = 16;
 
 /// The pixels of `depth` (infinite where there is nothing), in their order, of which a neighbour to the
 /// side, above or below is farther or nearer by more than the share `near` of its depth.
 pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
     let height = depth.len() / width;
-    let row = |y: usize| &depth[y * width..][..width];
     let bands = (0..height).into_par_iter().step_by(ROWS);
     let found: Vec<Vec<usize>> = bands
         .map(|first| {
-            let (mut mask, mut found) = (vec![0; width], Vec::new());
+            let mut found = Vec::new();
             for y in first..height.min(first + ROWS) {
-                let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)].map(row);
-                steps(above, row(y), below, near, &mut mask);
-                for (x, run) in (0..).step_by(RUN).zip(mask.chunks(RUN)) {
-                    if run.iter().fold(0, |any, step| any | step) == 0 {
-                        continue;
-                    }
-                    let at_edge = run.iter().enumerate().filter(|(_, step)| **step != 0);
-                    found.extend(at_edge.map(|(k, _)| y * width + x + k));
-                }
+                edges_of_row(depth, width, y, near, &mut found);
             }
             found
         })
@@ -35,20 +26,39 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
     found.concat()
 }
 
-/// Not 0 where a pixel of the middle row is beside a step. Free of branches: it becomes SIMD.
-fn steps(above: &[f32], here: &[f32], below: &[f32], near: f32, mask: &mut [u32]) {
-    // Infinity from infinity is no number, which is no step.
-    let step = |a: f32, b: f32| u32::from((a - b).abs() > near * if a < b { a } else { b });
-    for (((mask, &h), &a), &b) in mask.iter_mut().zip(here).zip(above).zip(below) {
-        *mask = step(h, a) | step(h, b);
-    }
-    let across = |mask: &mut [u32], here: &[f32], beside: &[f32]| {
-        for ((mask, &h), &b) in mask.iter_mut().zip(here).zip(beside) {
-            *mask |= step(h, b);
+/// Adds those of a row.
+#[inline(never)]
+fn edges_of_row(depth: &[f32], width: usize, y: usize, near: f32, found: &mut Vec<usize>) {
+    let start = y * width;
+    let above = start - if y > 0 { width } else { 0 };
+    let below = if start + width < depth.len() { start + width } else { start };
+    let here = &depth[start..start + width];
+    let (above, below) = (&depth[above..above + width], &depth[below..below + width]);
+    for first in (0..width).step_by(LANES) {
+        if first == 0 || first + LANES >= width {
+            // Beside the picture there is nothing to step to.
+            let step = |a: f32, b: f32| (a - b).abs() > near * a.min(b);
+            for x in first..width.min(first + LANES) {
+                let (left, right) = (here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]);
+                if [above[x], below[x], left, right].into_iter().any(|d| step(here[x], d)) {
+                    found.push(start + x);
+                }
+            }
+            continue;
         }
-    };
-    across(mask, here, &here[1..]);
-    across(&mut mask[1..], &here[1..], here);
+        let middle = Vec4::from_slice(&here[first..]);
+        // Infinity from infinity is no number, which is no step.
+        let step = |row: &[f32], first: usize| {
+            let beside = Vec4::from_slice(&row[first..]);
+            (middle - beside).abs().cmpgt(middle.min(beside) * near)
+        };
+        let across = step(here, first - 1) | step(here, first + 1);
+        let mut bits = (across | step(above, first) | step(below, first)).bitmask();
+        while bits != 0 {
+            found.push(start + first + bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
+    }
 }
 
 #[cfg(test)]

@@ -167,18 +167,21 @@ pub fn to_centres(
     moved.max(1.0 - reach).min(1.0 + reach)
 }
 
-/// A row of a level attribute by attribute, with invalid pixels before its first and after its last. Attributes of
-/// invalid pixels are zero, but their depths are infinite.
+/// A row of a level attribute by attribute, with invalid pixels before its first and after its last. The depths of invalid
+/// pixels are infinite, and what their other attributes are means nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
-    /// Plane after plane in the order of [`Pixels`].
-    values: Vec<f32>,
-    /// Values of a plane.
-    stride: usize,
+    /// Four pixels each, with the one before and the one after them.
+    blocks: Vec<Run>,
 }
 
+/// [`LANES`] pixels of a line, with the one before and the one after them: plane after plane.
+pub type Run = [[f32; LANES + 2]; PLANES];
+
+const PLANES: usize = 13;
+
 impl Line {
-    /// Where the planes are: least and greatest depth, displacement.
+    /// Where the planes of a run are: least and greatest depth, displacement.
     pub const FRONT: usize = 0;
     /// Colour, radius.
     pub const TINT: usize = 4;
@@ -186,59 +189,54 @@ impl Line {
     pub const DEPTH: usize = 8;
     /// Normal, minor axis over the major one.
     pub const NORMAL: usize = 9;
-    const PLANES: usize = 13;
 
     /// Takes a row of a level; without one, all pixels are invalid.
     pub fn take(&mut self, level: &Level, y: Option<usize>) {
-        // Blocks are whole, and look at one pixel more to either side.
-        self.stride = 1 + level.width.next_multiple_of(LANES) + 1;
-        self.values.resize(self.stride * Self::PLANES, 0.0);
-        for (plane, values) in self.values.chunks_mut(self.stride).enumerate() {
-            let nothing = if plane < 2 { f32::INFINITY } else { 0.0 };
-            if y.is_none() {
-                values.fill(nothing);
+        let mut nothing = [[0.0; LANES + 2]; PLANES];
+        (nothing[0], nothing[1]) = ([f32::INFINITY; LANES + 2], [f32::INFINITY; LANES + 2]);
+        self.blocks.resize(level.width.div_ceil(LANES), nothing);
+        let Some(start) = y.map(|y| y * level.width) else { return self.blocks.fill(nothing) };
+        for i in 0..self.blocks.len() {
+            let first = start + i * LANES;
+            let run = first..(first + LANES).min(start + level.width);
+            let front = four(&level.front[run.clone()], INVALID);
+            self.put(Self::FRONT, i, front);
+            if !valid(front[0]).any() {
+                continue;
             }
-            (values[0], values[self.stride - 1]) = (nothing, nothing);
-        }
-        let Some(y) = y else { return };
-        let row = y * level.width..(y + 1) * level.width;
-        let front = &level.front[row.clone()];
-        self.turn(Self::FRONT, front, front);
-        self.turn(Self::TINT, front, &level.tint[row.clone()]);
-        if let Some(normal) = level.normal.get(row.clone()) {
-            self.turn(Self::NORMAL, front, normal);
-        }
-        let out = &mut self.values[Self::DEPTH * self.stride + 1..];
-        for ((out, front), depth) in out.iter_mut().zip(front).zip(&level.depth[row]) {
-            *out = if front.x < f32::INFINITY { *depth } else { 0.0 };
-        }
-    }
-
-    fn turn(&mut self, plane: usize, front: &[Vec4], pixels: &[Vec4]) {
-        let nothing = if plane == Self::FRONT { INVALID } else { Vec4::ZERO };
-        let runs = front.chunks(LANES).zip(pixels.chunks(LANES));
-        for (first, (front, pixels)) in (0..).step_by(LANES).zip(runs) {
-            let mut four = [nothing; LANES];
-            for ((four, front), pixel) in four.iter_mut().zip(front).zip(pixels) {
-                *four = if front.x < f32::INFINITY { *pixel } else { nothing };
-            }
-            for (i, column) in turned(four).into_iter().enumerate() {
-                let at = (plane + i) * self.stride + 1 + first;
-                column.write_to_slice(&mut self.values[at..at + LANES]);
+            self.put(Self::TINT, i, four(&level.tint[run.clone()], Vec4::ZERO));
+            let mut depth = [0.0; LANES];
+            depth[..run.len()].copy_from_slice(&level.depth[run.clone()]);
+            self.put(Self::DEPTH, i, [Vec4::from_array(depth)]);
+            if let Some(normal) = level.normal.get(run) {
+                self.put(Self::NORMAL, i, four(normal, Vec4::ZERO));
             }
         }
     }
 
-    /// Whether a block that begins at a pixel, or what is beside it, has a valid pixel.
     #[inline(always)]
-    pub fn has_pixels(&self, first: usize) -> bool {
-        let [a, b] = [self.lane(Self::FRONT, first), self.lane(Self::FRONT, first + 2)];
-        valid(a.min(b)).any()
+    fn put<const N: usize>(&mut self, plane: usize, i: usize, values: [Lane; N]) {
+        if let Some(before) = i.checked_sub(1) {
+            let before = &mut self.blocks[before];
+            (0..N).for_each(|k| before[plane + k][LANES + 1] = values[k].x);
+        }
+        let block = &mut self.blocks[i];
+        (0..N).for_each(|k| values[k].write_to_slice(&mut block[plane + k][1..]));
+        if let Some(after) = self.blocks.get_mut(i + 1) {
+            (0..N).for_each(|k| after[plane + k][0] = values[k].w);
+        }
     }
 
-    /// A plane of a block of pixels that begins one before pixel `next`.
+    /// The pixels of a block, and those beside it.
     #[inline(always)]
-    pub fn lane(&self, plane: usize, next: usize) -> Lane {
-        Vec4::from_slice(&self.values[plane * self.stride + next..])
+    pub fn run(&self, block: usize) -> &Run {
+        &self.blocks[block]
     }
+}
+
+/// Whether a run has a valid pixel.
+#[inline(always)]
+pub fn has_pixels(run: &Run) -> bool {
+    let least = &run[Line::FRONT];
+    valid(Vec4::from_slice(least).min(Vec4::from_slice(&least[2..]))).any()
 }

@@ -11,7 +11,7 @@
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::frame::{DrawNode, Frame};
 use crate::gpu::table::CHUNK_POINTS;
-use crate::lanes::{LANES, directions};
+use crate::lanes::{LANES, directions, only};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -118,9 +118,11 @@ fn project_run(
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
     let mut offsets = [[0; BLOCK]; 3];
+    let zero = [0.0; BLOCK];
+    let mut block = Block { pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
-        let mut block = place_block(camera, &place, &offsets);
+        block.place(camera, &place, &offsets);
         if let Some(plane) = normals {
             block.drop_back_faces(plane, start, count);
         }
@@ -154,6 +156,32 @@ struct Block {
 }
 
 impl Block {
+    /// Places a block of points. Straight arithmetic over arrays: it becomes SIMD.
+    #[inline(always)]
+    fn place(&mut self, camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) {
+        let [right, up, back] = camera.view_from_world;
+        let step = camera.step;
+        let [cx, cy] = camera.centre_px;
+        let [width, height] = camera.size.map(|s| s as f32);
+        let row = camera.size[0];
+        let Self { pixels, depths, from_eye } = self;
+        for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
+            let x = place.axis_steps(0, offsets[0][k]) * step.x;
+            let y = place.axis_steps(1, offsets[1][k]) * step.y;
+            let z = place.axis_steps(2, offsets[2][k]) * step.z;
+            (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
+            *depth = -(back.x * x + back.y * y + back.z * z);
+            let scale = camera.focal_px / *depth;
+            let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
+            let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+            // Written so that what is not a number is outside.
+            let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
+            let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
+            let at = whole(at_y).wrapping_mul(row).wrapping_add(whole(at_x));
+            *pixel = if is_inside { at } else { u32::MAX };
+        }
+    }
+
     /// Puts points outside whose normals do not look to the eye's side; points without a normal do.
     #[inline(always)]
     fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
@@ -169,8 +197,9 @@ impl Block {
             let at = i * LANES;
             let along = x * Vec4::from_slice(&xs[at..]) + y * Vec4::from_slice(&ys[at..]);
             let is_away = (along + z * Vec4::from_slice(&zs[at..])).cmpgt(Vec4::ZERO);
-            for (k, pixel) in pixels.iter_mut().enumerate() {
-                *pixel |= if is_away.test(k) { u32::MAX } else { 0 };
+            let beyond = only(is_away, Vec4::splat(f32::from_bits(u32::MAX))).to_array();
+            for (pixel, beyond) in pixels.iter_mut().zip(beyond) {
+                *pixel |= beyond.to_bits();
             }
         }
     }
@@ -188,34 +217,14 @@ impl Block {
     }
 }
 
-/// Places a block of points. Straight arithmetic over arrays: it becomes SIMD.
+/// The whole part of a number from 0 to 2^22; anything of others. Without what `as` does for these, which is no SIMD.
 #[inline(always)]
-fn place_block(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Block {
-    let [right, up, back] = camera.view_from_world;
-    let step = camera.step;
-    let [cx, cy] = camera.centre_px;
-    let [width, height] = camera.size.map(|s| s as f32);
-    let row = camera.size[0];
-    let zero = [0.0; BLOCK];
-    let mut block = Block { pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
-    let Block { pixels, depths, from_eye } = &mut block;
-    for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
-        let x = place.axis_steps(0, offsets[0][k]) * step.x;
-        let y = place.axis_steps(1, offsets[1][k]) * step.y;
-        let z = place.axis_steps(2, offsets[2][k]) * step.z;
-        (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
-        *depth = -(back.x * x + back.y * y + back.z * z);
-        let scale = camera.focal_px / *depth;
-        let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
-        let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
-        // Written so that what is not a number is outside.
-        let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
-        let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
-        // What is inside is a small positive number.
-        let at = (at_y as i32 as u32).wrapping_mul(row).wrapping_add(at_x as i32 as u32);
-        *pixel = if is_inside { at } else { u32::MAX };
-    }
-    block
+fn whole(x: f32) -> u32 {
+    // A number this large has no bits left for fractions: adding it rounds.
+    const ROUNDS: f32 = (1 << 23) as f32;
+    let rounded = x + ROUNDS;
+    let is_above = rounded - ROUNDS > x;
+    rounded.to_bits().wrapping_sub(ROUNDS.to_bits()).wrapping_sub(u32::from(is_above))
 }
 
 /// Whether a point is marked as one that is not wanted.

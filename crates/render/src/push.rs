@@ -17,7 +17,9 @@
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::covers_at;
-use crate::lanes::{LANES, Lane, Line, Mask, Pixels, counting, halves, only, valid};
+use crate::lanes::{
+    LANES, Lane, Line, Mask, Pixels, Run, counting, halves, has_pixels, only, valid,
+};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
 use glam::Vec4;
@@ -60,58 +62,71 @@ fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, ro
                 *held = Some(y);
             }
         }
-        let lines = [&lines[over & 1].1, &lines[beside & 1].1];
-        for first in (0..coarser.width).step_by(LANES) {
-            if lines[0].has_pixels(first) || lines[1].has_pixels(first) {
-                push_block::<NORMALS>(lens, edge_px, lines, first, &mut row);
+        let (over, beside) = (&lines[over & 1].1, &lines[beside & 1].1);
+        for block in 0..coarser.width.div_ceil(LANES) {
+            let runs = [over.run(block), beside.run(block)];
+            if has_pixels(runs[0]) || has_pixels(runs[1]) {
+                push_block::<NORMALS>(lens, edge_px, runs, block * LANES, &mut row);
             }
         }
     }
 }
 
-/// Recomputes the pixels of a row below four coarser ones. `lines` are the row above it and the nearer one beside that.
+/// Recomputes the pixels of a row below four coarser ones. `runs` are of the row above it and of the nearer one beside
+/// that.
 #[inline(always)]
 fn push_block<const NORMALS: bool>(
     lens: &Lens,
     edge_px: f32,
-    lines: [&Line; 2],
+    runs: [&Run; 2],
     first: usize,
     row: &mut RowMut<'_>,
 ) {
-    let run = 2 * first..row.front.len().min(2 * (first + LANES));
-    let halves = halves(&row.front[run], INVALID);
+    let below = 2 * first..row.front.len().min(2 * (first + LANES));
+    let [even, odd] = halves(&row.front[below], INVALID);
+    push_half::<NORMALS, 0>(lens, edge_px, runs, first, row, even);
+    push_half::<NORMALS, 1>(lens, edge_px, runs, first, row, odd);
+}
+
+/// Those of them to the left (`ODD` is 0) or to the right, whose fronts are `own`.
+#[inline(always)]
+fn push_half<const NORMALS: bool, const ODD: usize>(
+    lens: &Lens,
+    edge_px: f32,
+    runs: [&Run; 2],
+    first: usize,
+    row: &mut RowMut<'_>,
+    own: [Lane; 4],
+) {
+    let across = if ODD == 1 { 0.5 } else { -0.5 } * edge_px;
     let down = if row.y & 1 == 1 { 0.5 } else { -0.5 } * edge_px;
-    for (odd, own) in halves.into_iter().enumerate() {
-        let across = if odd == 1 { 0.5 } else { -0.5 } * edge_px;
-        // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
-        // same side, one and a half the other way.
-        let side = first + 2 * odd;
-        let near = |line, next, right, down| Near { line, next, to_finer: [right, down] };
-        let near = [
-            near(lines[0], first + 1, across, down),
-            near(lines[0], side, across * -3.0, down),
-            near(lines[1], first + 1, across, down * -3.0),
-            near(lines[1], side, across * -3.0, down * -3.0),
-        ];
-        let centre = [
-            counting(((2 * first + odd) as f32 + 0.5) * edge_px, 2.0 * edge_px),
-            Vec4::splat((row.y as f32 + 0.5) * edge_px),
-        ];
-        let is_valid = valid(own[0]);
-        let place = [centre[0] - only(is_valid, own[2]), centre[1] - only(is_valid, own[3])];
-        let block = Block { least: own[0], centre, place };
-        let asking = !(is_valid & block.is_within::<NORMALS>(lens, &near[0]));
-        if asking.any() {
-            block.fill::<NORMALS>(lens, &near, asking, row, 2 * first + odd);
-        }
+    // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
+    // same side, one and a half the other way.
+    let near = |run, at, right, down| Near { run, at, to_finer: [right, down] };
+    let near = [
+        near(runs[0], 1, across, down),
+        near(runs[0], 2 * ODD, across * -3.0, down),
+        near(runs[1], 1, across, down * -3.0),
+        near(runs[1], 2 * ODD, across * -3.0, down * -3.0),
+    ];
+    let centre = [
+        counting(((2 * first + ODD) as f32 + 0.5) * edge_px, 2.0 * edge_px),
+        Vec4::splat((row.y as f32 + 0.5) * edge_px),
+    ];
+    let is_valid = valid(own[0]);
+    let place = [centre[0] - only(is_valid, own[2]), centre[1] - only(is_valid, own[3])];
+    let block = Block { least: own[0], centre, place };
+    let asking = !(is_valid & block.is_within::<NORMALS>(lens, &near[0]));
+    if asking.any() {
+        block.fill::<NORMALS>(lens, &near, asking, row, 2 * first + ODD);
     }
 }
 
 /// The coarser pixels that lie on one side of finer ones.
 struct Near<'a> {
-    line: &'a Line,
-    /// Where they are on their line ([`Line::lane`]).
-    next: usize,
+    run: &'a Run,
+    /// Where the first of them is in the run.
+    at: usize,
     /// From their centres to the finer ones.
     to_finer: [f32; 2],
 }
@@ -119,7 +134,7 @@ struct Near<'a> {
 impl Near<'_> {
     #[inline(always)]
     fn lane(&self, plane: usize) -> Lane {
-        self.line.lane(plane, self.next)
+        Vec4::from_slice(&self.run[plane][self.at..self.at + LANES])
     }
 
     #[inline(always)]
@@ -237,33 +252,34 @@ impl Block {
             middle[1] += displaced[1] * *weight;
         }
         let place = [self.centre[0] - middle[0], self.centre[1] - middle[1]];
+        let mut moved = weights;
+        for (t, near) in near.iter().enumerate().filter(|_| NORMALS) {
+            let (normal, from) = (near.normal(), self.from(near));
+            let by = [place[0] - from[0], place[1] - from[1]];
+            moved[t] *= factor(seen[t].facing, turn(normal, by));
+        }
+        let of = |plane: usize, weights: &[Lane; 4]| mean_of(near, plane, weights);
         let mut out = Pixels {
-            front: [Vec4::ZERO, Vec4::ZERO, middle[0], middle[1]],
+            front: [of(Line::FRONT, &moved), of(Line::FRONT + 1, &moved), middle[0], middle[1]],
             tint: [Vec4::ZERO; 4],
-            depth: Vec4::ZERO,
+            depth: of(Line::DEPTH, &moved),
             normal: [Vec4::ZERO; 4],
         };
-        for ((near, seen), weight) in near.iter().zip(&seen).zip(weights) {
-            let mut moved = weight;
+        for i in 0..4 {
+            out.tint[i] = of(Line::TINT + i, &weights);
             if NORMALS {
-                let (normal, from) = (near.normal(), self.from(near));
-                let by = [place[0] - from[0], place[1] - from[1]];
-                moved = factor(seen.facing, turn(normal, by)) * weight;
-            }
-            let takes = weight.cmpgt(Vec4::ZERO);
-            // What takes no part may be no number.
-            let part = |plane: usize, weight: Lane| only(takes, near.lane(plane) * weight);
-            for i in 0..2 {
-                out.front[i] += part(Line::FRONT + i, moved);
-            }
-            out.depth += part(Line::DEPTH, moved);
-            for i in 0..4 {
-                out.tint[i] += part(Line::TINT + i, weight);
-                if NORMALS {
-                    out.normal[i] += part(Line::NORMAL + i, weight);
-                }
+                out.normal[i] = of(Line::NORMAL + i, &weights);
             }
         }
         out.write::<NORMALS>(is_new, row, first, 2);
     }
+}
+
+/// The weighted mean of a plane. What has no weight may be no number.
+#[inline(always)]
+fn mean_of(near: &[Near<'_>; 4], plane: usize, weights: &[Lane; 4]) -> Lane {
+    let [a, b, c, d] = near;
+    let part =
+        |near: &Near<'_>, weight: Lane| only(weight.cmpgt(Vec4::ZERO), near.lane(plane) * weight);
+    part(a, weights[0]) + part(b, weights[1]) + part(c, weights[2]) + part(d, weights[3])
 }

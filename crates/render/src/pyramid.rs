@@ -62,6 +62,11 @@ impl Level {
         for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
             let run = y * self.width + first..y * self.width + first + out.len();
             let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
+            let is_valid = valid(least);
+            if !is_valid.any() {
+                out.fill(f32::INFINITY);
+                continue;
+            }
             let mut factors = Vec4::ONE;
             if let Some(normals) = self.normal.get(run.clone()) {
                 let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
@@ -72,7 +77,6 @@ impl Level {
                 ];
                 factors = to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
             }
-            let is_valid = valid(least);
             for (k, (out, depth)) in out.iter_mut().zip(&self.depth[run]).enumerate() {
                 *out = if is_valid.test(k) { depth * factors[k] } else { f32::INFINITY };
             }

@@ -6,7 +6,8 @@
 //! differs from the middle by more than a surface can is another surface, and takes no part. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
-use glam::Vec3;
+use crate::lanes::{LANES, Lane};
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Steepest slope (depth over width) that still counts as one surface.
@@ -154,7 +155,7 @@ pub struct Surroundings<'a> {
     y: usize,
 }
 
-impl<'r> Surroundings<'r> {
+impl Surroundings<'_> {
     /// The normal in view space at a pixel that has a depth: towards the eye, unit length.
     ///
     /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
@@ -186,46 +187,50 @@ impl<'r> Surroundings<'r> {
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
 
-    /// How far each of a run of pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
-    /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is written of pixels
+    /// How far each of four pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
+    /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is told of pixels
     /// without depth means nothing.
-    pub fn sunken(&self, first: usize, flat: f32, out: &mut [f32]) {
-        let width = self.here.len();
-        let inner = first >= REACH && first + out.len() + REACH <= width;
+    #[inline(always)]
+    pub fn sunken(&self, first: usize, flat: f32) -> Lane {
         let [above, middle, below] = self.far;
-        let dark = |here: f32, a: f32, b: f32| {
-            let per_slope = self.focal_px / (here * REACH as f32);
-            ((here - (a + b) * 0.5) * per_slope - flat).clamp(0.0, BEHIND_MAX)
-        };
-        let share = 1.0 / (4.0 * BEHIND_MAX);
-        if inner {
-            // Straight arithmetic over slices: it becomes SIMD.
-            let count = out.len();
-            let cut = |row: &'r [f32], at: usize| &row[at..at + count];
-            let here = cut(self.here, first);
+        let width = self.here.len();
+        if first >= REACH && first + LANES + REACH <= width {
+            let at = |row: &[f32], at: usize| Vec4::from_slice(&row[at..at + LANES]);
             let (left, right) = (first - REACH, first + REACH);
-            let pairs = [
-                (cut(above, first), cut(below, first)),
-                (cut(middle, left), cut(middle, right)),
-                (cut(above, left), cut(below, right)),
-                (cut(above, right), cut(below, left)),
-            ];
-            for (k, out) in out.iter_mut().enumerate() {
-                let [a, b, c, d] = pairs.map(|(before, after)| dark(here[k], before[k], after[k]));
-                *out = (a + b + c + d) * share;
+            return self.behind_middles(
+                at(self.here, first),
+                [at(above, first), at(middle, left), at(above, left), at(above, right)],
+                [at(below, first), at(middle, right), at(below, right), at(below, left)],
+                flat,
+            );
+        }
+        // Beyond the picture there is nothing.
+        let at = |row: &[f32], shift: usize| {
+            let mut four = [f32::INFINITY; LANES];
+            for (k, depth) in four.iter_mut().enumerate() {
+                let x = (first + k + shift).checked_sub(REACH);
+                *depth = x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY);
             }
-            return;
+            Vec4::from_array(four)
+        };
+        const RIGHT: usize = 2 * REACH;
+        self.behind_middles(
+            at(self.here, REACH),
+            [at(above, REACH), at(middle, 0), at(above, 0), at(above, RIGHT)],
+            [at(below, REACH), at(middle, RIGHT), at(below, RIGHT), at(below, 0)],
+            flat,
+        )
+    }
+
+    #[inline(always)]
+    fn behind_middles(&self, here: Lane, before: [Lane; 4], after: [Lane; 4], flat: f32) -> Lane {
+        let per_slope = self.focal_px / (here * REACH as f32);
+        let mut sum = Vec4::ZERO;
+        for (before, after) in before.into_iter().zip(after) {
+            let slope = (here - (before + after) * 0.5) * per_slope - flat;
+            sum += slope.max(Vec4::ZERO).min(Vec4::splat(BEHIND_MAX));
         }
-        for (x, out) in (first..).zip(out) {
-            let here = self.here[x];
-            let left = |row: &[f32]| x.checked_sub(REACH).map_or(f32::INFINITY, |x| row[x]);
-            let right = |row: &[f32]| row.get(x + REACH).copied().unwrap_or(f32::INFINITY);
-            let sum = dark(here, above[x], below[x])
-                + dark(here, left(middle), right(middle))
-                + dark(here, left(above), right(below))
-                + dark(here, right(above), left(below));
-            *out = sum * share;
-        }
+        sum * (1.0 / (4.0 * BEHIND_MAX))
     }
 }
 

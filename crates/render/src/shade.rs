@@ -65,15 +65,18 @@ fn shade_as<const SHINES: bool>(
     picture: &mut Picture,
 ) -> Shaded {
     let base = &pyramid.levels[0];
+    let is_bare = base.normal.is_empty();
     let raw = DepthImage {
         width: base.width,
         depth: &picture.depth,
         focal_px: camera.focal_px,
         centre_px: camera.centre_px,
-        radius_px: mean_radius_px(base),
+        // What smooths and tells slopes.
+        radius_px: if is_bare { mean_radius_px(base) } else { 0.0 },
     };
-    let relief = if base.normal.is_empty() { raw.smoothed(scratch) } else { raw };
+    let relief = if is_bare { raw.smoothed(scratch) } else { raw };
     let nothing = vec![f32::INFINITY; base.width];
+    let encoder = Encoder::get();
     let rows = picture.rgba.par_chunks_mut(base.width * 4).with_min_len(4).enumerate();
     let found = rows.map(|(y, row)| {
         let around = relief.surroundings(y, &nothing);
@@ -84,6 +87,7 @@ fn shade_as<const SHINES: bool>(
             y,
             covered: 0,
             creases: Vec::new(),
+            encoder,
             out: row.as_chunks_mut().0,
         };
         row.shade::<SHINES>(&around);
@@ -95,9 +99,6 @@ fn shade_as<const SHINES: bool>(
     Shaded { covered, creases }
 }
 
-/// Pixels whose shape is told together.
-const BLOCK: usize = 32;
-
 /// A row of the picture that is shaded.
 struct Row<'a> {
     camera: &'a Camera,
@@ -106,6 +107,7 @@ struct Row<'a> {
     y: usize,
     covered: u64,
     creases: Vec<usize>,
+    encoder: Encoder,
     out: &'a mut [[u8; 4]],
 }
 
@@ -121,44 +123,26 @@ impl Row<'_> {
     #[inline(never)]
     fn shade<const SHINES: bool>(&mut self, around: &Surroundings<'_>) {
         let base = &self.pyramid.levels[0];
-        let has_normals = !base.normal.is_empty();
-        for first in (0..base.width).step_by(BLOCK) {
-            let count = BLOCK.min(base.width - first);
-            let start = self.y * base.width + first;
-            if !base.front[start..start + count].iter().any(|f| f.x < f32::INFINITY) {
-                self.out[first..first + count].fill(self.backdrop);
+        let fronts = &base.front[self.y * base.width..][..base.width];
+        for (first, front) in (0..).step_by(LANES).zip(fronts.chunks(LANES)) {
+            let is_valid = valid(four(front, INVALID)[0]);
+            if !is_valid.any() {
+                self.out[first..first + front.len()].fill(self.backdrop);
                 continue;
             }
-            let mut dark = [0.0; BLOCK];
-            let mut normals = [[0.0; BLOCK]; 3];
-            if has_normals {
-                around.sunken(first, EDGE.1, &mut dark[..count]);
-            } else {
-                for k in (0..count).filter(|&k| base.is_valid(start + k)) {
-                    let normal = around.normal(first + k);
-                    (0..3).for_each(|i| normals[i][k] = normal[i]);
+            let light = if base.normal.is_empty() {
+                let (mut normal, mut dark) = ([Vec4::ZERO; 3], Vec4::ZERO);
+                for k in (0..front.len()).filter(|&k| is_valid.test(k)) {
+                    let found = around.normal(first + k);
+                    (0..3).for_each(|i| normal[i][k] = found[i]);
                     dark[k] = around.behind(first + k, DOME.1);
                 }
-            }
-            for k in (0..count).step_by(LANES) {
-                let front = &base.front[start + k..start + count.min(k + LANES)];
-                let is_valid = valid(four(front, INVALID)[0]);
-                if !is_valid.any() {
-                    self.out[first + k..first + k + front.len()].fill(self.backdrop);
-                    continue;
-                }
-                let dark = Vec4::from_slice(&dark[k..]);
-                let light = if has_normals {
-                    let normal = self.normals(first + k, is_valid);
-                    self.light::<SHINES>(first + k, normal, dark * EDGE.0)
-                } else {
-                    let [x, y, z] = &normals;
-                    let at = |axis: &[f32]| Vec4::from_slice(&axis[k..]);
-                    let normal = [at(x), at(y), at(z)];
-                    self.light::<SHINES>(first + k, normal, dark * DOME.0)
-                };
-                self.paint(first + k, is_valid, &light);
-            }
+                self.light::<SHINES>(first, normal, dark * DOME.0)
+            } else {
+                let normal = self.normals(first, is_valid);
+                self.light::<SHINES>(first, normal, around.sunken(first, EDGE.1) * EDGE.0)
+            };
+            self.paint(first, is_valid, &light);
         }
     }
 
@@ -233,7 +217,7 @@ impl Row<'_> {
     /// Writes four pixels; the backdrop where there is no surface.
     #[inline(always)]
     fn paint(&mut self, x: usize, is_valid: Mask, light: &Light) {
-        let encoder = Encoder::get();
+        let encoder = self.encoder;
         let base = &self.pyramid.levels[0];
         let count = LANES.min(base.width - x);
         let pixel = self.y * base.width + x;
