@@ -64,8 +64,8 @@ pub enum Command {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans, or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS[:SEED]: SCENE is bridge, office or
-    /// terrain, POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
+    /// The scans, or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS[:SEED]: SCENE is bridge, office,
+    /// terrain, or a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// The file to build.

@@ -9,6 +9,7 @@ use anyhow::{Result, ensure};
 use esker_format::{Footer, Forest};
 use esker_points::Node;
 use esker_render::gpu::NodePool;
+use esker_render::gpu::ewa::Room;
 
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
@@ -88,6 +89,8 @@ const GPU_NODE_BYTES: u64 = 512;
 const GPU_FIXED_BYTES: u64 = 1 << 20;
 /// Node planes at least: the root and what makes it finer.
 const POOL_BYTES_MIN: u64 = 1 << 20;
+/// What of the budget a batch of splats may take, as one part of so many.
+const ROOM_SHARE: u64 = 32;
 /// Runs of upload memory at most: two for each of eight loaders.
 const GPU_RUNS_MAX: u64 = 16;
 
@@ -98,6 +101,8 @@ pub struct GpuShares {
     pub picture_bytes: u64,
     /// Mapped upload runs that are lent to loaders.
     pub runs: usize,
+    /// Room for a batch of splats.
+    pub room: Room,
     /// What is left for node planes.
     pub pool_bytes: u64,
 }
@@ -113,6 +118,9 @@ impl GpuShares {
         let picture_bytes =
             width * height * GPU_PIXEL_BYTES + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;
+        // Whatever is drawn first: sessions change their method while they run.
+        let room = Room::within(budget_bytes / ROOM_SHARE);
+        let picture_bytes = picture_bytes + room.bytes();
         let run_bytes = RUN_BYTES as u64;
         let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);
         let least = picture_bytes + runs_min * run_bytes + POOL_BYTES_MIN;
@@ -131,7 +139,7 @@ impl GpuShares {
             .runs
             .map_or((free / 16 / run_bytes).clamp(RUNS_MIN, GPU_RUNS_MAX), |r| r as u64);
         let pool_bytes = NodePool::bytes_within(free - runs * run_bytes);
-        Ok(Self { picture_bytes, runs: runs as usize, pool_bytes })
+        Ok(Self { picture_bytes, runs: runs as usize, room, pool_bytes })
     }
 }
 

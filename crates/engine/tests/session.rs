@@ -7,6 +7,8 @@ mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 mod look;
+#[path = "look/splats.rs"]
+mod splats;
 
 use creek::{SIZE, Wanderer, overview, sample};
 use esker_engine::backend::Backend;

@@ -55,7 +55,8 @@ impl GpuPainter {
     /// Where the budget is too small (the least is told), or the GPU refuses memory or a shader.
     pub(crate) fn new(gpu: Gpu, file: &Forest, options: &Options) -> Result<Self> {
         let shares = GpuShares::of(file, options)?;
-        let renderer = GpuRenderer::new(&gpu)?;
+        let mut renderer = GpuRenderer::new(&gpu)?;
+        renderer.set_room(shares.room);
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
         // A small file shall not take a large page.
         let page_bytes = file.file_bytes().next_power_of_two();

@@ -228,10 +228,12 @@ fn every_map_and_method_has_its_golden_picture() {
     let mut looks: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
     looks.push((Method::Points, "elevation:530..540".into()));
     looks.extend(["rgb", "plain", "classification"].map(|c| (Method::PullPush, c.to_owned())));
+    looks.push((Method::Ewa, "rgb".into()));
     for (method, colour) in looks {
         let name = match method {
             Method::Points => format!("points-{}.png", colour.replace([':', '.'], "-")),
-            _ => format!("surface-{colour}.png"),
+            Method::PullPush => format!("surface-{colour}.png"),
+            Method::Ewa => format!("splats-{colour}.png"),
         };
         let colour_by = Some(colour);
         let (drawn, _) = draw(&file, &Request { method, colour_by, ..request() }, &Silent).unwrap();
@@ -249,7 +251,7 @@ fn every_map_and_method_has_its_golden_picture() {
 }
 
 /// Four bytes a pixel.
-fn read_png(path: &Path) -> Vec<u8> {
+pub fn read_png(path: &Path) -> Vec<u8> {
     let file = std::fs::File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];

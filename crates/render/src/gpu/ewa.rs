@@ -45,6 +45,22 @@ impl Default for Room {
 }
 
 impl Room {
+    /// As much as fits so many bytes: at least a chunk, at most the default.
+    pub fn within(bytes: u64) -> Self {
+        let most = Self::default();
+        let chunks =
+            (bytes / Self { chunks: 1, entries: most.entries / most.chunks }.bytes()) as u32;
+        let chunks = chunks.clamp(1, most.chunks);
+        Self { chunks, entries: chunks * (most.entries / most.chunks) }
+    }
+
+    /// Bytes that a batch takes, with the lines of clipped splats.
+    pub fn bytes(self) -> u64 {
+        // Positions and colours of its points, their numbers, splats, lines and boxes.
+        let point = 16 + 16 + 8 + SPLAT_BYTES + LINES_BYTES + 8;
+        u64::from(self.points()) * point + u64::from(self.entries) * 4
+    }
+
     /// Points of a batch.
     fn points(self) -> u32 {
         self.chunks * CHUNK_POINTS

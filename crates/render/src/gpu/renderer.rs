@@ -45,8 +45,9 @@ pub struct GpuRenderer {
     store: Store,
     pyramid: GpuPyramid,
     surface: Surface,
-    /// EWA splatting, made when it is first drawn with.
+    /// EWA splatting, made when it is first drawn with, and its room.
     ewa: Option<GpuEwa>,
+    room: Room,
     shown: Option<Shown>,
     feedback: Feedback,
 }
@@ -86,6 +87,7 @@ impl GpuRenderer {
             pyramid: GpuPyramid::default(),
             surface: Surface::default(),
             ewa: None,
+            room: Room::default(),
             shown: None,
             feedback: Feedback::new(gpu)?,
             gpu: gpu.clone(),
@@ -228,7 +230,7 @@ impl GpuRenderer {
                 };
                 let ewa = match &mut self.ewa {
                     Some(ewa) => ewa,
-                    none => none.insert(GpuEwa::new(gpu, Room::default())?),
+                    none => none.insert(GpuEwa::new(gpu, self.room)?),
                 };
                 ewa.encode(gpu, encoder, lookup, &target, timing)?;
                 self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
@@ -298,6 +300,11 @@ impl GpuRenderer {
     /// The newest depth that has come back, with the view that it was seen from; does not wait.
     pub fn feedback(&mut self) -> Option<DepthFeedback> {
         self.feedback.depth(&self.gpu)
+    }
+
+    /// The room that EWA splatting has when it is first drawn with.
+    pub fn set_room(&mut self, room: Room) {
+        self.room = room;
     }
 
     /// Takes another way of EWA splatting, or other room for it.

@@ -64,13 +64,18 @@ fn every_room_and_view_gives_the_picture_of_the_cpu() {
     let scenes = [&cube, &cube, &l_shaped].into_iter().zip(&clipped);
     frames.extend(scenes.map(|(s, (draws, view))| (splats(s.frame(view, draws)), USUAL)));
     frames.push((frames[6].0, LITTLE));
+    frames.sort_by_key(|(_, room)| room.chunks);
     let pictures: Vec<_> = frames.iter().map(|(f, _)| render(f).unwrap()).collect();
-    assert!(pictures[2].stats.splats_drawn > 1000);
+    let drawn = pictures.iter().filter(|p| p.stats.splats_drawn > 1000).count();
+    assert!(drawn >= 5, "{drawn}");
     for gpu in few_gpus() {
         let before = gpu.bytes();
         let mut renderer = GpuRenderer::new(&gpu).unwrap();
         for (i, ((frame, room), cpu)) in frames.iter().zip(&pictures).enumerate() {
-            renderer.set_ewa(GpuEwa::new(&gpu, *room).unwrap());
+            // Kernels take software drivers seconds to make: they stay while the room does.
+            if i == 0 || frames[i - 1].1 != *room {
+                renderer.set_ewa(GpuEwa::new(&gpu, *room).unwrap());
+            }
             let laid = lay(&gpu, frame.draws, 64 << 10);
             renderer.render(&laid_frame(frame, &laid.draws), &laid.pool).unwrap();
             let other = renderer.read().unwrap();

@@ -1,0 +1,139 @@
+//! Splats from a build to a picture: generated models whose clip lines come with them, and the same solids with lines that
+//! are found; golden pictures of both.
+
+use super::flip::mean_flip;
+use super::look::read_png;
+use esker_engine::backend::{Backend, DrawWith};
+use esker_engine::camera::Camera;
+use esker_engine::render::{Request, Scene, draw};
+use esker_engine::{Method, NormalsMode, Picture, picture};
+use esker_format::{EskerFile, Forest, PlaneKind, verify};
+use esker_points::task::Silent;
+use glam::{DVec2, DVec3};
+use std::path::PathBuf;
+
+/// Builds a model; `found` where its lines are to be found from its positions alone.
+fn built(model: &str, found: bool, test: impl FnOnce(&Forest)) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("model.esker");
+    let normals = if found { NormalsMode::Estimate } else { NormalsMode::Keep };
+    let options = esker_build::Options { normals, sharp_features: found, ..Default::default() };
+    esker_build::build(&[PathBuf::from(model)], &out, &options, &Silent).unwrap();
+    verify(&EskerFile::open(&out).unwrap(), &Silent).unwrap();
+    test(&Forest::open(&out).unwrap());
+}
+
+fn request(camera: &str, size: [u32; 2]) -> Request {
+    let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
+    let (camera, method) = (Camera::parse(camera).unwrap(), Method::Ewa);
+    Request { size, with, camera, method, target_spacing_px: 0.0, ..Request::default() }
+}
+
+/// The corners of the cube that is generated.
+fn corners() -> [DVec3; 8] {
+    let turn = |turns: f64| (turns * std::f64::consts::TAU).sin_cos();
+    let ((b, a), (d, c)) = (turn(0.07), turn(0.11));
+    let axes = [[a, b, 0.0], [-b * c, a * c, d], [b * d, -a * d, c]].map(DVec3::from_array);
+    std::array::from_fn(|i| {
+        let side = |k: usize| if i >> k & 1 == 0 { -0.5 } else { 0.5 };
+        axes[0] * side(0) + axes[1] * side(1) + axes[2] * side(2)
+    })
+}
+
+/// Distance of a place to the outline of the convex hull of others, negative inside.
+fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
+    let mut farthest = f64::NEG_INFINITY;
+    for (i, &a) in hull_of.iter().enumerate() {
+        for &b in &hull_of[i + 1..] {
+            let across = (b - a).perp().normalize_or_zero();
+            let sides = hull_of.iter().map(|p| across.dot(*p - a));
+            let (low, high) = sides.fold((0f64, 0f64), |(l, h), s| (l.min(s), h.max(s)));
+            let own = across.dot(place - a);
+            if low > -1e-9 {
+                farthest = farthest.max(-own);
+            }
+            if high < 1e-9 {
+                farthest = farthest.max(own);
+            }
+        }
+    }
+    farthest
+}
+
+/// Pixels that show something farther out of the cube than this, and that show nothing farther inside, as the picture's
+/// share.
+fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
+    let asked = request(camera, [320, 240]);
+    let view = Scene::choose(file, &asked).unwrap().view;
+    let hull = corners().map(|corner| {
+        let p = view.view_from_world() * (corner - view.eye);
+        let scale = view.focal_px() / -p.z;
+        DVec2::new(160.0 + p.x * scale, 120.0 - p.y * scale)
+    });
+    let (drawn, _) = draw(file, &asked, &Silent).unwrap();
+    let is_wrong = |(i, depth): (usize, &f32)| {
+        let place = DVec2::new((i % 320) as f64 + 0.5, (i / 320) as f64 + 0.5);
+        let out = outside(place, &hull);
+        out > pixels && depth.is_finite() || out < -pixels && !depth.is_finite()
+    };
+    let wrong = drawn.depth.iter().enumerate().filter(|&p| is_wrong(p)).count();
+    wrong as f64 / drawn.depth.len() as f64
+}
+
+/// Views in which no face is seen flat; and some in which one is, where the low-pass reaches the edge from beyond the splats
+/// that have lines.
+const CAMERAS: [&str; 3] = [
+    "direction=0.6,0.3,1;fovy=25",
+    "direction=1,0.3,0.9;fovy=30",
+    "direction=-0.6,-0.8,-0.9;fovy=25",
+];
+const FLAT: [&str; 3] = [
+    "direction=-1,1.4,-0.9;fovy=40",
+    "direction=0.4,-1,0.3;fovy=25",
+    "direction=1,0.8,-0.1;fovy=70",
+];
+
+#[test]
+fn a_cube_that_brings_its_lines_has_its_outline_to_half_a_pixel() {
+    built("synthetic:cube:3500", false, |file| {
+        assert!(file.has(PlaneKind::ClipLines));
+        for camera in CAMERAS {
+            assert_eq!(wrong(file, camera, 0.5), 0.0, "{camera}");
+        }
+        for camera in FLAT {
+            let share = wrong(file, camera, 0.5);
+            assert!(share < 1e-3, "{camera}: {share}");
+        }
+    });
+}
+
+#[test]
+fn edges_are_found_from_positions_alone() {
+    built("synthetic:cube:3500", true, |file| {
+        for camera in CAMERAS.into_iter().chain(FLAT) {
+            let share = wrong(file, camera, 1.0);
+            assert!(share < 1e-3, "{camera}: {share}");
+        }
+    });
+}
+
+#[test]
+fn splats_have_their_golden_pictures() {
+    let bless = std::env::var_os("ESKER_BLESS").is_some();
+    let camera = "direction=-0.8,1.3,-0.9;fovy=30";
+    for (found, name) in [(false, "splats-csg.png"), (true, "splats-csg-found.png")] {
+        built("synthetic:csg:6400", found, |file| {
+            let (drawn, _): (Picture, _) =
+                draw(file, &request(camera, [160, 120]), &Silent).unwrap();
+            let path = std::path::absolute("tests/golden").unwrap().join(name);
+            if bless {
+                picture::write_png(&drawn, &path).unwrap();
+            }
+            let flip = mean_flip(&drawn.rgba, &read_png(&path), 160);
+            assert!(
+                flip <= 0.01,
+                "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look"
+            );
+        });
+    }
+}
