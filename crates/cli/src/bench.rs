@@ -68,9 +68,13 @@ pub struct BenchRender {
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
-    /// This method alone. With ewa and no model: splats of one size a second, in one pass and three (table 1 of zwicker2004).
+    /// This method alone. With ewa and no model: splats of one size a second, in one pass and three
+    /// (table 1 of zwicker2004).
     #[arg(long, value_enum)]
     pub method: Option<MethodArg>,
+    /// Draw points with so many times their radii, such as 1,2,4: what time does with them.
+    #[arg(long, value_name = "X,X", value_delimiter = ',', value_parser = radius_factor)]
+    pub radii: Vec<f32>,
     #[command(flatten)]
     pub with: DrawWithArgs,
     #[command(flatten)]
@@ -246,6 +250,12 @@ pub struct BenchSize {
     pub output: Output,
 }
 
+/// A number of times that radii are drawn as large.
+fn radius_factor(text: &str) -> Result<f32> {
+    let factor = text.parse().ok().filter(|factor| (0.01..=1000.0).contains(factor));
+    factor.with_context(|| format!("{text:?} is no number from 0.01 to 1000"))
+}
+
 /// Table 1.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
     if args.models.is_empty() && args.method == Some(MethodArg::Ewa) {
@@ -259,6 +269,7 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
         points: args.points,
         sizes: args.size,
         method: args.method.map(Into::into),
+        radii: args.radii,
         with: (&args.with).into(),
         threads: args.threads.count,
     };

@@ -52,6 +52,8 @@ pub struct Request {
     pub sizes: Vec<[u32; 2]>,
     /// The only method; all where not said.
     pub method: Option<Method>,
+    /// Points are drawn with so many times their radii; with their own where none is said.
+    pub radii: Vec<f32>,
     /// The GPU; the CPU is always measured as well.
     pub with: DrawWith,
     /// Threads; 0 is one a core.
@@ -89,7 +91,15 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                         ..Picture::default()
                     };
                     let mut stand = Stand::new(&model.file, &picture, gpu.as_ref(), task)?;
-                    rows.extend(rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?);
+                    let own = [1.0];
+                    let radii = if request.radii.is_empty() { &own } else { &request.radii[..] };
+                    for &radius in radii {
+                        stand.set_radii(radius);
+                        let mut found =
+                            rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?;
+                        found.iter_mut().for_each(|row| row["radius_factor"] = json!(radius));
+                        rows.extend(found);
+                    }
                 }
             }
         }

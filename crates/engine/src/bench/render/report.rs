@@ -7,7 +7,7 @@ use serde_json::Value;
 pub fn text(report: &Value) -> String {
     let rows = report["rows"].as_array().map_or(&[][..], Vec::as_slice);
     let mut lines = vec![format!(
-        "{:<18} {:>11} {:>10} {:<10} {:<7} {:>9} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9}",
+        "{:<18} {:>11} {:>10} {:<14} {:<7} {:>9} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9}",
         "model",
         "points",
         "size",
@@ -31,11 +31,11 @@ fn row(row: &Value) -> String {
     let number = |name: &str| row[name].as_f64().unwrap_or(0.0);
     let word = |name: &str| row[name].as_str().unwrap_or("?");
     format!(
-        "{:<18} {:>11} {:>10} {:<10} {:<7} {:>9.2} {:>9.2} {:>8.2} {:>9.2} {:>9.2} {:>10.1} {:>9}",
+        "{:<18} {:>11} {:>10} {:<14} {:<7} {:>9.2} {:>9.2} {:>8.2} {:>9.2} {:>9.2} {:>10.1} {:>9}",
         word("model"),
         grouped(row["points"].as_u64().unwrap_or(0)),
         format!("{}x{}", row["width"], row["height"]),
-        word("method"),
+        method(row),
         word("backend"),
         number("project_ms"),
         number("pull_push_ms"),
@@ -45,6 +45,15 @@ fn row(row: &Value) -> String {
         number("mpoints_per_s"),
         row["paper_total_ms"].as_f64().map_or("-".into(), |ms| ms.to_string()),
     )
+}
+
+/// The method, and how large points are drawn where they do not have their own radii.
+fn method(row: &Value) -> String {
+    let name = row["method"].as_str().unwrap_or("?");
+    match row["radius_factor"].as_f64().filter(|&factor| factor != 1.0) {
+        Some(factor) => format!("{name} x{factor}"),
+        None => name.into(),
+    }
 }
 
 #[cfg(test)]

@@ -63,6 +63,13 @@ impl<'a> Stand<'a> {
         Ok(Self { file, scene, octree, renderer, picture, gpu })
     }
 
+    /// Draws points with so many times their radii.
+    pub fn set_radii(&mut self, factor: f32) {
+        let mut drawn = self.scene.selection.drawn.clone();
+        drawn.iter_mut().for_each(|drawn| drawn.effective_spacing *= factor);
+        self.octree = CompactOctree::new(self.file.table(), &drawn);
+    }
+
     /// Whether a GPU draws it as well.
     pub fn has_gpu(&self) -> bool {
         self.gpu.is_some()
