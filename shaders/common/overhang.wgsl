@@ -6,8 +6,8 @@ override NORMALS: bool;
 
 // Over the radius, without normals and with, and in pixels at least.
 const OVERHANG: vec2<f32> = vec2<f32>(0.35, 0.5);
-const OVERHANG_MIN_PX: f32 = 1.5;
-const LINE_OVERHANG_PX: f32 = 1.0;
+const OVERHANG_MIN_PX: vec2<f32> = vec2<f32>(1.5, 0.9);
+const LINE_OVERHANG_PX: f32 = 0.9;
 
 // The eight directions, around.
 fn direction(k: u32) -> vec2<i32> {
@@ -35,7 +35,8 @@ fn sticks_out(pixel: u32, line: u32) -> bool {
         return front[pixel].z * along.x + front[pixel].w * along.y > LINE_OVERHANG_PX;
     }
     let share = select(OVERHANG.x, OVERHANG.y, NORMALS);
-    let reach = max(tint[pixel].w * share, OVERHANG_MIN_PX);
+    let least = select(OVERHANG_MIN_PX.x, OVERHANG_MIN_PX.y, NORMALS);
+    let reach = max(tint[pixel].w * share, least);
     let displaced = front[pixel].zw;
     return dot(displaced, displaced) > reach * reach;
 }
