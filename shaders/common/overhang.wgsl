@@ -6,7 +6,7 @@ override NORMALS: bool;
 
 // Over the radius, without normals and with, and in pixels at least.
 const OVERHANG: vec2<f32> = vec2<f32>(0.35, 0.5);
-const OVERHANG_MIN_PX: vec2<f32> = vec2<f32>(1.5, 0.9);
+const OVERHANG_MIN_PX: vec2<f32> = vec2<f32>(1.5, 1.2);
 const LINE_OVERHANG_PX: f32 = 0.9;
 
 // The eight directions, around.

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 const OVERHANG: [f32; 2] = [0.5, 0.35];
 /// And in pixels, at least. With normals places are exact: a cube's outlines at one point a pixel are off by 0.27 of alpha
 /// (root mean square), with 1.5 by 0.42. Without, less than 1.5 dents the rims of dense surfaces.
-const OVERHANG_MIN_PX: [f32; 2] = [0.9, 1.5];
+const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
 /// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
 /// How far a line may reach beyond its samples, pixels.
