@@ -64,6 +64,10 @@ impl Scan {
     }
 
     fn picture(&self, view: &View, cut: &Selection) -> Picture {
+        self.drawn(view, cut, true)
+    }
+
+    fn drawn(&self, view: &View, cut: &Selection, averages: bool) -> Picture {
         let octree = CompactOctree::with_hidden(self.file.table(), &cut.drawn, &cut.hidden);
         let frame = Frame {
             view,
@@ -76,16 +80,17 @@ impl Scan {
             hides_points: false,
             shines: true,
             skips_push: true,
-            averages: true,
+            averages,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()
     }
 
-    /// The nodes with a point that the full-density picture shows.
+    /// The nodes with a point that the full-density picture shows: the nearest of its pixel, whose depth is then the
+    /// pixel's, not the mean of several.
     fn visible(&self, view: &View) -> HashSet<u32> {
         let cut = self.cut(view, 0.0, None);
-        let picture = self.picture(view, &cut);
+        let picture = self.drawn(view, &cut, false);
         let camera = Camera::new(view, self.file.lattice()).unwrap();
         let shows = |draw: &DrawNode<'_>| {
             let positions = Positions::of(draw);
