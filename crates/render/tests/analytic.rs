@@ -119,7 +119,7 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
         let image = Image::new(truth, &view);
         let spacing = pixel / f64::sqrt(density);
         let s = sample(truth, spacing, Kind::Poisson, &mut Dice(17));
-        let way = orbit(&view, 4, 0.25);
+        let way = orbit(&view, 3, 0.25);
         for normals in [true, false] {
             let [mean, one] = [true, false].map(|averages| {
                 let mut cloud = Cloud::new(&s.points, spacing, s.radius);

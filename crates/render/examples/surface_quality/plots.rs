@@ -31,7 +31,7 @@ pub fn grid(rows: &[Vec<Panel>]) -> String {
     let names = rows.iter().flatten().next().map_or(&[][..], |p| &p.curves);
     let mut at = 20.0;
     for ((name, _), style) in names.iter().zip(STYLES) {
-        line(&mut svg, style, &format!("M{at} 16h24"));
+        line(&mut svg, style, &format!("M{at} 16H{}", at + 24.0));
         text(&mut svg, at + 30.0, 20.0, name);
         at += 60.0 + 6.0 * name.len() as f64;
     }
