@@ -22,6 +22,10 @@ const FLAT_SHARE: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.1875;
 /// A plane goes through a point that is so many local spacings off it.
 const THROUGH: f64 = 0.3;
+/// What being off a plane by a local spacing counts, in roughness.
+const OFF: f64 = 0.1;
+/// Roughness under which a plane is flat, and no better one is looked for.
+const FLAT: f64 = 1e-4;
 /// How much flatter another plane must be than a point's own.
 const FLATTER: f64 = 0.5;
 /// Cosine of the angle between planes that are one, and of that from which they meet in an edge: 15 and 30 degrees.
@@ -91,7 +95,8 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
 pub fn detect(own: &[[u32; 3]], halo: &[[u32; 3]], bounds: &Bounds) -> Vec<Option<Edge>> {
     let (points, place_of) = joined(own, &sorted_codes(halo));
     let index = Neighbours::new(&points, bounds.scale);
-    let cloud = Cloud { points: &points, scale: bounds.scale };
+    let codes = points.par_iter().map(|&p| morton::encode3(p)).collect();
+    let cloud = Cloud { points: &points, codes, scale: bounds.scale };
     let ask = |count, share: f64| Ask { count, count_max: count, reach: bounds.reach * share };
     let planes = index.map_placed(
         &ask(NEIGHBOURS, PLANE_SHARE),
@@ -129,6 +134,7 @@ fn plane(steps: &[Vec3], scale: Vec3) -> Option<Plane> {
 /// Points along the Morton curve, no two alike.
 struct Cloud<'a> {
     points: &'a [[u32; 3]],
+    codes: Vec<u128>,
     scale: Vec3,
 }
 
@@ -137,20 +143,24 @@ impl Cloud<'_> {
     fn neighbour(&self, place: usize, step: &Vec3) -> Option<(usize, Vec3)> {
         let p = self.points[place];
         let at = [0, 1, 2].map(|i| (i64::from(p[i]) + step[i] as i64) as u32);
-        let code = morton::encode3(at);
-        let found = self.points.binary_search_by_key(&code, |&q| morton::encode3(q)).ok()?;
+        let found = self.codes.binary_search(&morton::encode3(at)).ok()?;
         Some((found, [0, 1, 2].map(|i| step[i] * self.scale[i])))
     }
 
     /// A point's own plane, or the flattest of those around that go through it.
     fn flattest(&self, place: usize, steps: &[Vec3], planes: &[Option<Plane>]) -> Option<Plane> {
         let own = planes[place]?;
-        let mut best = own;
+        if own.roughness < FLAT {
+            return Some(own);
+        }
+        let (mut best, mut least) = (own, own.roughness * FLATTER);
         for (other, way) in steps.iter().filter_map(|s| self.neighbour(place, s)) {
             let Some(plane) = planes[other] else { continue };
-            let is_through = dot(plane.normal, way).abs() <= THROUGH * own.spacing;
-            if is_through && plane.roughness < (own.roughness * FLATTER).min(best.roughness) {
-                best = Plane { spacing: own.spacing, ..plane };
+            // On an edge the planes of both sides are flat: the one that the point is on counts.
+            let off = dot(plane.normal, way).abs() / own.spacing;
+            let score = plane.roughness + OFF * off * off;
+            if off <= THROUGH && score < least {
+                (best, least) = (Plane { spacing: own.spacing, ..plane }, score);
             }
         }
         Some(best)
