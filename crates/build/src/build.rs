@@ -26,7 +26,6 @@ use esker_points::{ColourDepth, MultisetHash, Task};
 use esker_scan::{OpenOptions, Source};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 /// Node capacities that are taken.
 pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
@@ -243,9 +242,7 @@ fn build_into(
         clips,
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
-        histograms: (0..rayon::current_num_threads().max(1))
-            .map(|_| Mutex::new(Histograms::new(ranges.clone())))
-            .collect(),
+        histograms: Context::histograms(&ranges),
     };
     let has_clip_lines = context.clips.is_some();
     task.phase("building", Some(points), "points");
@@ -257,6 +254,7 @@ fn build_into(
     }
     let root = Raiser {
         chunk_rows_max,
+        overlap_rows_max: shares.overlap_rows_max(options, plan.row_bytes()),
         context: &context,
         store: &mut *store,
         buffer_bytes_max,

@@ -53,10 +53,10 @@ impl Built {
         }
     }
 
-    /// A part begins, of which the journal wants to know or not.
-    pub fn begin(&mut self, context: &Context, is_told: bool) {
+    /// A part begins. Where the journal wants to know of it, it is told what its context has counted before.
+    pub fn begin(&mut self, counted: Option<Histograms>) {
         let (page_offset, pages) = (self.page_offset, crc32fast::Hasher::new());
-        self.part = Part { page_offset, pages, counted: is_told.then(|| context.counted()) };
+        self.part = Part { page_offset, pages, counted };
     }
 
     /// The part has ended, and what it has built is held last: this is what the journal wants to know.

@@ -32,8 +32,8 @@ impl Candidates {
             // A step is lost where a cell is the whole lattice, so that differences fit.
             let shift = u32::from(cell.log2 == 32);
             let local = |row| {
-                let p = rows.position(row);
-                [0, 1, 2].map(|i| ((p[i] - cell.corner[i]) >> shift) as i32)
+                let ([x, y, z], [x0, y0, z0]) = (rows.position(row), cell.corner);
+                [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
             };
             let q = offered.iter().map(|&row| local(row)).collect();
             let offer = (0..offered.len() as u32).collect();

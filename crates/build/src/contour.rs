@@ -9,27 +9,24 @@ use esker_points::{Cell, Node};
 
 /// Points whose parts of the plane are marked before it is asked whether all are.
 const LOOKED_AT: usize = 1024;
+/// Points whose places are looked at in step.
+const LANES: usize = 4;
 
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
 /// each of which is drawn at most `reach`, in the file's unit, off its place.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
     let cell = Cell { corner: node.corner, log2: node.cell_log2 };
     let shape = Shape::of(Moments::of(positions.iter().copied(), &cell).covariance(scale));
-    let local = |p: &[u32; 3]| [0, 1, 2].map(|i| f64::from(p[i] - node.corner[i]) * scale[i]);
+    let [x0, y0, z0] = node.corner;
+    let local = |&[x, y, z]: &[u32; 3]| {
+        let [x, y, z] = [x - x0, y - y0, z - z0];
+        [f64::from(x) * scale[0], f64::from(y) * scale[1], f64::from(z) * scale[2]]
+    };
     let oriented = shape.dimension == 1 || shape.dimension == 2;
     let wanted = if oriented { shape.axes } else { upright_axes(positions, scale) };
     let (packed, axes) = pack_rotation(wanted);
 
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for t in positions.iter().map(|p| along(&axes, local(p))) {
-        for i in 0..3 {
-            low[i] = if t[i] < low[i] { t[i] } else { low[i] };
-            high[i] = if t[i] > high[i] { t[i] } else { high[i] };
-        }
-    }
-    if positions.is_empty() {
-        (low, high) = ([0.0; 3], [0.0; 3]);
-    }
+    let [low, high] = extent(positions, |p| along(&axes, local(p)));
     let middle = [0, 1, 2].map(|i| (low[i] + high[i]) / 2.0);
     let centre: [f32; 3] =
         [0, 1, 2].map(|k| (0..3).map(|i| middle[i] * axes[i][k]).sum::<f64>() as f32);
@@ -63,8 +60,34 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     }
 }
 
+/// The least and greatest that a place has of points along each axis; zero of no point.
+fn extent(positions: &[[u32; 3]], place: impl Fn(&[u32; 3]) -> [f64; 3]) -> [[f64; 3]; 2] {
+    // Several, so that none waits for the one before.
+    let (mut low, mut high) = ([[f64::INFINITY; LANES]; 3], [[f64::NEG_INFINITY; LANES]; 3]);
+    let mut add = |lanes: [[f64; 3]; LANES]| {
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                let t = lanes[lane][axis];
+                let (low, high) = (&mut low[axis][lane], &mut high[axis][lane]);
+                *low = if t < *low { t } else { *low };
+                *high = if t > *high { t } else { *high };
+            }
+        }
+    };
+    let (some, rest) = positions.as_chunks::<LANES>();
+    some.iter().for_each(|p| add(p.each_ref().map(&place)));
+    rest.iter().for_each(|p| add([place(p); LANES]));
+    if positions.is_empty() {
+        return [[0.0; 3]; 2];
+    }
+    [
+        low.map(|l| l.into_iter().fold(f64::INFINITY, f64::min)),
+        high.map(|h| h.into_iter().fold(f64::NEG_INFINITY, f64::max)),
+    ]
+}
+
 fn along(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
-    axes.each_ref().map(|a| dot(a, p))
+    [dot(&axes[0], p), dot(&axes[1], p), dot(&axes[2], p)]
 }
 
 fn dot(a: &[f64; 3], p: [f64; 3]) -> f64 {

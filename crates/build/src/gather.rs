@@ -1,6 +1,6 @@
 //! Gathering: a node's own rows, wherever they lie in a chunk, as the columns of its page, and their hash.
 
-use crate::row::{Rows, position};
+use crate::row::{Rows, copy_row, position};
 use crate::tree::Context;
 use esker_format::PagePoints;
 use esker_points::MultisetHash;
@@ -33,7 +33,7 @@ impl Context {
             let block = &mut block[..some.len() * rows.stride];
             // Copied before anything is made of them: so many far reads are under way at once.
             for (row, &i) in block.chunks_exact_mut(rows.stride).zip(some) {
-                row.copy_from_slice(rows.row(i));
+                copy_row(row, rows.row(i));
             }
             let block = Rows { bytes: block, stride: rows.stride };
             for row in block.bytes.chunks_exact(block.stride) {

@@ -31,6 +31,8 @@ pub struct Raiser<'a> {
     pub store: &'a mut Store,
     /// Rows that a chunk of several buckets may have, and one of a single bucket.
     pub chunk_rows_max: (u64, u64),
+    /// Rows that two chunks that are built at once may have on average.
+    pub overlap_rows_max: u64,
     /// Bytes of rows that parting a bucket may keep in memory.
     pub buffer_bytes_max: usize,
     /// Told how far it is.
@@ -183,6 +185,10 @@ impl Raiser<'_> {
         let mut loaded = Some((sorted, extents, None));
         let mut spare = Vec::new();
         let is_told = self.store.journal.is_live();
+        // The journal wants to know what each chunk counts, so they take turns.
+        let beside = self.context.beside();
+        let [mut context, mut next_context] = [self.context, &beside];
+        let mut counted = is_told.then(|| context.counted());
         while let Some((sorted, extents, opened)) = loaded {
             let above = steps.iter().rev().take_while(|s| matches!(s, Step::Combine(..))).count();
             let above = steps.split_off(steps.len() - above);
@@ -194,14 +200,15 @@ impl Raiser<'_> {
                 }
             };
             let outgoing = std::mem::take(&mut built.outgoing);
-            let (context, task, peak, store) =
-                (self.context, self.task, self.peak, &mut self.store);
-            let open = |sorted: &[u8]| {
+            let (task, peak, store) = (self.task, self.peak, &mut self.store);
+            let open = |context: &Context, sorted: &[u8]| {
                 let rows = Rows { bytes: sorted, stride };
                 context.open(&rows, 0..rows.len() as u32, task)
             };
-            built.begin(context, is_told);
-            let opened = opened.unwrap_or_else(|| open(&sorted));
+            built.begin(counted.take());
+            counted = is_told.then(|| next_context.counted());
+            let opened = opened.unwrap_or_else(|| open(context, &sorted));
+            let (rows_max, built_bytes) = (self.overlap_rows_max as usize * 2, sorted.len());
             let ((), next) = rayon::join(
                 || {
                     let rows = Rows { bytes: &sorted, stride };
@@ -220,16 +227,18 @@ impl Raiser<'_> {
                     store.write(outgoing)?;
                     let Some(buckets) = next else { return Ok(None) };
                     let (sorted, extents) = store.load(buckets, &context.rows, spare)?;
-                    // The journal counts what is made between a part's begin and its end.
-                    let opened = (!is_told).then(|| open(&sorted));
+                    let has_room = (sorted.len() + built_bytes) / stride <= rows_max;
+                    let opened = (has_room || !is_told).then(|| open(next_context, &sorted));
                     Ok::<_, BuildError>(Some((sorted, extents, opened)))
                 },
             );
             loaded = next?;
             spare = sorted;
+            std::mem::swap(&mut context, &mut next_context);
             self.peak.sample();
             self.task.check()?;
         }
+        self.context.merge(&beside);
         Ok(())
     }
 
@@ -290,7 +299,8 @@ impl Raiser<'_> {
             None => UNKNOWN,
         };
         self.store.write(std::mem::take(&mut built.outgoing))?;
-        built.begin(self.context, self.store.journal.is_live());
+        let is_told = self.store.journal.is_live();
+        built.begin(is_told.then(|| self.context.counted()));
         let map = self.store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
         self.store.check(&bucket, &runs, &self.context.rows)?;

@@ -6,13 +6,13 @@ use wide::{f32x4, i32x4};
 
 /// Points of a block.
 const LANES: usize = 4;
-/// The edge of the cells by which neighbours are found is at least so many radii, and less than twice as many.
+/// The edge of the cells by which few neighbours are found is at least so many radii, and less than twice as many.
 const EDGE_RADII: f64 = 1.5;
 /// Instead of a candidate, where a block has room left.
 pub const NONE: u32 = u32::MAX;
 
-/// Log2 of the edge of the cells, in steps, by which neighbours within a radius are found.
-pub fn cell_log2(radius: f64) -> u32 {
+/// Log2 of the edge of the cells, in steps, by which few neighbours within a radius are found.
+pub fn octave(radius: f64) -> u32 {
     ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
 }
 
@@ -32,6 +32,8 @@ pub struct Rest {
     cells: Cells,
     /// Log2 of the edge of the cells.
     log2: u32,
+    /// Points there were when it was filled.
+    points: usize,
 }
 
 impl Rest {
@@ -61,7 +63,7 @@ impl Rest {
         for i in 0..self.candidate.len() {
             let nearest2 = self.nearest2[i / LANES].as_array()[i % LANES];
             if nearest2 > 0.0 {
-                let p = self.q[i / LANES].each_ref().map(|axis| axis.as_array()[i % LANES]);
+                let p = lane(&self.q[i / LANES], i % LANES);
                 let block = &mut self.q[n / LANES];
                 (0..3).for_each(|axis| block[axis].as_mut_array()[n % LANES] = p[axis]);
                 self.nearest2[n / LANES].as_mut_array()[n % LANES] = nearest2;
@@ -76,6 +78,7 @@ impl Rest {
     /// There are so many points.
     fn finish(&mut self, n: usize, log2: u32) {
         self.log2 = log2;
+        self.points = n;
         self.cells.close(n);
         let blocks = n.div_ceil(LANES);
         self.q.truncate(blocks);
@@ -86,6 +89,16 @@ impl Rest {
             self.nearest2[i / LANES].as_mut_array()[i % LANES] = 0.0;
             self.candidate[i] = NONE;
         }
+    }
+
+    /// Log2 of the edge of the cells by which neighbours are found.
+    pub fn log2(&self) -> u32 {
+        self.log2
+    }
+
+    /// How many points there were when they were last taken or left out.
+    pub fn points(&self) -> usize {
+        self.points
     }
 
     /// Number of places: points, and room that is left.
@@ -128,7 +141,7 @@ impl Rest {
     /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline]
     pub fn tell_around(&mut self, i: usize, reach: i32) {
-        let p = self.q[i / LANES].each_ref().map(|axis| axis.as_array()[i % LANES]);
+        let p = lane(&self.q[i / LANES], i % LANES);
         self.tell_from(self.tile_of[i], p, reach);
     }
 
@@ -213,6 +226,12 @@ impl Rest {
             *nearest2 = nearest2.fast_min(x * x + y * y + z * z);
         }
     }
+}
+
+/// The coordinates in a lane of a block.
+#[inline]
+fn lane([x, y, z]: &[i32x4; 3], lane: usize) -> [i32; 3] {
+    [x.as_array()[lane], y.as_array()[lane], z.as_array()[lane]]
 }
 
 /// Cells along an edge of a tile, as log2: a tile has as many as a word has bits.

@@ -205,9 +205,28 @@ fn put<const N: usize>(rows: &mut [u8], stride: usize, at: usize, values: &[u8])
     }
 }
 
+/// Copies a row, by words of known size. The last one overlaps the one before where the row is no multiple of them.
+#[inline]
+pub fn copy_row(to: &mut [u8], from: &[u8]) {
+    const WORD: usize = 16;
+    if let (Some(last), Some(end)) = (from.last_chunk::<WORD>(), to.last_chunk_mut::<WORD>()) {
+        *end = *last;
+        to.as_chunks_mut::<WORD>()
+            .0
+            .iter_mut()
+            .zip(from.as_chunks::<WORD>().0)
+            .for_each(|(t, f)| *t = *f);
+    } else {
+        to.copy_from_slice(from);
+    }
+}
+
 /// The lattice position of a row.
+#[inline]
 pub fn position(row: &[u8]) -> [u32; 3] {
-    [0, 4, 8].map(|at| u32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]]))
+    // One check, and no closures: this is asked more often than anything else.
+    let words = row[..12].as_chunks::<4>().0;
+    [u32::from_le_bytes(words[0]), u32::from_le_bytes(words[1]), u32::from_le_bytes(words[2])]
 }
 
 /// A run of rows.
@@ -231,6 +250,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The position of one row.
+    #[inline]
     pub fn position(&self, index: u32) -> [u32; 3] {
         position(&self.bytes[index as usize * self.stride..][..12])
     }

@@ -38,7 +38,8 @@ impl Moments {
     fn of_near(points: impl Iterator<Item = [u32; 3]>, corner: [u32; 3]) -> Self {
         let (mut count, mut sum, mut square) = (0u64, [0u64; 3], [0u64; 6]);
         for p in points {
-            let local = [0, 1, 2].map(|i| u64::from(p[i].wrapping_sub(corner[i])));
+            let local = |axis: usize| u64::from(p[axis].wrapping_sub(corner[axis]));
+            let local = [local(0), local(1), local(2)];
             count += 1;
             (0..3).for_each(|i| sum[i] = sum[i].wrapping_add(local[i]));
             for (square, (i, j)) in square.iter_mut().zip(PAIRS) {

@@ -34,12 +34,22 @@ impl Shares {
     /// about the rows' size, and the samples must fit. Where memory is ample, small chunks still overlap
     /// better and use the same memory again.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
-        let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
-        let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
-        let each = row_bytes as f64 * 3.4 + 8.0 + 24.0 + estimating + finding;
-        let rows = (self.chunk_bytes_max as f64 / each) as u64;
+        let rows = self.rows_of(3.4, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;
         let rows = rows.clamp(nodes(4), (1 << 32) - 1);
         (rows.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
+    }
+
+    /// Rows that two chunks may have on average to be built at once: then there are pages of both.
+    pub(crate) fn overlap_rows_max(&self, options: &Options, row_bytes: usize) -> u64 {
+        self.rows_of(5.0, options, row_bytes)
+    }
+
+    /// Rows of a chunk of each of which there are so many copies.
+    fn rows_of(&self, copies: f64, options: &Options, row_bytes: usize) -> u64 {
+        let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
+        let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
+        let each = row_bytes as f64 * copies + 8.0 + 24.0 + estimating + finding;
+        (self.chunk_bytes_max as f64 / each) as u64
     }
 }

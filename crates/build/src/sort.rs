@@ -1,7 +1,7 @@
 //! Sorting: the rows of each bucket along the Morton curve, ties by the record. Buckets are cells along the
 //! curve, so one after the other they are sorted as a whole; each by itself fits a core's cache.
 
-use crate::row::position;
+use crate::row::{copy_row, position};
 use esker_points::{Cell, morton};
 use rayon::prelude::*;
 
@@ -71,8 +71,10 @@ impl<'a> Runs<'a> {
     fn cell(&self) -> Cell {
         let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
         for p in self.runs.iter().flat_map(|r| r.chunks_exact(self.stride)).map(position) {
-            min = [0, 1, 2].map(|i| p[i].min(min[i]));
-            max = [0, 1, 2].map(|i| p[i].max(max[i]));
+            for axis in 0..3 {
+                min[axis] = min[axis].min(p[axis]);
+                max[axis] = max[axis].max(p[axis]);
+            }
         }
         Cell::enclosing(min, max)
     }
@@ -86,8 +88,9 @@ impl<'a> Runs<'a> {
         let cell = self.cell();
         let index_bits = usize::BITS - (self.rows - 1).leading_zeros();
         let dropped_bits = (3 * u32::from(cell.log2)).saturating_sub(64 - index_bits);
-        let code = |p: [u32; 3]| {
-            let p = [0, 1, 2].map(|i| p[i] ^ cell.corner[i]);
+        let [x0, y0, z0] = cell.corner;
+        let code = |[x, y, z]: [u32; 3]| {
+            let p = [x ^ x0, y ^ y0, z ^ z0];
             if cell.log2 <= 21 {
                 morton::encode3_21(p) >> dropped_bits
             } else {
@@ -110,7 +113,7 @@ impl<'a> Runs<'a> {
         out.par_chunks_exact_mut(self.stride)
             .zip(keys)
             .with_min_len(TASK_ROWS)
-            .for_each(|(slot, key)| slot.copy_from_slice(self.row((*key & mask) as u32)));
+            .for_each(|(slot, key)| copy_row(slot, self.row((*key & mask) as u32)));
     }
 
     /// Puts keys that differ in their index alone into the order of their rows; each row is looked up

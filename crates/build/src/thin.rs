@@ -6,7 +6,7 @@
 //! within the radius. A turn is a pass over these distances along the Morton curve.
 
 use crate::candidates::Candidates;
-use crate::rest::{Rest, cell_log2};
+use crate::rest::{NONE, Rest, octave};
 use crate::turn::{LAST_TURN, radius_at, turn_at};
 
 /// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
@@ -18,6 +18,10 @@ const DUE_SHARE: f32 = 0.65;
 /// While the radius is large, a part of the points is enough to thin among: the first in each octree cell whose
 /// edge is at most this share of the radius, and those that a cell below has picked by then.
 const PART_EDGE: f64 = 0.25;
+
+/// Cells in which neighbours are found are made finer while they have so many points, at most so many times.
+const DENSE: usize = 16;
+const FINER: u32 = 2;
 
 /// Points that are looked through at once for those of a part.
 const SCANNED: usize = 64;
@@ -44,8 +48,10 @@ pub struct Thinning<'a> {
     rest: Rest,
     /// The points to look at while not all are.
     part: Vec<u32>,
-    /// Log2 of the edge of the cells by which `rest` finds neighbours, once it is filled.
-    log2: Option<u32>,
+    /// The places in `rest`, and the turns, of the points that a cell below has picked by the end of an octave.
+    due: Vec<(u32, u16)>,
+    /// The octave of radii for which `rest` was filled, once it is.
+    octave: Option<u32>,
     /// Points share no cell of this edge's log2, or are left out of `rest` for now.
     part_log2: u8,
     is_over: bool,
@@ -73,7 +79,8 @@ impl<'a> Thinning<'a> {
             turn: turn_at(radius),
             rest: Rest::default(),
             part: Vec::new(),
-            log2: None,
+            due: Vec::new(),
+            octave: None,
             part_log2: Candidates::ALONE,
             is_over: false,
         }
@@ -88,7 +95,7 @@ impl<'a> Thinning<'a> {
     }
 
     fn take_turn(&mut self) {
-        if self.log2 != Some(cell_log2(self.radius())) {
+        if self.octave != Some(octave(self.radius())) {
             if self.is_complete() {
                 // On to the turn at which there is something to pick.
                 let farthest2 = self.rest.farthest2();
@@ -114,24 +121,47 @@ impl<'a> Thinning<'a> {
 
     /// Whether `rest` has all points that are to be picked, apart from coincident ones.
     fn is_complete(&self) -> bool {
-        self.log2.is_some() && self.part_log2 == 0
+        self.octave.is_some() && self.part_log2 == 0
     }
 
     /// Chooses cells, and the points to look at, for the next turns.
     fn settle(&mut self) {
         let radius = self.radius();
-        let (log2, q) = (cell_log2(radius), &self.candidates.q);
+        let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
-            self.rest.narrow(log2);
+            let points = self.candidates.len() - self.picked.len();
+            let log2 = self.cell_log2(radius, points);
+            // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
+            // on what is.
+            let is_much = self.rest.points() / 4 * 3 > points;
+            if self.is_line || is_much || self.rest.log2() > log2 + 1 {
+                self.rest.narrow(log2);
+            }
         } else {
             self.part_log2 = self.part_log2(radius);
-            let until = turn_at(radius * self.candidates.step / 2.0);
             self.choose_part(until);
-            self.rest.refill(q, &self.part, log2);
+            let q = &self.candidates.q;
+            self.rest.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
             let reach = (radius as i32).saturating_add(1);
             self.picked.iter().for_each(|&i| self.rest.tell(q[i as usize], reach));
         }
-        self.log2 = Some(log2);
+        self.due.clear();
+        if !self.placed.is_empty() {
+            let candidates = (0..self.rest.len()).map(|place| self.rest.candidate(place));
+            let due = (0..).zip(candidates).filter(|(_, candidate)| *candidate != NONE);
+            let due = due.map(|(place, candidate)| (place, self.placed[candidate as usize]));
+            self.due.extend(due.filter(|(_, turn)| *turn <= until));
+        }
+        self.octave = Some(octave(radius));
+    }
+
+    /// Log2 of the edge of cells by which to find neighbours within a radius: the less a cell reaches beyond it the better,
+    /// while cells have many of so many points.
+    fn cell_log2(&self, radius: f64, points: usize) -> u32 {
+        let octave = octave(radius);
+        let is_dense =
+            |log2: &u32| self.candidates.firsts[*log2 as usize] as usize * DENSE <= points;
+        (octave.saturating_sub(FINER)..octave).find(is_dense).unwrap_or(octave)
     }
 
     /// Lists the points to look at for turns up to this one.
@@ -172,12 +202,11 @@ impl<'a> Thinning<'a> {
         let reach = (radius as i32).saturating_add(1);
         if !self.placed.is_empty() {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
-            let mut from = 0;
-            while let Some(i) = self.rest.next_from(from, due2) {
-                if self.placed[self.rest.candidate(i) as usize] <= self.turn {
-                    self.take(i, reach);
+            for k in 0..self.due.len() {
+                let (place, turn) = self.due[k];
+                if turn <= self.turn && self.rest.nearest2(place as usize) >= due2 {
+                    self.take(place as usize, reach);
                 }
-                from = i + 1;
             }
         }
         if self.is_line {

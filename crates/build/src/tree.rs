@@ -64,6 +64,19 @@ pub struct Pending {
 }
 
 impl Context {
+    /// Empty ones over these ranges.
+    pub fn histograms(ranges: &Ranges) -> Vec<Mutex<Histograms>> {
+        let threads = rayon::current_num_threads().max(1);
+        (0..threads).map(|_| Mutex::new(Histograms::new(ranges.clone()))).collect()
+    }
+
+    /// The same that counts for itself.
+    pub fn beside(&self) -> Self {
+        let histograms = Self::histograms(self.counted().ranges());
+        let (rows, pages, clips) = (self.rows.clone(), self.pages.clone(), self.clips.clone());
+        Self { rows, pages, clips, scale: self.scale, capacity: self.capacity, histograms }
+    }
+
     /// What all nodes so far have counted.
     pub fn counted(&self) -> Histograms {
         let mut sum: Option<Histograms> = None;
@@ -75,6 +88,13 @@ impl Context {
             }
         }
         sum.unwrap_or_else(|| Histograms::new(Ranges::from_pairs(Vec::new())))
+    }
+
+    /// Adds what another has counted.
+    pub fn merge(&self, other: &Self) {
+        if let Some(Ok(mut part)) = self.histograms.first().map(Mutex::lock) {
+            part.merge(&other.counted());
+        }
     }
 
     /// Adds what nodes have counted that are not made anew; whether it is of as many attributes and bins.
@@ -133,8 +153,8 @@ impl Context {
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
-        let offered: Vec<u32> =
-            children.iter().flat_map(|c| c.offered[..c.sampled].iter().copied()).collect();
+        let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
+        children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
         let dimension = Shape::of(moments.covariance(self.scale)).dimension;
         let candidates = Candidates::new(rows, &offered, &cell, self.scale);
         let placed = placed(&children, offered.len());
@@ -297,11 +317,24 @@ impl Context {
         let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
         let order = order(&turns);
         let ordered = || order.points.iter().map(|&i| points[i as usize] as usize);
-        let radius = |i: usize| match pending.radii[i] {
-            0.0 => 1.0,
-            r => (f64::from(r) / full).min(RADIUS_SPACINGS_MAX),
+        let code = |radius: f32| {
+            let spacings = match radius {
+                0.0 => 1.0,
+                r => (f64::from(r) / full).min(RADIUS_SPACINGS_MAX),
+            };
+            quant::radius_code(spacings * spacing, spacing)
         };
-        let codes = ordered().map(|i| quant::radius_code(radius(i) * spacing, spacing)).collect();
+        // Neighbours mostly have the same.
+        let mut last = (0.0, code(0.0));
+        let along_curve = points.iter().map(|&i| {
+            let radius = pending.radii[i as usize];
+            if radius != last.0 {
+                last = (radius, code(radius));
+            }
+            last.1
+        });
+        let along_curve: Vec<u8> = along_curve.collect();
+        let codes = order.points.iter().map(|&i| along_curve[i as usize]).collect();
         let own: Vec<u32> = ordered().map(|i| pending.offered[i]).collect();
 
         let (mut points, hash) = self.page_points(rows, &own, codes);

@@ -13,9 +13,14 @@ use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 const BUFFER_BYTES: usize = 1 << 20;
+/// So many bytes are brought to the disk at a time while more come: at the end little is left to wait for.
+const SYNC_BYTES: u64 = 64 << 20;
+/// All that a thread needs that waits for the disk.
+const SYNC_STACK_BYTES: usize = 128 << 10;
 
 /// Writes one .esker file.
 #[derive(Debug)]
@@ -25,6 +30,9 @@ pub struct FileWriter {
     /// `None` once finished.
     out: Option<BufWriter<File>>,
     offset: u64,
+    /// What is being brought to the disk, and what lay before its end.
+    syncing: Option<JoinHandle<io::Result<()>>>,
+    synced: u64,
     is_kept: bool,
 }
 
@@ -39,7 +47,7 @@ fn open_alone(partial: &Path) -> io::Result<File> {
         let file = options.read(true).write(true).create(true).truncate(false).open(partial)?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) if start.elapsed() < PATIENCE => {
-                std::thread::sleep(PATIENCE / 100);
+                thread::sleep(PATIENCE / 100);
                 continue;
             }
             Err(TryLockError::WouldBlock) => {
@@ -115,7 +123,8 @@ impl FileWriter {
         }
         let file = open_alone(&partial).map_err(io_error(path, "write it"))?;
         let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
-        let mut writer = Self { path: path.into(), partial, out, offset: 0, is_kept: false };
+        let (path, syncing) = (path.into(), None);
+        let mut writer = Self { path, partial, out, offset: 0, syncing, synced: 0, is_kept: false };
         writer.write(&header())?;
         Ok(writer)
     }
@@ -177,7 +186,32 @@ impl FileWriter {
             out.write_all(bytes).map_err(io_error(&self.path, "write it"))?;
         }
         self.offset += bytes.len() as u64;
+        if self.offset - self.synced >= SYNC_BYTES {
+            self.begin_sync()?;
+        }
         Ok(())
+    }
+
+    /// Has what is written so far brought to the disk while the writer goes on, unless that is still under way.
+    fn begin_sync(&mut self) -> Result<(), FormatError> {
+        if self.syncing.as_ref().is_some_and(|syncing| !syncing.is_finished()) {
+            return Ok(());
+        }
+        self.end_sync()?;
+        self.synced = self.offset;
+        let Some(Ok(file)) = self.out.as_ref().map(|out| out.get_ref().try_clone()) else {
+            return Ok(());
+        };
+        let thread = thread::Builder::new().name("esker-sync".into()).stack_size(SYNC_STACK_BYTES);
+        // Where there is no thread to be had, all is left for the end.
+        self.syncing = thread.spawn(move || file.sync_data()).ok();
+        Ok(())
+    }
+
+    /// Waits for it. The system tells of an error once.
+    fn end_sync(&mut self) -> Result<(), FormatError> {
+        let synced = self.syncing.take().and_then(|syncing| syncing.join().ok());
+        synced.unwrap_or(Ok(())).map_err(io_error(&self.path, "write it"))
     }
 
     /// Where the next page will stand.
@@ -249,6 +283,7 @@ impl FileWriter {
     fn commit(&mut self) -> Result<(), FormatError> {
         debug_assert!(self.offset >= (HEADER_BYTES + FOOTER_BYTES) as u64);
         self.flush()?;
+        self.end_sync()?;
         let Some(out) = &self.out else { return Ok(()) };
         let file = out.get_ref();
         file.set_len(self.offset)
@@ -263,6 +298,7 @@ impl FileWriter {
 impl Drop for FileWriter {
     fn drop(&mut self) {
         let Some(out) = self.out.take() else { return };
+        let _ = self.end_sync();
         // Without flushing: what is buffered is of no use.
         let (file, _) = out.into_parts();
         if !self.is_kept {

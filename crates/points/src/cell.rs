@@ -12,8 +12,9 @@ pub struct Cell {
 
 impl Cell {
     /// The cell of this size that holds `p`.
-    pub fn containing(p: [u32; 3], log2: u8) -> Self {
-        Self { corner: p.map(|c| truncate(c, log2)), log2 }
+    #[inline]
+    pub fn containing([x, y, z]: [u32; 3], log2: u8) -> Self {
+        Self { corner: [truncate(x, log2), truncate(y, log2), truncate(z, log2)], log2 }
     }
 
     /// The smallest cell that holds both corners of a box (`min <= max` on each axis).
@@ -23,6 +24,7 @@ impl Cell {
     }
 
     /// Whether the lattice point lies in it.
+    #[inline]
     pub fn contains(&self, p: [u32; 3]) -> bool {
         Self::containing(p, self.log2).corner == self.corner
     }
@@ -56,6 +58,7 @@ impl Cell {
     }
 }
 
+#[inline]
 fn truncate(c: u32, log2: u8) -> u32 {
     (u64::from(c) >> log2 << log2) as u32
 }

@@ -268,6 +268,11 @@ impl Points {
     fn fill(&self, group: &mut Group, reader: &mut Reader, end: u64) -> Result<(), ScanError> {
         group.pieces.clear();
         let (mut compressed, mut raw) = (0, 0);
+        let group_bytes = match &self.compression {
+            Some(_) => GROUP_BYTES,
+            // What is only copied is still in a cache when it is.
+            None => rayon::current_num_threads() * self.run_points() * self.record_bytes,
+        };
         while reader.point < end {
             let (points, bytes) = match self.compression.as_ref().and_then(|c| c.chunks.as_ref()) {
                 None => {
@@ -285,7 +290,7 @@ impl Points {
             };
             (compressed, raw) = (compressed + bytes, raw + points * self.record_bytes);
             let is_large = self.large_chunk(reader).is_some();
-            let is_full = raw.max(compressed) > GROUP_BYTES || group.pieces.len() >= GROUP_PIECES;
+            let is_full = raw.max(compressed) > group_bytes || group.pieces.len() >= GROUP_PIECES;
             if !group.pieces.is_empty() && (is_full || is_large) {
                 compressed -= bytes;
                 break;
