@@ -298,6 +298,7 @@ fn run_leave_out(args: LeaveOut, stop: Arc<AtomicBool>) -> Result<()> {
     };
     args.output.report(stop, |progress| leave_out::measure(&request, progress), leave_out::text)
 }
+
 /// Error against size.
 fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {
     let request = size::Request { files: args.files, size: args.size, threads: args.threads.count };
