@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let first = pixel * words();
     let count = f32(sums[first + AT_COUNT]);
-    if count <= 1.0 {
+    if count <= 1.0 || count > POINTS_MAX {
         return;
     }
     let share = 1.0 / (count * STEPS);

@@ -5,6 +5,8 @@
 
 // What is summed lies between 0 and so many steps.
 const STEPS: f32 = 16383.0;
+// Points of a pixel whose sums fit into 32 bits; of more one wins it.
+const POINTS_MAX: f32 = 262144.0;
 const AT_SCALE: u32 = 0u;
 const AT_SLOPE: u32 = 1u;
 const AT_DEPTH: u32 = 1u;

@@ -19,8 +19,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What is summed lies between 0 and so many steps: 2^18 points a pixel fit into 32 bits.
+/// What is summed lies between 0 and so many steps.
 const STEPS: f32 = 16_383.0;
+/// Points of a pixel whose sums fit into 32 bits; of more one wins it.
+const POINTS_MAX: f32 = 262_144.0;
 /// Points a job has.
 const JOB_POINTS: usize = 1 << 14;
 /// Points placed before they are added: the arithmetic is then free of branches.
@@ -117,7 +119,8 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; one alone is there already, exactly.
+    /// Writes the means of pixels with more than one point; one alone is there already, exactly. What sums run over into
+    /// is the next sum, so the number of points is never too small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
         let width = base.width;
         for_each_row(base, |row| {
@@ -127,7 +130,7 @@ impl Averages {
             for (x, (sums, plane)) in pixels.enumerate() {
                 let sums = sums.each_ref().map(|sum| sum.load(Relaxed));
                 let count = (sums[1] >> 32) as f32;
-                if count <= 1.0 {
+                if count <= 1.0 || count > POINTS_MAX {
                     continue;
                 }
                 let share = 1.0 / (count * STEPS);
