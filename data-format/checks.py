@@ -88,7 +88,7 @@ def check_points(esker, index, planes, p, classes, values, require):
     shift = max(0, bit_length((high - low).max()) - 16)
     fits = (low == node["box_min"]).all() and shift == node["hot_shift"]
     require(fits, "the integer box is not that of the points")
-    check_contour(node, esker.lattice, p, require)
+    check_contour(node, esker.sides(index), esker.lattice, p, require)
     for a, column in enumerate(values):
         having = [a in present for present in esker.classes]
         if not all(having):
@@ -107,7 +107,7 @@ def check_points(esker, index, planes, p, classes, values, require):
         require((stored == code).all(), "normal plane: not that of nx, ny, nz")
 
 
-def check_contour(node, lattice, p, require):
+def check_contour(node, sides, lattice, p, require):
     q = node["rotation"].astype(np.float64) / 32767.0
     norm = np.sqrt((q * q).sum())
     x, y, z, w = q / norm if norm > 1e-6 else (0.0, 0.0, 0.0, 1.0)
@@ -124,10 +124,14 @@ def check_contour(node, lattice, p, require):
     # One part in 10^12 more, since sums may be taken in another order than the writer's.
     inside = np.abs(along) <= half + slack * (1 + 1e-12)
     require(inside.all(), "a point outside the contour")
-    check_occupancy(node, along, half, max(size, local.max()) * 1e-12, require)
+    near = max(size, local.max()) * 1e-12
+    # Mask, its columns' axis, its rows' axis.
+    masks = [(int(node["occupancy"]), 0, 1)] + [(m, 2, rows) for m, rows in zip(sides, (0, 1))]
+    for mask, columns, rows in masks:
+        check_occupancy(mask, along[:, [columns, rows]], half[[columns, rows]], near, require)
 
 
-def check_occupancy(node, along, half, near, require):
+def check_occupancy(occupancy, along, half, near, require):
     def parts(axis, away, any_part):
         if half[axis] == 0:
             return np.full(len(along), any_part)
@@ -142,7 +146,6 @@ def check_occupancy(node, along, half, near, require):
         may |= bits
         if u0 == u1 and v0 == v1:
             must |= bits
-    occupancy = int(node["occupancy"])
     fits = occupancy & ~may == 0 and must & ~occupancy == 0
     require(fits, "the occupancy is not that of the points")
 

@@ -27,6 +27,7 @@ TYPES = {
 }  # fmt: skip
 POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLIP, CLASS, REMAINDER, ATTRIBUTE = 1, 2, 3, 4, 5, 7, 8, 9, 10
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
+SIDES = 8  # a kind of column
 CLIP_LINES = (CLIP, None, False, 16)
 NODE = np.dtype([
     ("corner", "<u4", 3), ("cell_log2", "u1"), ("shape", "u1"), ("child_count", "u1"),
@@ -210,7 +211,20 @@ class Esker:
             end = up(offset + length, 8)
             require(not any(data[offset + length : end]), "statistics: padding is not zero")
         require(end == len(data), "statistics: the columns do not fill the section")
+        self.check_sides(columns.get((SIDES, 65535)))
         return columns
+
+    def check_sides(self, column):  # section 11
+        if column is None:
+            return
+        require(len(column) == 16 * self.nodes + 8, "statistics: sides of another table")
+        crc = struct.unpack_from("<Q", column, 16 * self.nodes)[0]
+        require(crc == zlib.crc32(column[:-8]), "statistics: the checksum of the sides")
+
+    def sides(self, node):
+        """Occupancies of the two sides of a node's contour; none where the file does not tell."""
+        column = self.columns.get((SIDES, 65535))
+        return () if column is None else struct.unpack_from("<QQ", column, 16 * node)
 
     # Pages
 

@@ -1,10 +1,10 @@
 //! The contour of a node: the box around its own points, oriented along their shape where that is flat
 //! enough, else along the lattice's axes (kanzok2015, section 3.1), grown by the rounding of hot positions;
-//! and which of 8 x 8 parts of its plane hold points. It is not grown by drawn radii: how wide a splat is
+//! and which of 8 x 8 parts of its plane and of its sides hold points. It is not grown by drawn radii: how wide a splat is
 //! drawn depends on the cut, so who draws splats whose centres are out of view grows the box then.
 
 use crate::shape::{Moments, Shape};
-use esker_points::node::{SHAPE_ORIENTED, pack_rotation};
+use esker_points::node::{ALL_SIDES, SHAPE_ORIENTED, Sides, pack_rotation};
 use esker_points::{Cell, Node};
 
 /// Points whose parts of the plane are marked before it is asked whether all are.
@@ -13,8 +13,8 @@ const LOOKED_AT: usize = 1024;
 const LANES: usize = 4;
 
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
-/// each of which is drawn at most `reach`, in the file's unit, off its place.
-pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) {
+/// each of which is drawn at most `reach`, in the file's unit, off its place. Gives the contour's sides.
+pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Sides {
     let cell = Cell { corner: node.corner, log2: node.cell_log2 };
     let shape = Shape::of(Moments::of(positions.iter().copied(), &cell).covariance(scale));
     let [x0, y0, z0] = node.corner;
@@ -42,22 +42,25 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     node.contour_rotation = packed;
     node.shape = (node.shape & !SHAPE_ORIENTED) | if oriented { SHAPE_ORIENTED } else { 0 };
     let across = half.map(|half| 2.0 * f64::from(half));
-    let part_of = |p: &[u32; 3]| {
+    let parts_of = |p: &[u32; 3]| {
         let p = local(p);
-        let part = |i: usize| {
+        let [u, v, w] = [0, 1, 2].map(|i| {
             let fraction = (dot(&axes[i], p) - about[i]) / across[i] + 0.5;
             ((fraction * 8.0) as i64).clamp(0, 7)
-        };
-        1u64 << (part(1) * 8 + part(0))
+        });
+        [v * 8 + u, u * 8 + w, v * 8 + w].map(|bit| 1u64 << bit)
     };
     let mut some = positions.chunks(LOOKED_AT);
-    node.occupancy = 0;
-    // Most nodes have points everywhere, as the first ones show.
-    while node.occupancy != u64::MAX
+    let mut masks = [0; 3];
+    // Many nodes have points everywhere, as the first ones show.
+    while masks != [u64::MAX; 3]
         && let Some(some) = some.next()
     {
-        node.occupancy |= some.iter().map(part_of).fold(0, |mask, part| mask | part);
+        let join = |a: [u64; 3], b: [u64; 3]| [a[0] | b[0], a[1] | b[1], a[2] | b[2]];
+        masks = some.iter().map(parts_of).fold(masks, join);
     }
+    node.occupancy = masks[0];
+    if positions.is_empty() { ALL_SIDES } else { [masks[1], masks[2]] }
 }
 
 /// The least and greatest that a place has of points along each axis; zero of no point.
@@ -121,7 +124,7 @@ mod tests {
     use bytemuck::Zeroable;
     use proptest::prelude::*;
 
-    fn enclosed(positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Node {
+    fn enclosed(positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> (Node, Sides) {
         let mut node = Node::zeroed();
         let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
         for p in positions {
@@ -132,20 +135,20 @@ mod tests {
         }
         let cell = Cell::enclosing(min, max);
         (node.corner, node.cell_log2) = (cell.corner, cell.log2);
-        enclose(&mut node, positions, scale, reach);
-        node
+        let sides = enclose(&mut node, positions, scale, reach);
+        (node, sides)
     }
 
     #[test]
     fn a_tilted_plane_gets_a_thin_box_and_a_cube_an_upright_one() {
         let plane: Vec<_> =
             (0..900u32).map(|i| [i % 30 * 100, i / 30 * 100, i % 30 * 100]).collect();
-        let node = enclosed(&plane, [0.01; 3], 0.0);
+        let (node, _) = enclosed(&plane, [0.01; 3], 0.0);
         assert!(node.shape & SHAPE_ORIENTED != 0);
         assert!(node.contour_half[2] < 0.01 * node.contour_half[1], "{:?}", node.contour_half);
         let cube: Vec<_> =
             (0..1000u32).map(|i| [i % 10 * 10, i / 10 % 10 * 10, i / 100 * 10]).collect();
-        assert_eq!(enclosed(&cube, [0.01; 3], 0.0).shape & SHAPE_ORIENTED, 0);
+        assert_eq!(enclosed(&cube, [0.01; 3], 0.0).0.shape & SHAPE_ORIENTED, 0);
     }
 
     proptest! {
@@ -153,7 +156,7 @@ mod tests {
         fn every_point_with_its_reach_is_inside_and_marked(positions in prop::collection::vec(any::<[u32; 3]>(), 1..50), small in 0u32..32, reach in 0.0f64..10.0) {
             let positions: Vec<[u32; 3]> = positions.iter().map(|p| p.map(|c| c >> small)).collect();
             let scale = [0.001, 0.001, 0.01];
-            let node = enclosed(&positions, scale, reach);
+            let (node, sides) = enclosed(&positions, scale, reach);
             let contour = node.contour();
             for p in &positions {
                 let local: Vec<f64> = (0..3).map(|i| f64::from(p[i] - node.corner[i]) * scale[i] - contour.centre[i]).collect();
@@ -163,6 +166,8 @@ mod tests {
                 }
                 let part = |i: usize| (((t[i] / (2.0 * contour.half[i]) + 0.5) * 8.0) as u64).min(7);
                 prop_assert!(node.occupancy >> (part(1) * 8 + part(0)) & 1 == 1);
+                prop_assert!(sides[0] >> (part(0) * 8 + part(2)) & 1 == 1);
+                prop_assert!(sides[1] >> (part(1) * 8 + part(2)) & 1 == 1);
             }
         }
     }

@@ -349,10 +349,10 @@ impl Context {
         }
         let step =
             self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);
-        contour::enclose(&mut node, &points.positions, self.scale, step);
+        let sides = contour::enclose(&mut node, &points.positions, self.scale, step);
 
         let page = encode_page(&self.pages, node.box_min, node.hot_shift, &points);
-        let statistics = NodeStatistics::of(&self.pages, &points);
+        let statistics = NodeStatistics::of(&self.pages, &points).with_sides(sides);
         let slot = rayon::current_thread_index().unwrap_or(0) % self.histograms.len();
         if let Ok(mut histograms) = self.histograms[slot].lock() {
             histograms.add(&self.pages, &points);

@@ -59,7 +59,7 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "bytes_a_point": bytes_a_point(&forest)?,
         "compress": each_once(&forest, |file| file.metadata().codec.name()),
         "normals": each_once(&forest, |file| file.metadata().normals.name()),
-        "table_bytes_a_node": size_of::<Node>(),
+        "table_bytes_a_node": table.bytes_a_node(),
         "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
         "multiset_hash": hash.to_string(),
         "generator": forest.files().next().map(|file| &file.metadata().generator),

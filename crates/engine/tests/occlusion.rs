@@ -208,7 +208,7 @@ fn view(eye: DVec3, target: DVec3, up: DVec3) -> View {
 
 #[test]
 fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
-    let scan = Scan::build("synthetic:office:1500000:1".into(), 1 << 12);
+    let scan = Scan::build("synthetic:office:1500000:1".into(), 1 << 11);
     let corner = DVec3::from_array(scan.file.lattice().offset);
     let views = [
         ([3.0, 0.15, 1.6], [40.0, 0.0, 1.4]),
@@ -224,12 +224,12 @@ fn in_an_office_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
         assert!(sums.changed_most < 1e-3, "{sums:?}");
     }
     // For the one frame until the next one's depth: gaps of up to a pixel may have opened.
-    assert!(moved.changed_most < 2e-3, "{moved:?}");
+    assert!(moved.changed < 1e-3 && moved.changed_most < 4e-3, "{moved:?}");
 }
 
-/// 800 thousand uneven points, in nodes that are small in proportion and in larger ones. Of those, three
-/// quarters are culled: the others' parts reach past gaps in sparse walls, or out of empty space onto the picture,
-/// where the points in them don't.
+/// 800 thousand uneven points, in nodes that are small in proportion and in larger ones, of which three quarters are
+/// culled: the others' parts reach past gaps in sparse walls, or out of empty space onto the picture, where the
+/// points in them don't.
 #[test]
 fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
     let Some(data) = std::env::var_os("ESKER_DATA") else {
@@ -244,8 +244,7 @@ fn in_a_sparse_scan_most_of_what_is_hidden_is_culled_and_the_picture_stays() {
         ([-3.0, 5.5, 2.0], [-20.0, 5.0, 5.0]),
     ]
     .map(|(eye, at)| view(eye.into(), at.into(), DVec3::Y));
-    // Nodes of 4,096 are fuller than they were, so there are fewer to hide: 296, not 427. 69.6 % of them are culled.
-    for (node_capacity, culled_least) in [(1 << 10, 0.8), (1 << 12, 0.69)] {
+    for (node_capacity, culled_least) in [(1 << 10, 0.8), (1 << 11, 0.8), (1 << 12, 0.75)] {
         println!("nodes of {node_capacity}");
         let scan = Scan::build(Path::new(&data).join("laz/indoor.laz"), node_capacity);
         let [soft, still, both, moved] = measure(&scan, &views, 0.01);

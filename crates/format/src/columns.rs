@@ -3,11 +3,15 @@
 
 use crate::directory::{u16_at, u32_at, u64_at};
 use crate::error::Fault;
+use crate::footer::Section;
 use crate::layout::NO_ATTRIBUTE;
+use crate::read_at::ReadAt;
 use crate::statistics::{BINS, Histograms, Ranges, Statistics};
 use esker_points::attribute::names;
+use esker_points::node::Sides;
 use esker_points::{AttrType, Schema};
 use std::collections::BTreeMap;
+use std::io;
 
 /// First bytes of the section.
 pub const STATISTICS_MAGIC: [u8; 4] = *b"ESST";
@@ -16,6 +20,7 @@ const ENTRY_BYTES: usize = 24;
 const OWN_CLASSES: u16 = 5;
 const SUBTREE_CLASSES: u16 = 6;
 const HISTOGRAM: u16 = 7;
+const SIDES: u16 = 8;
 const HISTOGRAM_BYTES: usize = 16 + 8 * BINS;
 
 impl Statistics {
@@ -37,6 +42,9 @@ impl Statistics {
             let mut column = [lo.to_le_bytes(), hi.to_le_bytes()].concat();
             counts.iter().for_each(|n| column.extend_from_slice(&n.to_le_bytes()));
             columns.push((HISTOGRAM, a as u16, column));
+        }
+        if let Some(sides) = &self.sides {
+            columns.push((SIDES, NO_ATTRIBUTE, encode_sides(sides)));
         }
         self.lay_out(&columns)
     }
@@ -100,7 +108,65 @@ impl Statistics {
                     .collect();
             }
         }
-        Ok(Self { types, nodes, ranges, has_classes, class_bits, histograms })
+        let sides =
+            columns.get(&(SIDES, NO_ATTRIBUTE)).map(|c| decode_sides(c, nodes)).transpose()?;
+        Ok(Self { types, nodes, ranges, has_classes, class_bits, histograms, sides })
+    }
+}
+
+/// The column of sides: two words a node, then their checksum, so that they can be read alone.
+fn encode_sides(sides: &[Sides]) -> Vec<u8> {
+    let mut column: Vec<u8> = bytemuck::cast_slice(sides).to_vec();
+    let crc = crc32fast::hash(&column);
+    column.extend_from_slice(&u64::from(crc).to_le_bytes());
+    column
+}
+
+fn decode_sides(column: &[u8], nodes: usize) -> Result<Vec<Sides>, Fault> {
+    let fault = |what: &str| Fault::new("statistics", what);
+    let words = nodes * size_of::<Sides>();
+    if column.len() != words + 8 {
+        return Err(fault("the column of sides is not as long as the table"));
+    }
+    let (words, crc) = column.split_at(words);
+    if u64::from(crc32fast::hash(words)) != u64_at(crc, 0) {
+        return Err(fault("the checksum of the column of sides does not match"));
+    }
+    Ok(words.chunks_exact(16).map(|c| [u64_at(c, 0), u64_at(c, 8)]).collect())
+}
+
+/// Reads the sides of a file's contours, and little else of its statistics, which may be long; empty where it has
+/// none.
+///
+/// # Errors
+/// Where they cannot be read; and inside, where they are damaged.
+pub(crate) fn read_sides(
+    source: &dyn ReadAt,
+    section: Section,
+    nodes: usize,
+) -> io::Result<Result<Vec<Sides>, Fault>> {
+    let read = |offset: u64, bytes: u64| {
+        let is_inside = offset.checked_add(bytes).is_some_and(|end| end <= section.bytes);
+        let mut run = vec![0; if is_inside { bytes as usize } else { 0 }];
+        source.read_exact_at(&mut run, section.offset + offset.min(section.bytes))?;
+        io::Result::Ok(is_inside.then_some(run))
+    };
+    let fault = |what: &str| Ok(Err(Fault::new("statistics", what)));
+    let Some(head) = read(0, HEAD_BYTES as u64)? else {
+        return fault("it does not begin as it should");
+    };
+    let bytes = u64::from(u32_at(&head, 4)) * ENTRY_BYTES as u64;
+    let Some(directory) = read(HEAD_BYTES as u64, bytes)? else {
+        return fault("it is shorter than its directory");
+    };
+    let mut entries = directory.chunks_exact(ENTRY_BYTES);
+    let Some(entry) = entries.find(|e| (u16_at(e, 0), u16_at(e, 2)) == (SIDES, NO_ATTRIBUTE))
+    else {
+        return Ok(Ok(Vec::new()));
+    };
+    match read(u64_at(entry, 8), u64_at(entry, 16))? {
+        Some(column) => Ok(decode_sides(&column, nodes)),
+        None => fault("a column is not where it should be"),
     }
 }
 

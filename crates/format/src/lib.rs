@@ -21,6 +21,7 @@ mod planes;
 mod points;
 pub mod read_at;
 pub mod reader;
+mod sections;
 pub mod shown;
 pub mod statistics;
 pub mod table;

@@ -1,5 +1,6 @@
 //! Statistics: the least and greatest value of each attribute, in its own type, and the classes that occur,
-//! for each node's own points and for its subtree; and one histogram an attribute for the whole file.
+//! for each node's own points and for its subtree; one histogram an attribute for the whole file; and the sides
+//! of the nodes' contours.
 //! NaN and what a point does not have count for nothing; -0 counts as +0.
 
 use crate::error::Fault;
@@ -7,6 +8,7 @@ use crate::layout::PageLayout;
 use crate::points::PagePoints;
 use crate::values::{Bins, count_bytes, finite_range, present, raw_range};
 use esker_points::attribute::names;
+use esker_points::node::Sides;
 use esker_points::{AttrType, NodeTable, Schema};
 
 pub use crate::values::BINS;
@@ -46,12 +48,14 @@ fn push_raw(ty: AttrType, key: u64, out: &mut Vec<u8>) {
     out.extend_from_slice(&bits.to_le_bytes()[..ty.size()]);
 }
 
-/// Least and greatest of each attribute and the classes of one node's own points.
+/// Least and greatest of each attribute and the classes of one node's own points, and its contour's sides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeStatistics {
     /// Keys of least and greatest, an attribute.
     ranges: Vec<(u64, u64)>,
     class_bits: [u64; 4],
+    /// Zeros where they are not known.
+    sides: Sides,
 }
 
 impl NodeStatistics {
@@ -64,22 +68,28 @@ impl NodeStatistics {
             let [least, greatest] = range.map(|value| key(attribute.ty, value));
             (least, greatest)
         });
-        Self { ranges: ranges.collect(), class_bits: class_bits(layout, points) }
+        Self { ranges: ranges.collect(), class_bits: class_bits(layout, points), sides: [0; 2] }
+    }
+
+    /// These, with the sides of the contour around the points.
+    pub fn with_sides(self, sides: Sides) -> Self {
+        Self { sides, ..self }
     }
 
     /// As numbers, to be kept outside of a file.
     pub fn to_words(&self) -> Vec<u64> {
         let ranges = self.ranges.iter().flat_map(|r| [r.0, r.1]);
-        self.class_bits.into_iter().chain(ranges).collect()
+        self.sides.into_iter().chain(self.class_bits).chain(ranges).collect()
     }
 
     /// From the numbers of [`NodeStatistics::to_words`]; `None` where they are not for so many attributes.
     pub fn from_words(words: &[u64], attributes: usize) -> Option<Self> {
+        let (sides, words) = words.split_first_chunk()?;
         let (class_bits, ranges) = words.split_first_chunk()?;
         let (ranges, rest) = ranges.as_chunks::<2>();
         let fits = ranges.len() == attributes && rest.is_empty();
         let ranges = ranges.iter().map(|r| (r[0], r[1])).collect();
-        fits.then_some(Self { ranges, class_bits: *class_bits })
+        fits.then_some(Self { ranges, class_bits: *class_bits, sides: *sides })
     }
 }
 
@@ -211,6 +221,8 @@ pub struct Statistics {
     /// Classes of own points, of the subtree's; empty where there is no classification.
     pub(crate) class_bits: [Vec<[u64; 4]>; 2],
     pub(crate) histograms: Histograms,
+    /// Of the contours; `None` in files of before there was such a column.
+    pub(crate) sides: Option<Vec<Sides>>,
 }
 
 impl Statistics {
@@ -250,7 +262,9 @@ impl Statistics {
             class_bits = [mine, below];
         }
         let ranges = ranges.collect();
-        Self { types, nodes: table.nodes.len(), ranges, has_classes, class_bits, histograms }
+        let has_sides = own.iter().all(|n| n.sides != [0; 2]);
+        let sides = has_sides.then(|| own.iter().map(|n| n.sides).collect());
+        Self { types, nodes: table.nodes.len(), ranges, has_classes, class_bits, histograms, sides }
     }
 
     /// Whether it belongs to such a table and schema.

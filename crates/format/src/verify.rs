@@ -11,6 +11,7 @@ use crate::points::PagePoints;
 use crate::reader::EskerFile;
 use crate::statistics::{Histograms, NodeStatistics, Ranges, Statistics};
 use crate::table::check_pages_fill;
+use esker_points::node::Sides;
 use esker_points::quant::hot_shift;
 use esker_points::{Lattice, MultisetHash, Node, Task};
 use rayon::prelude::*;
@@ -83,7 +84,10 @@ pub fn verify(file: &EskerFile, task: &dyn Task) -> Result<VerifyReport, FormatE
             "a histogram's range is not that of the points",
         )));
     }
-    let again = Statistics::assemble(file.table(), file.layout().schema(), own, sums.histograms);
+    let mut again =
+        Statistics::assemble(file.table(), file.layout().schema(), own, sums.histograms);
+    // The sides have been compared with the points; older files have none.
+    again.sides.clone_from(&stored.sides);
     if again != stored {
         return Err(damaged(Fault::new("statistics", "they are not those of the points")));
     }
@@ -116,7 +120,8 @@ fn verify_node(
     };
     let points = page.points().map_err(fault)?;
     let [low, high] = check_box(node, &points).map_err(fault)?;
-    check_contour(node, &file.metadata().lattice, &points).map_err(fault)?;
+    let sides = file.table().sides.get(index as usize).copied();
+    check_contour(node, sides, &file.metadata().lattice, &points).map_err(fault)?;
     check_absent(layout, &points).map_err(fault)?;
     check_planes(node, &page, &points).map_err(fault)?;
     let statistics = NodeStatistics::of(layout, &points);
@@ -196,14 +201,19 @@ fn check_box(node: &Node, points: &PagePoints) -> Result<[[u32; 3]; 2], Fault> {
     Ok([min, max])
 }
 
-/// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`, and its
-/// occupancy tells in which of 8 x 8 parts of its plane they lie. A point so near to the border of two
-/// parts that the order of adding decides may be told in either.
-fn check_contour(node: &Node, lattice: &Lattice, points: &PagePoints) -> Result<(), Fault> {
+/// The contour holds all of the node's own points, but for the rounding of its numbers to `f32`, and the
+/// occupancies of its plane and its sides tell in which of 8 x 8 parts they lie. A point so near to the border of
+/// two parts that the order of adding decides may be told in either.
+fn check_contour(
+    node: &Node,
+    sides: Option<Sides>,
+    lattice: &Lattice,
+    points: &PagePoints,
+) -> Result<(), Fault> {
     let fault = |what: &str| Err(Fault::new("position plane", what));
     let contour = node.contour();
     let size = contour.centre.iter().chain(&contour.half).fold(0.0f64, |m, c| m.max(c.abs()));
-    let (mut must, mut may) = (0u64, 0u64);
+    let (mut must, mut may) = ([0u64; 3], [0u64; 3]);
     for p in &points.positions {
         let local = [0, 1, 2].map(|i| f64::from(p[i] - node.corner[i]) * lattice.scale[i]);
         let from_centre = [0, 1, 2].map(|i| local[i] - contour.centre[i]);
@@ -212,15 +222,19 @@ fn check_contour(node: &Node, lattice: &Lattice, points: &PagePoints) -> Result<
             return fault("a point lies outside the node's contour");
         }
         let near = local.iter().fold(size, |m, c| m.max(c.abs())) * OCCUPANCY_SLACK;
-        let [u, v] = [0, 1].map(|i| parts(along[i], contour.half[i], near));
-        let bits = u.clone().fold(0u64, |bits, u| bits | 1 << u);
-        let bits = v.clone().fold(0u64, |all, v| all | bits << (8 * v));
-        may |= bits;
-        if u.start() == u.end() && v.start() == v.end() {
-            must |= bits;
+        let parts = [0, 1, 2].map(|i| parts(along[i], contour.half[i], near));
+        for (mask, [column, row]) in [[0, 1], [2, 0], [2, 1]].into_iter().enumerate() {
+            let (columns, rows) = (parts[column].clone(), parts[row].clone());
+            let is_certain = columns.start() == columns.end() && rows.start() == rows.end();
+            let bits = columns.fold(0u64, |bits, column| bits | 1 << column);
+            let bits = rows.fold(0u64, |all, row| all | bits << (8 * row));
+            may[mask] |= bits;
+            must[mask] |= if is_certain { bits } else { 0 };
         }
     }
-    if node.occupancy & !may != 0 || must & !node.occupancy != 0 {
+    let is_off = |(mask, told): (usize, u64)| told & !may[mask] != 0 || must[mask] & !told != 0;
+    let told = [node.occupancy].into_iter().chain(sides.into_iter().flatten());
+    if told.enumerate().any(is_off) {
         return fault("the occupancy of the node's contour is not that of its points");
     }
     Ok(())

@@ -6,6 +6,7 @@
 
 use crate::frustum::Frustum;
 use crate::occlusion::Occlusion;
+use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
 use crate::parts::any_part;
 use crate::prefix::{
@@ -17,54 +18,6 @@ use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-
-/// What a view may cost and how fine it shall be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Points wanted at most; never passed.
-    pub points_budget: u64,
-    /// Bytes of the slots of all wanted nodes at most; never passed. `u64::MAX` is no bound.
-    pub bytes_budget: u64,
-    /// Distance of neighbouring points on the picture that is fine enough, pixels. 0 asks for every
-    /// point of the nodes in view, continuations (coincident points) included.
-    pub target_spacing_px: f64,
-}
-
-impl Default for Options {
-    /// A point a pixel, within what two cores project in a tenth of a second.
-    fn default() -> Self {
-        Self { points_budget: 10_000_000, bytes_budget: u64::MAX, target_spacing_px: 1.0 }
-    }
-}
-
-/// What the caller knows of the nodes.
-pub trait Residency {
-    /// Whether its points are at hand.
-    fn is_resident(&self, node: u32) -> bool;
-    /// Bytes that it takes in memory, resident or not.
-    fn slot_bytes(&self, node: u32) -> u64;
-    /// How many of its own points may be shown, from the first on: what a filter leaves.
-    fn points_max(&self, _: u32) -> usize {
-        usize::MAX
-    }
-    /// Whether no point of it or below it may be shown.
-    fn is_barren(&self, _: u32) -> bool {
-        false
-    }
-}
-
-/// Everything is at hand and costs nothing.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct AllResident;
-
-impl Residency for AllResident {
-    fn is_resident(&self, _: u32) -> bool {
-        true
-    }
-    fn slot_bytes(&self, _: u32) -> u64 {
-        0
-    }
-}
 
 /// Chooses what a view wants and what it draws. The table is one that was checked when its file was
 /// opened; links of an unchecked one that don't go down the tree are not followed.
@@ -198,7 +151,7 @@ impl<R: Residency> Walk<'_, R> {
         let node = &self.table.nodes[root.node as usize];
         let contour = OrientedBox::of_contour(node, self.lattice);
         let is_seen =
-            self.frustum.touches(&contour) && self.shows_points(node, &contour, root.spacing);
+            self.frustum.touches(&contour) && self.shows_points(root.node, &contour, root.spacing);
         if is_seen { self.need(root, node, node.points(), &contour, 0.0).0 } else { 0 }
     }
 
@@ -248,8 +201,9 @@ impl<R: Residency> Walk<'_, R> {
     }
 
     /// Whether some of a node's own points may be on the picture.
-    fn shows_points(&self, node: &Node, contour: &OrientedBox, spacing: f64) -> bool {
-        any_part(contour, node.occupancy, &mut |part| {
+    fn shows_points(&self, index: u32, contour: &OrientedBox, spacing: f64) -> bool {
+        let occupancy = self.table.nodes[index as usize].occupancy;
+        any_part(contour, occupancy, self.table.sides_of(index), &mut |part| {
             self.frustum.touches(part) && !self.is_hidden(part, spacing)
         })
     }
@@ -265,7 +219,10 @@ impl<R: Residency> Walk<'_, R> {
         let contour = OrientedBox::of_contour(node, self.lattice);
         let is_culled = !self.frustum.touches(&contour);
         let is_filtered = !is_culled && self.residency.points_max(candidate.node) == 0;
-        if is_culled || is_filtered || !self.shows_points(node, &contour, candidate.spacing) {
+        if is_culled
+            || is_filtered
+            || !self.shows_points(candidate.node, &contour, candidate.spacing)
+        {
             let counters = &mut self.selection.counters;
             counters.contour_culled += u64::from(is_culled);
             counters.filtered += u64::from(is_filtered);

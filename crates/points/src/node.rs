@@ -53,7 +53,7 @@ pub struct Node {
     pub page_offset: u64,
 }
 
-const _: () = assert!(size_of::<Node>() == 144 && size_of::<Node>() <= 184);
+const _: () = assert!(size_of::<Node>() == 144 && size_of::<Node>() + size_of::<Sides>() <= 184);
 
 /// Set in [`Node::shape`] where the contour is oriented.
 pub const SHAPE_ORIENTED: u8 = 4;
@@ -187,12 +187,31 @@ pub struct NodeTable {
     pub nodes: Vec<Node>,
     /// Where the trees behind the first begin, ascending.
     pub later_roots: Vec<u32>,
+    /// The nodes' [`Sides`], of the first nodes or of all.
+    pub sides: Vec<Sides>,
 }
+
+/// Which parts of a contour's sides hold points, as [`Node::occupancy`] has it for its plane: of 8 x 8 parts along
+/// the first and third axis (bit `u * 8 + w`), and along the second and third (bit `v * 8 + w`).
+pub type Sides = [u64; 2];
+
+/// Of a node of which nothing is known.
+pub const ALL_SIDES: Sides = [u64::MAX; 2];
 
 impl NodeTable {
     /// The table of one tree.
     pub fn of_tree(nodes: Vec<Node>) -> Self {
-        Self { nodes, later_roots: Vec::new() }
+        Self { nodes, ..Self::default() }
+    }
+
+    /// Bytes of a node in memory.
+    pub fn bytes_a_node(&self) -> usize {
+        size_of::<Node>() + if self.sides.is_empty() { 0 } else { size_of::<Sides>() }
+    }
+
+    /// The sides of a node; all of them where the file does not tell.
+    pub fn sides_of(&self, node: u32) -> Sides {
+        self.sides.get(node as usize).copied().unwrap_or(ALL_SIDES)
     }
 
     /// The root of the first tree, where there is any node.
@@ -217,6 +236,10 @@ impl NodeTable {
             self.later_roots.extend(tree.roots().map(|root| root + base));
         } else {
             self.later_roots.clone_from(&tree.later_roots);
+        }
+        if !tree.sides.is_empty() {
+            self.sides.resize(self.nodes.len(), ALL_SIDES);
+            self.sides.extend_from_slice(&tree.sides);
         }
         self.nodes.extend(tree.nodes.iter().map(|node| {
             let mut node = *node;
@@ -252,13 +275,15 @@ mod tests {
             page_offset,
             ..Node::zeroed()
         };
-        let tree =
+        let mut tree =
             NodeTable::of_tree(vec![node(NONE, 1, 2, 64), node(0, 0, 0, 128), node(0, 0, 0, 192)]);
         let mut forest = NodeTable::default();
         assert_eq!(forest.roots().count(), 0);
         [0, 1000].into_iter().for_each(|moved| forest.join(&tree, moved));
         forest.join(&NodeTable::default(), 2000);
+        tree.sides = vec![[1, 2], [3, 4], [5, 6]];
         forest.join(&tree, 3000);
+        assert_eq!([5, 6, 8].map(|node| forest.sides_of(node)), [ALL_SIDES, [1, 2], [5, 6]]);
         assert_eq!(forest.roots().collect::<Vec<_>>(), [0, 3, 6]);
         assert_eq!(forest.depths(), [0, 1, 1, 0, 1, 1, 0, 1, 1]);
         for (first, moved) in [(0, 0), (3, 1000), (6, 3000)] {

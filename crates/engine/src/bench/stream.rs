@@ -12,7 +12,7 @@ use crate::{info, picture, system};
 use anyhow::{Context, Result};
 use esker_build::memory::usage;
 use esker_format::Forest;
-use esker_points::{Node, Task};
+use esker_points::Task;
 use esker_stream::Priority;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -236,7 +236,7 @@ impl Run<'_> {
             "nodes": forest.table().nodes.len(),
             "node_capacity": footers().map(|f| f.node_capacity).max(),
             "structure_bytes": footers().map(|f| f.table.bytes).sum::<u64>(),
-            "table_bytes_a_node": size_of::<Node>(),
+            "table_bytes_a_node": forest.table().bytes_a_node(),
             "file_bytes": forest.file_bytes(),
             "backend": drawer.backend(),
             "adapter": drawer.adapter,

@@ -92,7 +92,7 @@ pub fn plant(
 ) -> (NodeTable, Vec<Vec<usize>>) {
     let mut nodes: Vec<Node> = Vec::new();
     let mut waiting: Vec<Vec<usize>> = Vec::new();
-    let mut own = Vec::new();
+    let (mut own, mut sides) = (Vec::new(), Vec::new());
     if !points.is_empty() {
         let all: Vec<usize> = (0..points.len()).collect();
         let (min, max) = bounds(points, &all);
@@ -134,8 +134,12 @@ pub fn plant(
             node.contour_centre[i] = ((at(min[i]) + at(max[i])) / 2.0) as f32;
             node.contour_half[i] = ((at(max[i]) - at(min[i])) / 2.0 * 1.00001) as f32;
         }
-        node.occupancy =
-            mine.iter().fold(0, |bits, &p| bits | occupancy(node, lattice, points.positions[p]));
+        let masks = mine.iter().fold([0; 3], |masks, &p| {
+            let bits = occupancy(node, lattice, points.positions[p]);
+            [0, 1, 2].map(|i| masks[i] | bits[i])
+        });
+        node.occupancy = masks[0];
+        sides.push([masks[1], masks[2]]);
         if first_child < nodes.len() {
             nodes[index].first_child = first_child as u32;
             nodes[index].child_count = (nodes.len() - first_child) as u8;
@@ -143,18 +147,18 @@ pub fn plant(
         own.push(mine);
         index += 1;
     }
-    (NodeTable::of_tree(nodes), own)
+    (NodeTable { sides, ..NodeTable::of_tree(nodes) }, own)
 }
 
 /// For contours along the lattice's axes.
-fn occupancy(node: &Node, lattice: &Lattice, p: [u32; 3]) -> u64 {
+fn occupancy(node: &Node, lattice: &Lattice, p: [u32; 3]) -> [u64; 3] {
     let part = |i: usize| {
         let at = f64::from(p[i] - node.corner[i]) * lattice.scale[i];
         let (centre, half) = (f64::from(node.contour_centre[i]), f64::from(node.contour_half[i]));
         // A half of zero gives NaN, which becomes part 0.
         ((((at - centre) / (2.0 * half) + 0.5) * 8.0) as u64).min(7)
     };
-    1 << (part(1) * 8 + part(0))
+    [part(1) * 8 + part(0), part(0) * 8 + part(2), part(1) * 8 + part(2)].map(|bit| 1 << bit)
 }
 
 fn record(cell: Cell, parent: u32) -> Node {
@@ -187,7 +191,8 @@ pub fn write(path: &Path, metadata: &Metadata, points: &PagePoints, capacity: us
         histograms.add(&layout, part);
         hash += part.hash(&layout);
     }
-    let each = parts.iter().map(|p| NodeStatistics::of(&layout, p)).collect();
+    let each = parts.iter().zip(&table.sides);
+    let each = each.map(|(p, &sides)| NodeStatistics::of(&layout, p).with_sides(sides)).collect();
     let statistics = Statistics::assemble(&table, &metadata.schema, each, histograms);
     let corner = |f: fn(u32, u32) -> u32| {
         [0, 1, 2].map(|i| points.positions.iter().map(|p| p[i]).reduce(f).unwrap_or(0))
