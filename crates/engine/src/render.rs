@@ -11,7 +11,7 @@ use esker_format::footer::HEADER_MAGIC;
 use esker_format::{Forest, PlaneKind, Planes, Shown};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
 use esker_points::{Filter, Task};
-use esker_render::plan::{is_crowded, is_dense};
+use esker_render::density::{is_crowded, is_dense};
 use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer};
 use rayon::prelude::*;
 use serde_json::{Value, json};

@@ -102,10 +102,10 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether views that are dense everywhere are drawn without pull and push
-    /// ([`crate::plan::DENSE_PX`]).
+    /// ([`crate::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of a pixel's front surface are averaged where points crowd
-    /// ([`crate::plan::CROWDED_PX`]); else one wins it.
+    /// ([`crate::density::CROWDED_PX`]); else one wins it.
     pub averages: bool,
     /// What lies behind the points.
     pub background: Background,

@@ -12,6 +12,7 @@
 pub mod average;
 pub mod camera;
 pub mod colour;
+pub mod density;
 pub mod edges;
 pub mod ellipse;
 pub mod error;
@@ -29,6 +30,7 @@ pub mod pyramid;
 pub mod relief;
 pub mod renderer;
 pub mod resolve;
+mod rim;
 pub mod shade;
 pub mod soften;
 pub mod tangent;

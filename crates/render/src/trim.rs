@@ -16,36 +16,15 @@
 //! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
 
 use crate::pyramid::Level;
+use crate::rim::{Grid, Rims, sticks_out};
 use rayon::prelude::*;
 
-/// How far a surface may reach beyond its samples, over the radius, with normals and without. With them
-/// ellipses end near silhouettes by themselves, and less only roughens them: a sphere's outline, spacing 8
-/// pixels, deviates by 0.4 pixels (root mean square) with a half, by 0.8 with 0.3. Without them a third
-/// leaves 0.3 spacings of the 1.1 that discs stick out.
-const OVERHANG: [f32; 2] = [0.5, 0.35];
-/// And in pixels, at least. With normals places are exact: with 0.9 a cube's outlines at one point a pixel are off by 0.27
-/// of alpha (root mean square), with 1.5 by 0.42; but 0.9 tears the rims of walls seen at 80 degrees. Without normals
-/// less than 1.5 dents the rims of dense surfaces.
-const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
-/// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
-const OPEN_PX: (f32, f32) = (4.0, 32.0);
-/// How far a line may reach beyond its samples, pixels.
-const LINE_OVERHANG_PX: f32 = 0.9;
-/// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on either side: one
-/// sample alone is none, nor is one that stands out of a surface.
-const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
-const LINE_SIDE: f32 = 2.0;
-/// Radii beyond this, pixels, are not looked at for lines.
-const LINE_RADIUS_MAX_PX: f32 = 32.0;
 /// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
 const PIXEL_BITS: u32 = 28;
 const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
 /// only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
-/// Directions to the neighbours, around.
-const AROUND: [[isize; 2]; 8] =
-    [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`]. Returns the pixels that changed and those beside them, each once.
@@ -88,7 +67,7 @@ pub(crate) fn trim_with(
 /// What the waves up to one have decided.
 struct Waves<'a> {
     base: &'a Level,
-    /// One over the focal length in pixels: GPUs round products as everyone does, but not quotients.
+    /// As in [`Rims`].
     per_focal: f32,
     /// Depth of what each pixel shows.
     depth: &'a mut [f32],
@@ -119,8 +98,8 @@ impl Waves<'_> {
     /// The pixels of `edges` at a rim, each with what lies beyond it.
     fn rims(&self, edges: &[usize]) -> Vec<Step> {
         let rims = edges.par_iter().with_min_len(1024);
-        let step =
-            |pixel| self.beyond_rim(pixel).map(|(after, line)| self.step(pixel, after, line));
+        let picture = self.picture();
+        let step = |pixel| picture.beyond(pixel).map(|(after, line)| self.step(pixel, after, line));
         rims.filter_map(|&pixel| step(pixel)).collect()
     }
 
@@ -164,7 +143,7 @@ impl Waves<'_> {
             return false;
         }
         let shown = self.shown(pixel);
-        let (radius, limit) = (self.base.tint[shown].w, self.limit(pixel, shown));
+        let (radius, limit) = (self.base.tint[shown].w, self.picture().limit(pixel, shown));
         let line = self.source[after] >> PIXEL_BITS;
         if behind <= limit || wave > radius as u32 || !sticks_out(self.base, shown, line) {
             return false;
@@ -186,128 +165,12 @@ impl Waves<'_> {
         found.collect()
     }
 
+    fn picture(&self) -> Rims<'_> {
+        Rims { base: self.base, per_focal: self.per_focal, depth: self.depth }
+    }
+
     fn grid(&self) -> Grid {
-        Grid { width: self.base.width, height: self.base.height }
-    }
-
-    /// Depth beyond which there is another surface than the one that a pixel shows.
-    fn limit(&self, pixel: usize, shown: usize) -> f32 {
-        self.depth[pixel] * (1.0 + self.base.tint[shown].w * self.per_focal)
-    }
-
-    /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
-    /// nothing lies as near as the surface. And where the rim is a line's, its direction outwards plus one, else 0.
-    fn beyond_rim(&self, pixel: usize) -> Option<(usize, u32)> {
-        if self.depth[pixel] == f32::INFINITY || !may_stick_out(self.base, pixel) {
-            return None;
-        }
-        let limit = self.limit(pixel, pixel);
-        let is_open = |way| self.is_open(pixel, way, self.base.tint[pixel].w, limit);
-        let mut open = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i % 2 == 0 && is_open(AROUND[i]));
-        for i in [1, 3, 5, 7] {
-            open[i] = (open[i - 1] || open[(i + 1) % 8]) && is_open(AROUND[i]);
-        }
-        let middle = (0..8).find(|&i| open[(i + 7) % 8] && open[i] && open[(i + 1) % 8])?;
-        let line = self.line(pixel, open, limit);
-        let beyond = self.grid().step(pixel, AROUND[middle])?;
-        (line > 0 || sticks_out(self.base, pixel, 0)).then_some((beyond, line))
-    }
-
-    /// Whether nothing lies as near as `limit` from a pixel in a direction, for a radius.
-    fn is_open(&self, pixel: usize, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
-        let Grid { width, height } = self.grid();
-        let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
-        let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
-        for k in 1..=reach {
-            let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
-            // What is left of the picture or above it wraps round to far beyond it.
-            if u >= width || v >= height {
-                return k as f32 > OPEN_PX.0;
-            }
-            if self.depth[v * width + u] <= limit {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
-    fn line(&self, pixel: usize, open: [bool; 8], limit: f32) -> u32 {
-        let count = open.into_iter().filter(|&o| o).count();
-        let is_middle = |i: usize| {
-            let at = |turn: usize| open[(i + turn) % 8];
-            at(7) && at(0) && at(1) && (count == 4 || at(6) == at(2))
-        };
-        let outwards = if count > 5 { None } else { (0..8).find(|&i| is_middle(i)) };
-        let is_line = |&way: &usize| {
-            sticks_out(self.base, pixel, way as u32 + 1) && self.is_line(pixel, way, limit)
-        };
-        outwards.filter(is_line).map_or(0, |way| way as u32 + 1)
-    }
-
-    /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open beyond, and
-    /// long.
-    fn is_line(&self, pixel: usize, outwards: usize, limit: f32) -> bool {
-        let radius = self.base.tint[pixel].w;
-        if radius > LINE_RADIUS_MAX_PX {
-            return false;
-        }
-        let [inwards, along] = [4, 2].map(|turn| AROUND[(outwards + turn) % 8]);
-        let width = (radius * LINE_WIDTH.0 + LINE_WIDTH.1) / stride(inwards);
-        let mut inner = pixel;
-        for k in 0.. {
-            let Some(next) = self.grid().step(inner, inwards).filter(|&p| self.depth[p] <= limit)
-            else {
-                if !self.is_open(inner, inwards, radius, limit) {
-                    return false;
-                }
-                // From the far rim back to the middle.
-                let back = inwards.map(|d| -d * (k / 2));
-                inner = self.grid().step(inner, back).unwrap_or(inner);
-                break;
-            };
-            if k as f32 > width {
-                return false;
-            }
-            inner = next;
-        }
-        let wanted = (radius * LINE_SIDE / stride(along)) as u32;
-        let goes_on = |way: [isize; 2]| {
-            let (mut at, mut steps) = (inner, 0);
-            while let Some(next) = self.grid().step(at, way).filter(|&p| {
-                steps < wanted && self.depth[p] <= self.depth[at] * (1.0 + radius * self.per_focal)
-            }) {
-                (at, steps) = (next, steps + 1);
-            }
-            steps == wanted
-        };
-        goes_on(along) && goes_on(along.map(|d| -d))
-    }
-}
-
-/// The pixels' places.
-#[derive(Clone, Copy)]
-struct Grid {
-    width: usize,
-    height: usize,
-}
-
-impl Grid {
-    /// The pixels left, right, above and below.
-    fn beside(self, pixel: usize) -> [Option<usize>; 4] {
-        let x = pixel % self.width;
-        [
-            (x > 0).then(|| pixel - 1),
-            (x + 1 < self.width).then_some(pixel + 1),
-            pixel.checked_sub(self.width),
-            Some(pixel + self.width).filter(|&p| p < self.width * self.height),
-        ]
-    }
-
-    fn step(self, pixel: usize, [dx, dy]: [isize; 2]) -> Option<usize> {
-        let x = (pixel % self.width).checked_add_signed(dx)?;
-        let y = (pixel / self.width).checked_add_signed(dy)?;
-        (x < self.width && y < self.height).then(|| y * self.width + x)
+        self.picture().grid()
     }
 }
 
@@ -331,32 +194,6 @@ fn copy<T: Copy>(plane: &mut [T], pixels: &[usize], sources: &[usize]) {
     for (&pixel, taken) in pixels.iter().zip(taken) {
         plane[pixel] = taken;
     }
-}
-
-/// Length of a step in a direction, pixels.
-fn stride([dx, dy]: [isize; 2]) -> f32 {
-    if dx != 0 && dy != 0 { std::f32::consts::SQRT_2 } else { 1.0 }
-}
-
-/// Whether a pixel may stick out, of whatever it is a part.
-fn may_stick_out(base: &Level, pixel: usize) -> bool {
-    let front = base.front[pixel];
-    front.z * front.z + front.w * front.w > LINE_OVERHANG_PX * LINE_OVERHANG_PX
-}
-
-/// Whether a pixel lies too far from the samples that it was interpolated from: at a line with this direction outwards
-/// (plus one), or where it is 0 at any surface.
-fn sticks_out(base: &Level, pixel: usize, line: u32) -> bool {
-    if line > 0 {
-        let way = AROUND[(line as usize - 1) % 8];
-        let [dx, dy] = way.map(|d| d as f32 * (1.0 / stride(way)));
-        let front = base.front[pixel];
-        return front.z * dx + front.w * dy > LINE_OVERHANG_PX;
-    }
-    let kind = usize::from(base.normal.is_empty());
-    let (front, reach) =
-        (base.front[pixel], (base.tint[pixel].w * OVERHANG[kind]).max(OVERHANG_MIN_PX[kind]));
-    front.z * front.z + front.w * front.w > reach * reach
 }
 
 #[cfg(test)]
@@ -412,13 +249,12 @@ mod tests {
         edges: &[usize],
         order: &[usize],
     ) -> Vec<Option<usize>> {
-        let before = &mut depth.to_vec();
-        let rim =
-            Waves { base, per_focal: 1.0 / FOCAL_PX, depth: before, source: vec![0; depth.len()] };
+        let before = &depth.to_vec();
+        let rim = Rims { base, per_focal: 1.0 / FOCAL_PX, depth: before };
         let mut source = vec![None; depth.len()];
         let mut lines = vec![0; depth.len()];
         for &pixel in edges {
-            let Some((beyond, line)) = rim.beyond_rim(pixel) else { continue };
+            let Some((beyond, line)) = rim.beyond(pixel) else { continue };
             (source[pixel], lines[pixel]) = (Some(beyond), line);
             depth[pixel] = rim.depth[beyond];
         }
