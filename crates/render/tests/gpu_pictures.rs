@@ -16,7 +16,7 @@ use esker_render::{
 use glam::{DMat3, DVec3};
 use gpu::flip::mean_flip;
 use gpu::{few_gpus, gpus, laid_frame, lay, name};
-use scene::{Dice, Scene, bunny, sheet, sphere};
+use scene::{Dice, Scene, ScenePoint, bunny, sheet, sphere};
 
 /// Bytes of a page: nodes have their planes in several.
 const PAGE_BYTES: u64 = 64 << 10;
@@ -85,6 +85,19 @@ fn speckled() -> Scene {
     Scene::new(&points, 1e-5, 0.0225, 0.0225, 3000)
 }
 
+/// More points in one place than the sums of a pixel hold, and one of another colour before them.
+fn heap() -> Scene {
+    let point = |nearer: f64, colour| ScenePoint {
+        // Beside the picture's middle, where four pixels meet.
+        at: DVec3::new(0.08, 0.06, 0.6) + DVec3::new(2.6, -3.1, 1.9) * nearer,
+        normal: DVec3::NEG_Y,
+        colour,
+    };
+    let mut points = vec![point(0.0, [250, 0, 0]); 1 << 18];
+    points.push(point(1e-3, [0, 250, 0]));
+    Scene::new(&points, 1e-5, 0.1, 0.1, 8000)
+}
+
 fn view(width: u32, height: u32) -> View {
     let eye = DVec3::new(2.6, -3.1, 2.4);
     View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height)
@@ -111,6 +124,11 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let [crowd_with, crowd_without] = [true, false].map(|normals| crowd.draws(true, true, normals));
     let crowded = crowd.frame(&small, &crowd_with);
     assert!(FramePlan::new(&crowded).averages() && !FramePlan::new(&surface).averages());
+    // So small that no pixel may be off.
+    let (heap, tiny) = (heap(), view(16, 12));
+    let heap_draws = heap.draws(true, true, true);
+    let heaped = heap.frame(&tiny, &heap_draws);
+    assert!(FramePlan::new(&heaped).averages());
     let heights = ColourMap { low: 0.0, high: 2.0, palette: Palette::Viridis };
     let mut frames = vec![
         ("surface", surface),
@@ -119,6 +137,7 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("crowded without normals", crowd.frame(&small, &crowd_without)),
         ("crowded from both sides", Frame { cull_back_faces: false, ..crowded }),
         ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
+        ("more points than sums hold", heaped),
         ("surface without highlights", Frame { shines: false, ..surface }),
         ("surface of a part of the points", filtered),
         ("a part of the points", Frame { method: Method::Points, ..filtered }),

@@ -6,10 +6,16 @@
 mod scene;
 
 use esker_lod::{CompactOctree, Drawn, View};
-use esker_points::{Lattice, Node, NodeTable};
+use esker_points::{AttrType, Lattice, Node, NodeTable};
+use esker_render::colour::linear;
+use esker_render::pull::pull;
+use esker_render::push::push;
 use esker_render::pyramid::Pyramid;
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
-use glam::DVec3;
+use esker_render::{
+    Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, Picture,
+    Renderer,
+};
+use glam::{DVec3, Vec3};
 use scene::{Dice, Scene, ScenePoint, sphere};
 
 const RED: [u8; 3] = [220, 30, 30];
@@ -183,6 +189,80 @@ fn a_prefix_draws_the_first_points_and_ends_with_the_planes() {
         let stats = Renderer::default().render(&frame).unwrap().stats;
         assert_eq!(stats.points_drawn, expected);
         assert_eq!(stats.nodes_drawn, u32::from(expected > 0));
+    }
+}
+
+#[test]
+fn a_pixel_that_more_points_share_than_sums_hold_shows_the_one_that_wins_it() {
+    const MOST: usize = 1 << 18;
+    let view = narrow_view();
+    let pixel = 10.0 / view.focal_px();
+    // The middle of a pixel beside the picture's.
+    let at = |nearer: f64| DVec3::new(0.5 * pixel, -nearer, 0.5 * pixel);
+    for normals in [true, false] {
+        let tint = |count: usize| {
+            let one = |i| ScenePoint {
+                at: at(0.0),
+                normal: DVec3::NEG_Y,
+                colour: if i % 2 == 0 { RED } else { BLUE },
+            };
+            let mut points: Vec<_> = (1..count).map(one).collect();
+            let green = ScenePoint { at: at(0.01 * pixel), colour: [0, 255, 0], ..one(0) };
+            points.push(green);
+            let scene = Scene::new(&points, 1e-6, 0.5 * pixel, 0.5 * pixel, 1 << 16);
+            let draws = scene.draws(true, true, normals);
+            let mut pyramid = Pyramid::default();
+            let frame = scene.frame(&view, &draws);
+            assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 1);
+            let base = &pyramid.levels[0];
+            let won = (0..base.front.len()).find(|&p| base.is_valid(p)).unwrap();
+            base.tint[won].truncate()
+        };
+        assert_eq!(tint(MOST + 1), Vec3::Y, "{normals}");
+        let mean = tint(MOST);
+        assert!(mean.x > 0.3 && mean.y < 0.02 && mean.z > 0.3, "{mean}, {normals}");
+    }
+}
+
+/// A texture coordinate is an attribute like any other: mapped to grey, it is interpolated with the surface.
+#[test]
+fn a_coordinate_across_a_wall_is_interpolated_between_its_points() {
+    let view = narrow_view();
+    let pixel = 10.0 / view.focal_px();
+    // From 0 to 1 across the picture, in the three bytes of a colour; the fourth is 255.
+    let most = f64::from((1 << 24) - 1);
+    let low = f64::from(u32::MAX) - most;
+    let across = ColourMap { low, high: low + most, palette: Palette::Grey };
+    for spacing_px in [2.0, 5.0] {
+        let mut points = wall(&mut Dice(19), DVec3::ZERO, 0.6, 30.0, spacing_px * pixel, RED);
+        for p in &mut points {
+            let (right, up) = (p.at.x, 10.0 / (10.0 + p.at.y));
+            let u = (right * up / (256.0 * pixel) + 0.5).clamp(0.0, 1.0);
+            let [r, g, b, _] = ((u * most) as u32).to_le_bytes();
+            p.colour = [r, g, b];
+        }
+        let radius = spacing_px * pixel * 2f64.sqrt();
+        let scene = Scene::new(&points, 1e-6, spacing_px * pixel, radius, 10_000);
+        for normals in [true, false] {
+            let mut draws = scene.draws(true, true, normals);
+            for (draw, node) in draws.iter_mut().zip(&scene.nodes) {
+                draw.colour = Scene::scalar(node, AttrType::U32);
+            }
+            let frame = Frame { colour: ColourBy::Scalar(across), ..scene.frame(&view, &draws) };
+            let mut pyramid = Pyramid::default();
+            Renderer::default().base_level(&frame, &mut pyramid).unwrap();
+            pull(&mut pyramid);
+            push(&mut pyramid);
+            let base = &pyramid.levels[0];
+            // The map's first colour is not quite black.
+            let [black, white] = [16, 255].map(|c| linear([c; 3]).x);
+            let off = (0..256 * 256).map(|p| {
+                let u = (base.tint[p].x - black) / (white - black);
+                (f64::from(u) * 256.0 - ((p % 256) as f64 + 0.5)).abs()
+            });
+            let mean = off.sum::<f64>() / (256.0 * 256.0);
+            assert!(mean < 0.3 * spacing_px, "{mean:.2} px at {spacing_px} px, {normals}");
+        }
     }
 }
 
