@@ -127,6 +127,15 @@ pub struct NodePlace {
 }
 
 impl NodePlace {
+    /// Whole steps of the box from the eye, where no place in it is so far that high and low parts have to be apart:
+    /// the sum with an offset rounds to the same `f32`.
+    pub fn near(&self) -> Option<[i32; 3]> {
+        /// With this the sum stays under 2^31, for the highest of hot positions as well.
+        const HIGH_MAX: u32 = 1 << 14;
+        let is_near = self.shift < 14 && self.base_high.iter().all(|h| h.unsigned_abs() < HIGH_MAX);
+        is_near.then(|| [0, 1, 2].map(|i| (self.base_high[i] << 16) + self.base_low[i]))
+    }
+
     /// A point against the eye along an axis, in steps, from its offset in the node's box.
     #[inline(always)]
     pub fn axis_steps(&self, axis: usize, offset: u32) -> f32 {

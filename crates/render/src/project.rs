@@ -8,13 +8,15 @@
 //! to 25 for a million points, 83 to 113 against 90 to 140 for five; no difference beyond the noise, and
 //! nothing to clear, merge or hold a core.
 
-use crate::camera::{Camera, NodePlace, Positions};
+use crate::camera::{Camera, Positions};
 use crate::frame::{DrawNode, Frame};
 use crate::gpu::table::CHUNK_POINTS;
-use crate::lanes::{LANES, directions, only};
+use crate::lanes::LANES;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
+use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// A pixel that no point fell on.
@@ -89,6 +91,8 @@ impl DrawList {
 
 /// The code of no normal.
 pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
+/// The same, as it lies in a plane.
+const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
 /// Draws all points into `target` (one value a pixel, row by row), which it clears first.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
@@ -102,14 +106,15 @@ pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[At
         let draw = &frame.draws[draw];
         let normals = draw.normal.filter(|_| frame.cull_back_faces);
         let hides = frame.hides_points;
-        project_run(draw, camera, run, base, target, normals, hides);
+        dispatch!(Simd::new(), _ => project_run(draw, camera, run, base, target, normals, hides));
     });
 }
 
+#[inline(always)]
 fn project_run(
     draw: &DrawNode<'_>,
     camera: &Camera,
-    run: std::ops::Range<usize>,
+    run: Range<usize>,
     base: u32,
     target: &[AtomicU64],
     normals: Option<&[u8]>,
@@ -117,48 +122,74 @@ fn project_run(
 ) {
     let positions = Positions::of(draw);
     let place = camera.place(draw.node, positions.is_exact());
+    let near = place.near();
     let mut offsets = [[0; BLOCK]; 3];
     let zero = [0.0; BLOCK];
     let mut block = Block { pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
-        block.place(camera, &place, &offsets);
+        match near {
+            Some(base) => block.place(camera, &offsets, |axis, offset| {
+                base[axis].wrapping_add(offset as i32) as f32 + place.bias_steps[axis]
+            }),
+            None => block.place(camera, &offsets, |axis, o| place.axis_steps(axis, o)),
+        }
         if let Some(plane) = normals {
             block.drop_back_faces(plane, start, count);
         }
-        let (seen, len) = block.on_picture(count, target.len());
-        for &k in &seen[..len] {
-            let k = usize::from(k) % BLOCK;
-            let point = start + k;
-            let value = u64::from(block.depths[k].to_bits()) << 32 | u64::from(base + point as u32);
+        let value = |k: usize| {
+            let point = base + (start + k) as u32;
+            u64::from(block.depths[k].to_bits()) << 32 | u64::from(point)
+        };
+        // Without a branch: which points lose against what is there is hard to guess.
+        let mut winning = 0;
+        for k in ones(block.on_picture(count)) {
             let Some(slot) = target.get(block.pixels[k] as usize) else { continue };
-            if hides && is_hidden(draw.position, point) {
+            winning |= u64::from(value(k) < slot.load(Relaxed)) << k;
+        }
+        for k in ones(winning) {
+            let Some(slot) = target.get(block.pixels[k] as usize) else { continue };
+            if hides && is_hidden(draw.position, start + k) {
                 continue;
             }
-            let mut before = slot.load(Relaxed);
-            while value < before {
-                match slot.compare_exchange_weak(before, value, Relaxed, Relaxed) {
-                    Ok(_) => break,
-                    Err(now) => before = now,
-                }
-            }
+            slot.fetch_min(value(k), Relaxed);
         }
     }
 }
 
+/// The places of the ones among bits, from the lowest.
+#[inline(always)]
+fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let k = bits.trailing_zeros() as usize % BLOCK;
+        let any = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        any.then_some(k)
+    })
+}
+
 /// Where a block of points is on the picture.
 struct Block {
-    /// Pixels, row by row; beyond all for what is outside.
+    /// Pixels, row by row; what is outside has the highest bit.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
     /// Against the eye, the world's axes.
     from_eye: [[f32; BLOCK]; 3],
 }
 
+/// The bit of what is outside.
+const OUTSIDE: u32 = 1 << 31;
+
 impl Block {
-    /// Places a block of points. Straight arithmetic over arrays: it becomes SIMD.
+    /// Places a block of points; `steps` has them against the eye, from the axis and the offset. Straight arithmetic
+    /// over arrays: it becomes SIMD.
     #[inline(always)]
-    fn place(&mut self, camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) {
+    fn place(
+        &mut self,
+        camera: &Camera,
+        offsets: &[[u32; BLOCK]; 3],
+        steps: impl Fn(usize, u32) -> f32,
+    ) {
         let [right, up, back] = camera.view_from_world;
         let step = camera.step;
         let [cx, cy] = camera.centre_px;
@@ -166,9 +197,9 @@ impl Block {
         let row = camera.size[0];
         let Self { pixels, depths, from_eye } = self;
         for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
-            let x = place.axis_steps(0, offsets[0][k]) * step.x;
-            let y = place.axis_steps(1, offsets[1][k]) * step.y;
-            let z = place.axis_steps(2, offsets[2][k]) * step.z;
+            let x = steps(0, offsets[0][k]) * step.x;
+            let y = steps(1, offsets[1][k]) * step.y;
+            let z = steps(2, offsets[2][k]) * step.z;
             (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
             *depth = -(back.x * x + back.y * y + back.z * z);
             let scale = camera.focal_px / *depth;
@@ -178,42 +209,45 @@ impl Block {
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
             let at = whole(at_y).wrapping_mul(row).wrapping_add(whole(at_x));
-            *pixel = if is_inside { at } else { u32::MAX };
+            *pixel = if is_inside { at } else { OUTSIDE };
         }
     }
 
-    /// Puts points outside whose normals do not look to the eye's side; points without a normal do.
+    /// Puts points outside whose normals do not look to the eye's side; points without a normal do. Directions as
+    /// [`esker_points::quant::oct_direction`] has them, times 32767: whole numbers, and the side is the same.
     #[inline(always)]
     fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
-        let mut codes = [NO_NORMAL; BLOCK];
+        const ONE: i32 = 32_767;
+        let mut codes = [NO_NORMAL_BITS; BLOCK];
         let plane = normals.get(start * 4..).unwrap_or(&[]).as_chunks::<4>().0;
         for (code, b) in codes.iter_mut().zip(plane).take(count) {
-            *code = [i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])];
+            *code = u32::from_le_bytes(*b);
         }
         let [xs, ys, zs] = &self.from_eye;
-        let runs = self.pixels.as_chunks_mut::<LANES>().0.iter_mut().zip(codes.as_chunks().0);
-        for (i, (pixels, codes)) in runs.enumerate() {
-            let [x, y, z] = directions(*codes);
-            let at = i * LANES;
-            let along = x * Vec4::from_slice(&xs[at..]) + y * Vec4::from_slice(&ys[at..]);
-            let is_away = (along + z * Vec4::from_slice(&zs[at..])).cmpgt(Vec4::ZERO);
-            let beyond = only(is_away, Vec4::splat(f32::from_bits(u32::MAX))).to_array();
-            for (pixel, beyond) in pixels.iter_mut().zip(beyond) {
-                *pixel |= beyond.to_bits();
-            }
+        for (k, pixel) in self.pixels.iter_mut().enumerate() {
+            let (x, y) = ((codes[k] << 16) as i32 >> 16, codes[k] as i32 >> 16);
+            let (x, y) = (x.max(-ONE), y.max(-ONE));
+            let z = ONE - x.abs() - y.abs();
+            let folded = |along: i32, other: i32| {
+                let beyond = ONE - other.abs();
+                if along < 0 { -beyond } else { beyond }
+            };
+            let (fx, fy) = if z < 0 { (folded(x, y), folded(y, x)) } else { (x, y) };
+            let along = fx as f32 * xs[k] + fy as f32 * ys[k] + z as f32 * zs[k];
+            let is_away = (along > 0.0) & (codes[k] != NO_NORMAL_BITS);
+            *pixel |= u32::from(is_away) << 31;
         }
     }
 
-    /// Those of the first `count` points that are on a picture of so many pixels, and their number.
+    /// Those of the first `count` points that are on the picture, a bit each.
     #[inline(always)]
-    fn on_picture(&self, count: usize, pixels: usize) -> ([u8; BLOCK], usize) {
-        let (mut seen, mut len) = ([0; BLOCK], 0);
-        for (k, &pixel) in self.pixels.iter().enumerate().take(count) {
-            // Without a branch: which points those are is hard to guess.
-            seen[len % BLOCK] = k as u8;
-            len += usize::from((pixel as usize) < pixels);
+    fn on_picture(&self, count: usize) -> u64 {
+        let mut outside = 0;
+        for (i, four) in self.pixels.as_chunks::<LANES>().0.iter().enumerate() {
+            let signs = Vec4::from_array(four.map(f32::from_bits)).is_negative_bitmask();
+            outside |= u64::from(signs) << (i * LANES);
         }
-        (seen, len)
+        !outside & u64::MAX >> (BLOCK - count)
     }
 }
 
