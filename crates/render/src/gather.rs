@@ -6,12 +6,14 @@
 
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::colour::{ColourBy, MapTable, PLAIN, hue, linear};
-use crate::frame::{ColourPlane, DrawNode, Frame};
+use crate::frame::{ColourPlane, Frame};
 use crate::lanes::{LANES, Lane, Pixels, directions, only};
 use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
 use crate::tangent::Lens;
+use esker_points::Node;
 use esker_points::quant::radius_factor;
+use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
@@ -52,6 +54,8 @@ struct DrawLookup<'a> {
     positions: Positions<'a>,
     place: NodePlace,
     colour: Vec3,
+    /// Effective spacing of its points, where nothing is drawn below their node.
+    spacing: Option<f32>,
 }
 
 impl<'a> Lookup<'a> {
@@ -70,7 +74,12 @@ impl<'a> Lookup<'a> {
                 ColourBy::Cell => hue(u32::from(draw.node.cell_log2)),
                 _ => linear(PLAIN),
             };
-            DrawLookup { positions, place, colour }
+            let drawn = frame.octree.filter(|o| draw.entry < o.len());
+            let spacing = match drawn.map(|octree| octree.leaf_spacing(draw.entry)) {
+                Some(leaf) => leaf.map(|drawn| spacing_or(drawn, draw.node)),
+                None => Some(draw.node.spacing),
+            };
+            DrawLookup { positions, place, colour, spacing }
         });
         Self {
             frame,
@@ -106,20 +115,23 @@ impl<'a> Lookup<'a> {
     /// Drawn radius of a point, from its offset and its radius code.
     #[inline]
     pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
-        let spacing = self.spacing(&self.frame.draws[draw], offset);
+        let spacing = self.spacing(draw, offset);
         let radius = spacing * self.radius_factors[usize::from(code)];
         if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
     }
 
     /// Effective spacing of the finest drawn cell that holds the point.
-    fn spacing(&self, draw: &DrawNode<'_>, offset: [u32; 3]) -> f32 {
-        let stored = draw.node.spacing;
-        let Some(octree) = self.frame.octree.filter(|o| draw.entry < o.len()) else {
-            return stored;
-        };
+    #[inline(always)]
+    fn spacing(&self, draw: usize, offset: [u32; 3]) -> f32 {
+        // Most points are in the finest nodes.
+        self.draws[draw].spacing.unwrap_or_else(|| self.spacing_below(draw, offset))
+    }
+
+    fn spacing_below(&self, draw: usize, offset: [u32; 3]) -> f32 {
+        let draw = &self.frame.draws[draw];
+        let Some(octree) = self.frame.octree else { return draw.node.spacing };
         let p = [0, 1, 2].map(|i| draw.node.box_min[i].wrapping_add(offset[i]));
-        let drawn = octree.spacing_from(draw.entry, p);
-        if drawn > 0.0 { drawn } else { stored }
+        spacing_or(octree.spacing_from(draw.entry, p), draw.node)
     }
 
     /// Colour of a point, linear light.
@@ -150,6 +162,11 @@ impl<'a> Lookup<'a> {
     }
 }
 
+/// A drawn spacing, or a node's own where nothing says how it is drawn.
+fn spacing_or(drawn: f32, node: &Node) -> f32 {
+    if drawn > 0.0 { drawn } else { node.spacing }
+}
+
 /// Fills level 0 from the frame buffer. Returns the number of valid pixels.
 pub fn gather(lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) -> u64 {
     if base.normal.is_empty() {
@@ -168,18 +185,19 @@ fn gather_level<const NORMALS: bool>(
     let valid = Counter::new(0);
     for_each_row(base, |row| {
         let values = &target[row.y * width..][..width];
-        valid.fetch_add(gather_row::<NORMALS>(lookup, values, row), Relaxed);
+        let count = dispatch!(Simd::new(), _ => gather_row::<NORMALS>(lookup, values, row));
+        valid.fetch_add(count, Relaxed);
     });
     valid.into_inner()
 }
 
-#[inline(never)]
+#[inline(always)]
 fn gather_row<const NORMALS: bool>(
     lookup: &Lookup<'_>,
     values: &[AtomicU64],
     mut row: RowMut<'_>,
 ) -> u64 {
-    let (mut hits, mut count) = (Hits::default(), 0);
+    let (mut hits, mut count) = (Hits::NONE, 0);
     for (x, value) in values.iter().enumerate() {
         let value = value.load(Relaxed);
         if value == EMPTY {
@@ -188,69 +206,105 @@ fn gather_row<const NORMALS: bool>(
         }
         hits.fetch::<NORMALS>(lookup, x, value);
         count += 1;
-        if hits.count == LANES {
-            hits.write::<NORMALS>(lookup, &mut row);
+        if hits.count == HITS {
+            hits.write_all::<NORMALS>(lookup, &mut row);
         }
     }
-    if hits.count > 0 {
-        hits.write::<NORMALS>(lookup, &mut row);
-    }
+    hits.write_all::<NORMALS>(lookup, &mut row);
     count
 }
 
-/// Points of a row that won a pixel, attribute by attribute: what is looked up of each, before anything is computed.
-#[derive(Default)]
+/// Points that are fetched before anything is computed of them: memory is waited for once, not once each.
+const HITS: usize = 32;
+
+/// Points of a row that won a pixel, attribute by attribute.
 struct Hits {
     count: usize,
     /// Pixels of the row.
-    x: [usize; LANES],
-    depth: [f32; LANES],
-    colour: [[f32; LANES]; 3],
+    x: [usize; HITS],
+    depth: [f32; HITS],
+    draw: [u32; HITS],
+    offset: [[u32; 3]; HITS],
+    radius_code: [u8; HITS],
+    colour: [[f32; HITS]; 3],
+    normal: [[i16; 2]; HITS],
     /// Against the eye, in steps.
-    steps: [[f32; LANES]; 3],
+    steps: [[f32; HITS]; 3],
     /// Stored radius, the file's unit.
-    radius: [f32; LANES],
-    normal: [[i16; 2]; LANES],
+    radius: [f32; HITS],
 }
 
 impl Hits {
+    const NONE: Self = Self {
+        count: 0,
+        x: [usize::MAX; HITS],
+        depth: [0.0; HITS],
+        draw: [0; HITS],
+        offset: [[0; 3]; HITS],
+        radius_code: [0; HITS],
+        colour: [[0.0; HITS]; 3],
+        normal: [NO_NORMAL; HITS],
+        steps: [[0.0; HITS]; 3],
+        radius: [0.0; HITS],
+    };
+
     /// Adds the point that won pixel `x`; there must be room.
     #[inline(always)]
     fn fetch<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
         let (depth, point) = unpack(value);
-        let k = self.count % LANES;
+        let k = self.count % HITS;
         self.count += 1;
         (self.x[k], self.depth[k]) = (x, depth);
         let (d, index) = lookup.list.find(point);
-        let (draw, of) = (&lookup.frame.draws[d], &lookup.draws[d]);
-        let (offset, code) = of.positions.offset(index);
+        self.draw[k] = d as u32;
+        let offset;
+        (offset, self.radius_code[k]) = lookup.draws[d].positions.offset(index);
+        self.offset[k] = offset;
         let colour = lookup.colour(d, index, offset, depth);
-        for axis in 0..3 {
-            self.colour[axis][k] = colour[axis];
-            self.steps[axis][k] = of.place.axis_steps(axis, offset[axis]);
-        }
-        self.radius[k] = lookup.spacing(draw, offset)
-            * RADIUS_FACTOR[usize::from(!NORMALS)]
-            * lookup.radius_factors[usize::from(code)];
+        (0..3).for_each(|i| self.colour[i][k] = colour[i]);
         if NORMALS {
-            let code = draw.normal.and_then(|plane| normal_code(plane, index));
+            let code = lookup.frame.draws[d].normal.and_then(|plane| normal_code(plane, index));
             self.normal[k] = code.unwrap_or(NO_NORMAL);
         }
     }
 
     /// Makes pixels of them, which are then no more.
     #[inline(always)]
-    fn write<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, row: &mut RowMut<'_>) {
+    fn write_all<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, row: &mut RowMut<'_>) {
+        let factor = RADIUS_FACTOR[usize::from(!NORMALS)];
+        for k in 0..self.count.min(HITS) {
+            let (d, offset) = (self.draw[k] as usize, self.offset[k]);
+            let place = &lookup.draws[d].place;
+            (0..3).for_each(|axis| self.steps[axis][k] = place.axis_steps(axis, offset[axis]));
+            let stored = lookup.radius_factors[usize::from(self.radius_code[k])];
+            self.radius[k] = lookup.spacing(d, offset) * factor * stored;
+        }
+        self.x[self.count..].fill(usize::MAX);
+        for first in (0..self.count).step_by(LANES) {
+            self.write::<NORMALS>(lookup, first, row);
+        }
+        self.count = 0;
+    }
+
+    /// Makes pixels of four of them.
+    #[inline(always)]
+    fn write<const NORMALS: bool>(&self, lookup: &Lookup<'_>, first: usize, row: &mut RowMut<'_>) {
+        let four = |values: &[f32; HITS]| Vec4::from_slice(&values[first..]);
+        let (Some(to), Some(normals)) =
+            (self.x[first..].first_chunk(), self.normal[first..].first_chunk())
+        else {
+            return;
+        };
         let camera = lookup.camera;
         let focal_px = camera.focal_px;
         // What is no number is nothing: of a number and none, the second is the greater and the less.
-        let stored = Vec4::from_array(self.radius).max(Vec4::ZERO);
+        let stored = four(&self.radius).max(Vec4::ZERO);
         let radius = stored.min(Vec4::splat(RADIUS_MAX));
-        let depth = Vec4::from_array(self.depth);
+        let depth = four(&self.depth);
         let margin = RADIUS_MARGIN_PX[usize::from(!NORMALS)];
         let radius_px = (radius * focal_px / depth + margin).min(Vec4::splat(RADIUS_MAX));
         let [r, g, b] = &self.colour;
-        let [r, g, b] = [Vec4::from_slice(r), Vec4::from_slice(g), Vec4::from_slice(b)];
+        let [r, g, b] = [four(r), four(g), four(b)];
         let mut out = Pixels {
             front: [depth, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO],
             tint: [r, g, b, radius_px],
@@ -262,22 +316,18 @@ impl Hits {
             let [right, up, back] = camera.view_from_world;
             let step = camera.step.to_array();
             let [x, y, z] = &self.steps;
-            let from_eye = [
-                Vec4::from_slice(x) * step[0],
-                Vec4::from_slice(y) * step[1],
-                Vec4::from_slice(z) * step[2],
-            ];
+            let from_eye = [four(x) * step[0], four(y) * step[1], four(z) * step[2]];
             let per_depth = focal_px / depth;
             let place = [
                 dot(right, from_eye) * per_depth + camera.centre_px[0],
                 -dot(up, from_eye) * per_depth + camera.centre_px[1],
             ];
             // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
-            let [a, b, c, d] = self.x;
+            let [a, b, c, d] = *to;
             let x = Vec4::new(a as f32, b as f32, c as f32, d as f32) + 0.5;
             out.front[2] = within_half(x - place[0]);
             out.front[3] = within_half(row.y as f32 + 0.5 - place[1]);
-            let world = directions(self.normal);
+            let world = directions(*normals);
             let [x, y, z] = world;
             let length = (x * x + y * y + z * z).sqrt();
             let has_normal = length.cmpgt(Vec4::ZERO);
@@ -298,9 +348,7 @@ impl Hits {
             out.normal = [turned[0], turned[1], turned[2], minor];
         }
         out.front[1] = depth + reach;
-        self.x[self.count..].fill(usize::MAX);
-        out.scatter::<NORMALS>(self.x, row);
-        self.count = 0;
+        out.scatter::<NORMALS>(*to, row);
     }
 }
 
