@@ -3,6 +3,7 @@
 //! [`crate::soften`] look at these pixels alone.
 
 use crate::lanes::LANES;
+use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -18,7 +19,7 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
         .map(|first| {
             let mut found = Vec::new();
             for y in first..height.min(first + ROWS) {
-                edges_of_row(depth, width, y, near, &mut found);
+                dispatch!(Simd::new(), _ => edges_of_row(depth, width, y, near, &mut found));
             }
             found
         })
@@ -27,7 +28,7 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
 }
 
 /// Adds those of a row.
-#[inline(never)]
+#[inline(always)]
 fn edges_of_row(depth: &[f32], width: usize, y: usize, near: f32, found: &mut Vec<usize>) {
     let start = y * width;
     let above = start - if y > 0 { width } else { 0 };

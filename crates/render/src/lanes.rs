@@ -168,7 +168,7 @@ pub fn to_centres(
 }
 
 /// A row of a level attribute by attribute, with invalid pixels before its first and after its last. The depths of invalid
-/// pixels are infinite, and what their other attributes are means nothing.
+/// pixels are infinite, their colours, radii and normals are zeros, and what the rest is means nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     /// Four pixels each, with the one before and the one after them.
@@ -191,6 +191,7 @@ impl Line {
     pub const NORMAL: usize = 9;
 
     /// Takes a row of a level; without one, all pixels are invalid.
+    #[inline(always)]
     pub fn take(&mut self, level: &Level, y: Option<usize>) {
         let mut nothing = [[0.0; LANES + 2]; PLANES];
         (nothing[0], nothing[1]) = ([f32::INFINITY; LANES + 2], [f32::INFINITY; LANES + 2]);
@@ -201,15 +202,21 @@ impl Line {
             let run = first..(first + LANES).min(start + level.width);
             let front = four(&level.front[run.clone()], INVALID);
             self.put(Self::FRONT, i, front);
-            if !valid(front[0]).any() {
+            let is_valid = valid(front[0]);
+            if !is_valid.any() {
+                // Whatever these were multiplied by would be left in sums.
+                self.put(Self::TINT, i, [Vec4::ZERO; 4]);
+                self.put(Self::NORMAL, i, [Vec4::ZERO; 4]);
                 continue;
             }
-            self.put(Self::TINT, i, four(&level.tint[run.clone()], Vec4::ZERO));
+            let tint = four(&level.tint[run.clone()], Vec4::ZERO);
+            self.put(Self::TINT, i, tint.map(|values| only(is_valid, values)));
             let mut depth = [0.0; LANES];
             depth[..run.len()].copy_from_slice(&level.depth[run.clone()]);
             self.put(Self::DEPTH, i, [Vec4::from_array(depth)]);
             if let Some(normal) = level.normal.get(run) {
-                self.put(Self::NORMAL, i, four(normal, Vec4::ZERO));
+                let normal = four(normal, Vec4::ZERO);
+                self.put(Self::NORMAL, i, normal.map(|values| only(is_valid, values)));
             }
         }
     }

@@ -12,6 +12,7 @@
 use crate::lanes::{LANES, Lane, Mask, Pixels, counting, halves, halves_of_values, only, valid};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
 use crate::tangent::{Lens, factor, turn};
+use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;
 
@@ -22,15 +23,19 @@ pub fn pull(pyramid: &mut Pyramid) {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
         let (finer, edge_px) = (&finer[i - 1], coarser[0].edge_px);
         if has_normals {
-            for_each_row(&mut coarser[0], |row| pull_row::<true>(&lens, finer, edge_px, row));
+            for_each_row(&mut coarser[0], |row| {
+                dispatch!(Simd::new(), _ => pull_row::<true>(&lens, finer, edge_px, row));
+            });
         } else {
-            for_each_row(&mut coarser[0], |row| pull_row::<false>(&lens, finer, edge_px, row));
+            for_each_row(&mut coarser[0], |row| {
+                dispatch!(Simd::new(), _ => pull_row::<false>(&lens, finer, edge_px, row));
+            });
         }
     }
 }
 
 /// Averages two rows of `finer`, four of the coarser pixels at a time.
-#[inline(never)]
+#[inline(always)]
 fn pull_row<const NORMALS: bool>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
     let quarter = finer.edge_px * 0.5;
     for first in (0..row.front.len()).step_by(LANES) {

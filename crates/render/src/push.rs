@@ -22,6 +22,7 @@ use crate::lanes::{
 };
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
+use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
@@ -33,21 +34,34 @@ const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
+    push_with(pyramid, &mut []);
+}
+
+/// The same, and writes the picture's depth image ([`crate::pyramid::Level::depth_image`]) while its rows are at hand.
+pub fn push_with(pyramid: &mut Pyramid, image: &mut [f32]) {
+    if let [base] = &pyramid.levels[..] {
+        return base.depth_image(&pyramid.lens, image);
+    }
     let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
     for i in (1..pyramid.levels.len()).rev() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
         let (finer, coarser) = (&mut finer[i - 1], &coarser[0]);
         let edge_px = finer.edge_px;
+        let image: &mut [f32] = if i == 1 { &mut *image } else { &mut [] };
         if has_normals {
-            for_each_band(finer, |rows| push_rows::<true>(&lens, coarser, edge_px, rows));
+            for_each_band(finer, image, |rows| {
+                dispatch!(Simd::new(), _ => push_rows::<true>(&lens, coarser, edge_px, rows));
+            });
         } else {
-            for_each_band(finer, |rows| push_rows::<false>(&lens, coarser, edge_px, rows));
+            for_each_band(finer, image, |rows| {
+                dispatch!(Simd::new(), _ => push_rows::<false>(&lens, coarser, edge_px, rows));
+            });
         }
     }
 }
 
 /// Recomputes the invalid and occluded pixels of rows from `coarser`.
-#[inline(never)]
+#[inline(always)]
 fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, rows: Rows<'_>) {
     // The coarser rows in use, by the last bit of their number.
     let mut lines = [(None, Line::default()), (None, Line::default())];
@@ -69,6 +83,7 @@ fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, ro
                 push_block::<NORMALS>(lens, edge_px, runs, block * LANES, &mut row);
             }
         }
+        row.write_image(lens, edge_px);
     }
 }
 
@@ -265,14 +280,22 @@ impl Block {
             depth: of(Line::DEPTH, &moved),
             normal: [Vec4::ZERO; 4],
         };
+        let of = |plane: usize| mean_of_numbers(near, plane, &weights);
         for i in 0..4 {
-            out.tint[i] = of(Line::TINT + i, &weights);
+            out.tint[i] = of(Line::TINT + i);
             if NORMALS {
-                out.normal[i] = of(Line::NORMAL + i, &weights);
+                out.normal[i] = of(Line::NORMAL + i);
             }
         }
         out.write::<NORMALS>(is_new, row, first, 2);
     }
+}
+
+/// The weighted mean of a plane that has numbers everywhere.
+#[inline(always)]
+fn mean_of_numbers(near: &[Near<'_>; 4], plane: usize, weights: &[Lane; 4]) -> Lane {
+    let part = |t: usize| near[t].lane(plane) * weights[t];
+    part(0) + part(1) + part(2) + part(3)
 }
 
 /// The weighted mean of a plane. What has no weight may be no number.

@@ -7,6 +7,7 @@
 
 use crate::lanes::{LANES, counting, four, to_centres, valid};
 use crate::tangent::Lens;
+use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
@@ -54,33 +55,17 @@ impl Level {
     pub fn depth_image(&self, lens: &Lens, depth: &mut [f32]) {
         let width = self.width;
         let rows = depth.par_chunks_mut(width).with_min_len(8).enumerate();
-        rows.for_each(|(y, out)| self.depth_row(lens, y, out));
-    }
-
-    #[inline(never)]
-    fn depth_row(&self, lens: &Lens, y: usize, out: &mut [f32]) {
-        for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
-            let run = y * self.width + first..y * self.width + first + out.len();
-            let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
-            let is_valid = valid(least);
-            if !is_valid.any() {
-                out.fill(f32::INFINITY);
-                continue;
-            }
-            let mut factors = Vec4::ONE;
-            if let Some(normals) = self.normal.get(run.clone()) {
-                let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
-                let [_, _, _, radius] = four(&self.tint[run.clone()], Vec4::ZERO);
-                let centre = [
-                    counting((first as f32 + 0.5) * self.edge_px, self.edge_px),
-                    Vec4::splat((y as f32 + 0.5) * self.edge_px),
-                ];
-                factors = to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
-            }
-            for (k, (out, depth)) in out.iter_mut().zip(&self.depth[run]).enumerate() {
-                *out = if is_valid.test(k) { depth * factors[k] } else { f32::INFINITY };
-            }
-        }
+        rows.for_each(|(y, out)| {
+            let run = y * width..(y + 1) * width;
+            let row = Row {
+                y,
+                front: &self.front[run.clone()],
+                tint: &self.tint[run.clone()],
+                depth: &self.depth[run.clone()],
+                normal: self.normal.get(run).unwrap_or(&[]),
+            };
+            dispatch!(Simd::new(), _ => row.depths_at_centres(lens, self.edge_px, out));
+        });
     }
 
     /// Centre of a pixel, in pixels of level 0.
@@ -134,6 +119,49 @@ impl Pyramid {
     }
 }
 
+/// A row of a level.
+pub struct Row<'a> {
+    /// Which row.
+    pub y: usize,
+    /// As in [`Level`].
+    pub front: &'a [Vec4],
+    /// As in [`Level`].
+    pub tint: &'a [Vec4],
+    /// As in [`Level`].
+    pub depth: &'a [f32],
+    /// As in [`Level`]; empty without normals.
+    pub normal: &'a [Vec4],
+}
+
+impl Row<'_> {
+    /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
+    #[inline(always)]
+    pub fn depths_at_centres(&self, lens: &Lens, edge_px: f32, out: &mut [f32]) {
+        for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
+            let run = first..first + out.len();
+            let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
+            let is_valid = valid(least);
+            if !is_valid.any() {
+                out.fill(f32::INFINITY);
+                continue;
+            }
+            let mut factors = Vec4::ONE;
+            if let Some(normals) = self.normal.get(run.clone()) {
+                let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
+                let [_, _, _, radius] = four(&self.tint[run.clone()], Vec4::ZERO);
+                let centre = [
+                    counting((first as f32 + 0.5) * edge_px, edge_px),
+                    Vec4::splat((self.y as f32 + 0.5) * edge_px),
+                ];
+                factors = to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
+            }
+            for (k, (out, depth)) in out.iter_mut().zip(&self.depth[run]).enumerate() {
+                *out = if is_valid.test(k) { depth * factors[k] } else { f32::INFINITY };
+            }
+        }
+    }
+}
+
 /// A row of a level, to be written.
 pub struct RowMut<'a> {
     /// Which row.
@@ -146,15 +174,27 @@ pub struct RowMut<'a> {
     pub depth: &'a mut [f32],
     /// As in [`Level`]; empty without normals.
     pub normal: &'a mut [Vec4],
+    /// The image that rows are handed out with; else empty.
+    pub image: &'a mut [f32],
+}
+
+impl RowMut<'_> {
+    /// Writes the depths at its pixels' centres to the image.
+    #[inline(always)]
+    pub fn write_image(&mut self, lens: &Lens, edge_px: f32) {
+        let Self { y, front, tint, depth, normal, image } = self;
+        Row { y: *y, front, tint, depth, normal }.depths_at_centres(lens, edge_px, image);
+    }
 }
 
 /// Calls `work` for every row of a level, in the current rayon pool where the level is worth it.
 pub fn for_each_row(level: &mut Level, work: impl Fn(RowMut<'_>) + Sync) {
-    for_each_band(level, |rows| rows.for_each(&work));
+    for_each_band(level, &mut [], |rows| rows.for_each(&work));
 }
 
 /// Calls `work` for bands of rows of a level, together all of it, in the current rayon pool where the level is worth it.
-pub fn for_each_band(level: &mut Level, work: impl Fn(Rows<'_>) + Sync) {
+/// Rows are handed out with those of an image of as many pixels, where it is not empty.
+pub fn for_each_band(level: &mut Level, image: &mut [f32], work: impl Fn(Rows<'_>) + Sync) {
     /// Pixels under which handing out costs more than it gains.
     const SERIAL_PIXELS: usize = 64 * 64;
     let (width, height) = (level.width, level.height);
@@ -164,6 +204,7 @@ pub fn for_each_band(level: &mut Level, work: impl Fn(Rows<'_>) + Sync) {
         tint: &mut level.tint,
         depth: &mut level.depth,
         normal: &mut level.normal,
+        image,
     };
     let band = |first: usize, planes: Planes<'_>| work(Rows { next: first, width, planes });
     split_bands(0, height, rows, width, planes, &band);
@@ -184,19 +225,21 @@ impl<'a> Iterator for Rows<'a> {
         fn first<'a, T>(plane: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             plane.split_off_mut(..count).unwrap_or_default()
         }
-        let Planes { front, tint, depth, normal } = &mut self.planes;
+        let Planes { front, tint, depth, normal, image } = &mut self.planes;
         if front.is_empty() {
             return None;
         }
         let (y, width) = (self.next, self.width);
         self.next += 1;
-        let has_normals = !normal.is_empty();
+        let or_none = |has: bool| if has { width } else { 0 };
+        let (normals, images) = (or_none(!normal.is_empty()), or_none(!image.is_empty()));
         Some(RowMut {
             y,
             front: first(front, width),
             tint: first(tint, width),
             depth: first(depth, width),
-            normal: first(normal, if has_normals { width } else { 0 }),
+            normal: first(normal, normals),
+            image: first(image, images),
         })
     }
 }
@@ -206,6 +249,7 @@ struct Planes<'a> {
     tint: &'a mut [Vec4],
     depth: &'a mut [f32],
     normal: &'a mut [Vec4],
+    image: &'a mut [f32],
 }
 
 /// Halves the rows until a band has at most `rows` of them; halves may run on two threads.
@@ -226,9 +270,10 @@ fn split_bands(
     let (t0, t1) = planes.tint.split_at_mut(cut);
     let (d0, d1) = planes.depth.split_at_mut(cut);
     let (n0, n1) = planes.normal.split_at_mut(if planes.normal.is_empty() { 0 } else { cut });
+    let (i0, i1) = planes.image.split_at_mut(if planes.image.is_empty() { 0 } else { cut });
     let (a, b) = (
-        Planes { front: f0, tint: t0, depth: d0, normal: n0 },
-        Planes { front: f1, tint: t1, depth: d1, normal: n1 },
+        Planes { front: f0, tint: t0, depth: d0, normal: n0, image: i0 },
+        Planes { front: f1, tint: t1, depth: d1, normal: n1, image: i1 },
     );
     rayon::join(
         || split_bands(first, upper, rows, width, a, work),

@@ -12,7 +12,7 @@ use crate::mend::mend;
 use crate::plan::{FramePlan, Pass};
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
-use crate::push::push;
+use crate::push::push_with;
 use crate::pyramid::Pyramid;
 use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
@@ -136,8 +136,11 @@ impl Renderer {
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
-                Pass::Push => push(pyramid),
+                Pass::Push => push_with(pyramid, &mut picture.depth),
                 Pass::Mend => {
+                    if !plan.has_pyramid {
+                        pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);
+                    }
                     edges = mend_outlines(sources, pyramid, &mut picture.depth);
                 }
                 Pass::Shade => {
@@ -158,12 +161,11 @@ impl Renderer {
     }
 }
 
-/// Closes gaps of the filled level and takes back what sticks out of its surfaces; fills `depth`. Returns the
-/// pixels that may lie at an edge.
+/// Closes gaps of the filled level, whose depth image is `depth`, and takes back what sticks out of its surfaces.
+/// Returns the pixels that may lie at an edge.
 fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32]) -> Vec<usize> {
     let (base, lens) = (&mut pyramid.levels[0], pyramid.lens);
     let focal_px = lens.focal_px;
-    base.depth_image(&lens, depth);
     let mut edges = edges(depth, base.width, STEP_PX / focal_px);
     mend(base, depth, &edges, focal_px);
     edges.extend(trim_with(sources, base, depth, &edges, focal_px));

@@ -14,6 +14,7 @@ use crate::pyramid::{INVALID, Level, Pyramid};
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
+use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -90,7 +91,7 @@ fn shade_as<const SHINES: bool>(
             encoder,
             out: row.as_chunks_mut().0,
         };
-        row.shade::<SHINES>(&around);
+        dispatch!(Simd::new(), _ => row.shade::<SHINES>(&around));
         (row.covered, row.creases)
     });
     let found: Vec<_> = found.collect();
@@ -120,7 +121,7 @@ struct Light {
 }
 
 impl Row<'_> {
-    #[inline(never)]
+    #[inline(always)]
     fn shade<const SHINES: bool>(&mut self, around: &Surroundings<'_>) {
         let base = &self.pyramid.levels[0];
         let fronts = &base.front[self.y * base.width..][..base.width];
