@@ -6,6 +6,8 @@ pub const HOT_POSITION_BYTES: usize = 8;
 /// The place of the zero byte. Planes of points that are filtered while they are loaded have another value
 /// there for points that are not wanted; no file has.
 pub const HIDDEN_AT: usize = 7;
+/// Where the radius code lies in a hot position.
+pub const RADIUS_AT: usize = 6;
 
 /// The least number of dropped bits with which a box of this extent (steps, greatest axis) fits `u16`.
 pub fn hot_shift(extent_steps: u32) -> u8 {

@@ -9,7 +9,6 @@ mod exact;
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
-use esker_render::ewa::mapping::mapping;
 use esker_render::ewa::splat::Placed;
 use std::fmt::Write;
 
@@ -30,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         if splat.is_by_rays() {
             continue;
         }
-        let m = mapping(disc.centre, disc.tangents, lens.focal_px);
+        let m = disc.mapping(lens.focal_px);
         let bin = (f64::from(m.condition()).log10().max(0.0) * FINE as f64) as usize;
         if let (Some(error), Some(worst)) =
             (exact::coefficient_error(&disc, &lens), worst.get_mut(bin))

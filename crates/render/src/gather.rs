@@ -113,7 +113,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// Drawn radius of a point, from its offset and its radius code.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
         let spacing = self.spacing(draw, offset);
         let radius = spacing * self.radius_factors[usize::from(code)];

@@ -1,24 +1,19 @@
 //! The three passes of zwicker2004 section 6, tile by tile, so that what they share stays in the cache:
 //! visibility (the front's inverse depth, moved back), attributes (sums with weights, over what is not behind
 //! that), and normalisation (sums over the sum of weights), into level 0 of the pyramid, which is shaded
-//! afterwards. Rows of an ellipse are walked between its two crossings, four pixels at a time.
+//! afterwards.
 
-use super::clip::{Lines, WHOLE};
-use super::gauss::falloff;
-use super::place::{Run, TILE, unpacked};
-use super::splat::{Splat, WIDENED};
+use super::cover::{Pixels, Window, for_each, for_each_small};
+use super::gauss::Falloff;
+use super::place::unpacked;
+use super::splat::Splat;
+use super::sums::{Share, Sums, add, advance, front, means, replace};
+use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
+use crate::lanes::{LANES, Lane, counting, only, turned};
 use crate::pyramid::{INVALID, Level};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use std::ops::Range;
-
-/// Pixels worked on at once.
-const LANES: usize = 4;
-/// Pixels of a tile's row in its buffers: what is worked on at once may end past the tile.
-const STRIDE: usize = TILE + LANES;
-/// Offsets of pixels worked on at once.
-const LANE: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
 
 /// Square of the length under which a sum of normals has no direction.
 const UNKNOWN: f32 = 1e-8;
@@ -38,8 +33,8 @@ pub enum Passes {
 pub struct Blend<'a> {
     /// The splats.
     pub runs: &'a [Run],
-    /// Half the square of the cutoff.
-    pub half_cutoff: f32,
+    /// The weights.
+    pub falloff: Falloff,
     /// How.
     pub passes: Passes,
     /// The frame's camera.
@@ -48,28 +43,20 @@ pub struct Blend<'a> {
     pub has_normals: bool,
 }
 
-/// A tile's sums.
-struct Sums {
-    /// The front's inverse depth, moved back; 0 where nothing is.
-    front: Vec<f32>,
-    /// Red, green, blue and the weight; normal (or radius) and inverse depth. All times the weight.
-    sums: Vec<[Vec4; 2]>,
-}
-
-/// The part of the picture that a tile is.
-struct Window {
-    left: usize,
-    top: usize,
-    width: usize,
-    height: usize,
-}
-
 impl Blend<'_> {
     /// Draws all tiles to `base` and its depths (infinite where nothing is) to `depth`. Returns the number of
     /// pixels covered.
     pub fn draw(&self, base: &mut Level, depth: &mut [f32]) -> u64 {
+        if self.has_normals {
+            self.draw_tiles::<true>(base, depth)
+        } else {
+            self.draw_tiles::<false>(base, depth)
+        }
+    }
+
+    fn draw_tiles<const NORMALS: bool>(&self, base: &mut Level, depth: &mut [f32]) -> u64 {
         let (width, height) = (base.width, base.height);
-        let has_normals = self.has_normals;
+        let columns = width.div_ceil(TILE);
         let band = width * TILE;
         let Level { front, tint, depth: base_depth, normal, .. } = base;
         let mut normals: Vec<&mut [Vec4]> = normal.chunks_mut(band).collect();
@@ -82,37 +69,22 @@ impl Blend<'_> {
             .zip(normals)
             .enumerate()
             .map(|(row, ((((front, tint), base_depth), depth), normal))| {
-                let mut sums = Sums {
-                    front: vec![0.0; STRIDE * TILE],
-                    sums: vec![[Vec4::ZERO; 2]; STRIDE * TILE],
-                };
+                let mut sums = Sums::default();
                 let mut covered = 0;
-                for column in 0..width.div_ceil(TILE) {
-                    let window = Window {
-                        left: column * TILE,
-                        top: row * TILE,
-                        width: TILE.min(width - column * TILE),
-                        height: TILE.min(height - row * TILE),
-                    };
-                    let tile = row * width.div_ceil(TILE) + column;
-                    self.tile(tile, &window, &mut sums);
+                for column in 0..columns {
+                    let window = Window::new([column * TILE, row * TILE], [width, height]);
+                    self.tile::<NORMALS>(row * columns + column, &window, &mut sums);
                     for y in 0..window.height {
-                        for x in 0..window.width {
-                            let at = y * width + window.left + x;
-                            let place = [window.left + x, window.top + y];
-                            let sums = &sums.sums[y * STRIDE + x];
-                            let Some(pixel) = self.normalised(sums, place) else {
-                                (front[at], depth[at]) = (INVALID, f32::INFINITY);
-                                continue;
-                            };
-                            front[at] = Vec4::new(pixel.depth, pixel.depth, 0.0, 0.0);
-                            tint[at] = pixel.tint;
-                            (base_depth[at], depth[at]) = (pixel.depth, pixel.depth);
-                            if has_normals {
-                                normal[at] = pixel.normal;
-                            }
-                            covered += 1;
-                        }
+                        let at = y * width + window.left;
+                        let run = at..at + window.width;
+                        let mut out = Out {
+                            front: &mut front[run.clone()],
+                            tint: &mut tint[run.clone()],
+                            base_depth: &mut base_depth[run.clone()],
+                            depth: &mut depth[run.clone()],
+                            normal: normal.get_mut(run).unwrap_or_default(),
+                        };
+                        covered += self.normalise::<NORMALS>(&mut sums, y, &window, &mut out);
                     }
                 }
                 covered
@@ -120,252 +92,165 @@ impl Blend<'_> {
             .sum()
     }
 
-    fn tile(&self, tile: usize, window: &Window, sums: &mut Sums) {
-        sums.front.fill(0.0);
-        sums.sums.fill([Vec4::ZERO; 2]);
+    #[inline(never)]
+    fn tile<const NORMALS: bool>(&self, tile: usize, window: &Window, sums: &mut Sums) {
+        sums.clear();
         match self.passes {
             Passes::Three => {
-                self.for_each(tile, |splat, lines| self.visibility(splat, lines, window, sums));
-                self.for_each(tile, |splat, lines| {
-                    self.attributes::<true>(splat, lines, window, sums);
-                });
+                self.visibility(tile, window, sums);
+                self.attributes::<true, NORMALS>(tile, window, sums);
             }
-            Passes::One => self.for_each(tile, |splat, lines| {
-                self.attributes::<false>(splat, lines, window, sums);
-            }),
+            Passes::One => self.attributes::<false, NORMALS>(tile, window, sums),
         }
     }
 
-    /// Gives the splats of a tile in their order, with the lines of those that are clipped.
+    /// Gives the splats of a tile in their order.
     #[inline(always)]
-    fn for_each(&self, tile: usize, mut work: impl FnMut(&Splat, Option<&Lines>)) {
+    fn for_each(&self, tile: usize, mut work: impl FnMut(&Run, &Splat, &Entry)) {
         for run in self.runs {
-            if run.clips() {
-                let both = run.of_tile(tile).zip(run.lines_of_tile(tile));
-                both.for_each(|(splat, lines)| {
-                    work(splat, Some(lines).filter(|l| l.kept != WHOLE));
-                });
-            } else {
-                run.of_tile(tile).for_each(|splat| work(splat, None));
-            }
+            run.of_tile(tile).for_each(|(splat, entry)| work(run, splat, entry));
         }
-    }
-
-    /// Gives the pixels of a tile that are inside a splat and that its lines keep.
-    #[inline(always)]
-    fn for_each_kept(
-        &self,
-        splat: &Splat,
-        lines: Option<&Lines>,
-        window: &Window,
-        mut work: impl FnMut(usize, Pixels),
-    ) {
-        let near = self.camera.near;
-        let Some(lines) = lines else { return for_each_run(splat, window, near, work) };
-        let [cx, cy] = self.camera.centre_px;
-        for_each_run(splat, window, near, |at, mut pixels| {
-            let (x, y) = (window.left + at % STRIDE, window.top + at / STRIDE);
-            // The same for all splats on a pixel.
-            let x = LANE + (x as f32 + 0.5) - cx;
-            pixels.inside *= lines.inside(x, y as f32 + 0.5 - cy);
-            work(at, pixels);
-        });
     }
 
     /// Pass 1.
-    fn visibility(&self, splat: &Splat, lines: Option<&Lines>, window: &Window, sums: &mut Sums) {
-        // Nothing of a disc is nearer than this.
-        let nearest = Vec4::splat(splat.form[5]);
-        self.for_each_kept(splat, lines, window, |at, pixels| {
-            let moved = if splat.is_by_rays() {
-                pixels.inverse_depth / (pixels.inverse_depth * -splat.back + 1.0)
-            } else {
-                pixels.inverse_depth.min(nearest) - splat.back
-            };
-            let moved = (moved * pixels.inside).to_array();
-            for (front, moved) in sums.front[at..at + LANES].iter_mut().zip(moved) {
-                *front = front.max(moved);
+    #[inline(never)]
+    fn visibility(&self, tile: usize, window: &Window, sums: &mut Sums) {
+        let rows = sums.rows();
+        let Camera { centre_px, near, .. } = *self.camera;
+        self.for_each(tile, |run, splat, entry| {
+            // Nothing of a disc is nearer than this.
+            let nearest = Vec4::splat(splat.form[5]);
+            let back = splat.back;
+            let is_by_rays = splat.is_by_rays();
+            if entry.is_small {
+                return for_each_small(splat, entry, window, |p| {
+                    let moved = p.inverse_depth.min(nearest) - back;
+                    advance(&mut rows[p.y], p.x, p.inside, moved);
+                });
             }
+            for_each(splat, entry, run.lines(entry), window, centre_px, near, |p| {
+                let moved = if is_by_rays {
+                    p.inverse_depth / (p.inverse_depth * -back + 1.0)
+                } else {
+                    p.inverse_depth.min(nearest) - back
+                };
+                advance(&mut rows[p.y], p.x, p.inside, moved);
+            });
         });
     }
 
     /// Pass 2; or the only one, where a splat in front takes the pixel.
-    fn attributes<const BLENDS: bool>(
+    #[inline(never)]
+    fn attributes<const BLENDS: bool, const NORMALS: bool>(
         &self,
-        splat: &Splat,
-        lines: Option<&Lines>,
+        tile: usize,
         window: &Window,
         sums: &mut Sums,
     ) {
-        let tint = Vec3::from_array(splat.tint).extend(1.0);
-        let shape = if self.has_normals {
-            unpacked(splat.normal).extend(1.0)
-        } else {
-            Vec4::new(f32::from_bits(splat.normal), 0.0, 0.0, 1.0)
-        };
-        let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
-        self.for_each_kept(splat, lines, window, |at, pixels| {
-            let front = Vec4::from_slice(&sums.front[at..at + LANES]);
-            let seen = if BLENDS {
-                pixels.inverse_depth.cmpge(front)
+        let rows = sums.rows();
+        let Camera { centre_px, near, .. } = *self.camera;
+        self.for_each(tile, |run, splat, entry| {
+            let shape = if NORMALS {
+                unpacked(splat.normal).to_array()
             } else {
-                pixels.inverse_depth.cmpgt(front)
+                [f32::from_bits(splat.normal), 0.0, 0.0]
             };
-            if !seen.any() {
-                return;
-            }
-            let weight = falloff(pixels.squared * self.half_cutoff) * (pixels.inside * amplitude);
-            let weight = Vec4::select(seen, weight, Vec4::ZERO).to_array();
-            let z = pixels.inverse_depth.to_array();
-            let sums_here = &mut sums.sums[at..at + LANES];
-            for (k, [a, b]) in sums_here.iter_mut().enumerate() {
-                let shape = Vec4::new(shape.x, shape.y, shape.z, z[k]);
-                if BLENDS {
-                    // Without a branch: what is not seen adds nothing.
-                    *a += tint * weight[k];
-                    *b += shape * weight[k];
-                } else if weight[k] > 0.0 {
-                    (*a, *b) = (tint, shape);
-                    sums.front[at + k] = z[k];
+            let share = Share::new(splat.tint, shape);
+            let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
+            let work = |p: Pixels| {
+                let row = &mut rows[p.y];
+                let front = front(row, p.x);
+                let seen = p.inside
+                    & if BLENDS {
+                        p.inverse_depth.cmpge(front)
+                    } else {
+                        p.inverse_depth.cmpgt(front)
+                    };
+                if !seen.any() {
+                    return;
                 }
+                if BLENDS {
+                    let weight = only(seen, self.falloff.of(p.squared)) * amplitude;
+                    add::<NORMALS>(row, p.x, weight, &share, p.inverse_depth);
+                } else {
+                    replace(row, p.x, seen, &share, p.inverse_depth);
+                }
+            };
+            if entry.is_small {
+                for_each_small(splat, entry, window, work);
+            } else {
+                for_each(splat, entry, run.lines(entry), window, centre_px, near, work);
             }
         });
     }
 
-    /// Pass 3.
-    fn normalised(&self, [a, b]: &[Vec4; 2], place: [usize; 2]) -> Option<Pixel> {
-        (a.w > 0.0).then(|| {
-            let share = 1.0 / a.w;
-            let normal = if self.has_normals {
-                let mut n = self.camera.to_view(b.truncate() * share);
-                if n.length_squared() < UNKNOWN {
-                    // None is known: it faces the eye.
-                    let [x, y] = place.map(|c| c as f32 + 0.5);
-                    let [middle_x, middle_y] = self.camera.centre_px;
-                    let to_eye = Vec3::new(middle_x - x, y - middle_y, self.camera.focal_px);
-                    n = to_eye.normalize_or(Vec3::Z);
-                }
-                n.extend(n.z)
-            } else {
-                Vec4::ZERO
-            };
-            let radius_px = if self.has_normals { 1.0 } else { b.x * share };
-            let tint = (a.truncate() * share).extend(radius_px);
-            Pixel { depth: 1.0 / (b.w * share), tint, normal }
-        })
-    }
-}
-
-struct Pixel {
-    depth: f32,
-    tint: Vec4,
-    normal: Vec4,
-}
-
-/// Neighbouring pixels of a row under a splat.
-struct Pixels {
-    /// 1 for those that are inside, else 0.
-    inside: Vec4,
-    /// Square of the place in the splat, 1 at the cutoff.
-    squared: Vec4,
-    /// Positive, finite.
-    inverse_depth: Vec4,
-}
-
-/// Gives the pixels of a tile that are inside a splat, up to four at a time with the place of the first in the
-/// tile's buffers.
-#[inline(always)]
-fn for_each_run(splat: &Splat, window: &Window, near: f32, mut work: impl FnMut(usize, Pixels)) {
-    if splat.is_by_rays() {
-        for_each_run_by_rays(splat, window, near, work);
-        return;
-    }
-    let [mx, my] = splat.origin;
-    let [across, shear, along, amplitude, least, greatest] = splat.form;
-    let [z, z_x, z_y] = splat.inverse_depth;
-    // The exact Gaussian of an ellipse: section 4.4's conic is that of the plane times the square of the inverse
-    // depth, so what a weight lacks to the cutoff goes by that.
-    let mend = if amplitude < 0.0 { least * greatest } else { 0.0 };
-    let (half_width, half_height) = (1.0 / across, 1.0 / along);
-    let skew = shear * half_width;
-    let (far, near) = (Vec4::splat(least * WIDENED), Vec4::splat(greatest / WIDENED));
-    for y in rows(my, half_height, window) {
-        let dy = (window.top + y) as f32 + 0.5 - my;
-        let v = along * dy;
-        let half = (1.0 - v * v).max(0.0).sqrt() * half_width;
-        let middle = mx + skew * dy;
-        let columns = cells(middle - half, middle + half, window.left, window.width);
-        for x in columns.clone().step_by(LANES) {
-            let dx = LANE + ((window.left + x) as f32 + 0.5 - mx);
-            let u = dx * across - shear * dy;
-            let plane = dx * z_x + (z + z_y * dy);
-            let inverse_depth = plane.clamp(far, near);
-            let mut squared = u * u + v * v;
-            if mend > 0.0 {
-                let z = plane.clamp(Vec4::splat(least), Vec4::splat(greatest));
-                let lacking = (Vec4::ONE - squared) * mend / (z * z);
-                squared = (Vec4::ONE - lacking).max(Vec4::ZERO);
-            }
-            let inside = INSIDE[(columns.end - x).min(LANES)];
-            work(y * STRIDE + x, Pixels { inside, squared: squared.min(Vec4::ONE), inverse_depth });
-        }
-    }
-}
-
-/// Lanes that are inside, by their number.
-const INSIDE: [Vec4; LANES + 1] = [
-    Vec4::ZERO,
-    Vec4::new(1.0, 0.0, 0.0, 0.0),
-    Vec4::new(1.0, 1.0, 0.0, 0.0),
-    Vec4::new(1.0, 1.0, 1.0, 0.0),
-    Vec4::ONE,
-];
-
-/// The same where each pixel's ray meets the plane.
-fn for_each_run_by_rays(
-    splat: &Splat,
-    window: &Window,
-    near: f32,
-    mut work: impl FnMut(usize, Pixels),
-) {
-    let [ux, uy, u0, vx, vy, v0] = splat.form;
-    let [z, z_x, z_y] = splat.inverse_depth;
-    let greatest = 1.0 / near;
-    let from =
-        Vec2::new(window.left as f32, window.top as f32) + 0.5 - Vec2::from_array(splat.origin);
-    for y in 0..window.height {
-        let dy = from.y + y as f32;
+    /// Pass 3, of a row. Returns the number of pixels covered.
+    #[inline(never)]
+    fn normalise<const NORMALS: bool>(
+        &self,
+        sums: &mut Sums,
+        y: usize,
+        window: &Window,
+        out: &mut Out<'_>,
+    ) -> u64 {
+        let camera = self.camera;
+        let row = &mut sums.rows()[y];
+        let mut covered = 0;
         for x in (0..window.width).step_by(LANES) {
-            let dx = LANE + (from.x + x as f32);
-            let inverse_depth = dx * z_x + (z + z_y * dy);
-            let u = (dx * ux + (u0 + uy * dy)) / inverse_depth;
-            let v = (dx * vx + (v0 + vy * dy)) / inverse_depth;
-            let squared = u * u + v * v;
-            // What is not a number is outside.
-            let meets = inverse_depth.cmpgt(Vec4::ZERO)
-                & inverse_depth.cmple(Vec4::splat(greatest))
-                & squared.cmplt(Vec4::ONE);
-            if !meets.any() {
-                continue;
+            let ([r, g, b, nx, ny, nz, inverse_depth], is_any) = means(row, x);
+            let count = LANES.min(window.width - x);
+            let bits = is_any.bitmask() & ((1 << count) - 1);
+            covered += u64::from(bits.count_ones());
+            let depth = Vec4::select(is_any, 1.0 / inverse_depth, Vec4::INFINITY);
+            let (mut radius, mut normals) = (nx, [Vec4::ZERO; LANES]);
+            if NORMALS {
+                let [right, up, back] = camera.view_from_world;
+                let along = |v: Vec3| nx * v.x + ny * v.y + nz * v.z;
+                let mut n = [along(right), along(up), along(back)];
+                let is_known =
+                    (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).cmpge(Vec4::splat(UNKNOWN));
+                if !is_known.all() {
+                    // It faces the eye.
+                    let to_eye = self.rays_back(window, x, y);
+                    (0..3).for_each(|i| n[i] = Vec4::select(is_known, n[i], to_eye[i]));
+                }
+                (radius, normals) = (Vec4::ONE, turned([n[0], n[1], n[2], n[2]]));
             }
-            let inside = Vec4::select(meets, INSIDE[(window.width - x).min(LANES)], Vec4::ZERO);
-            let squared = Vec4::select(meets, squared, Vec4::ONE);
-            let inverse_depth = Vec4::select(meets, inverse_depth, Vec4::splat(greatest));
-            work(y * STRIDE + x, Pixels { inside, squared, inverse_depth });
+            let tints = turned([r, g, b, radius]);
+            for k in 0..count {
+                let at = x + k;
+                (out.base_depth[at], out.depth[at]) = (depth[k], depth[k]);
+                if bits >> k & 1 == 0 {
+                    out.front[at] = INVALID;
+                    continue;
+                }
+                out.front[at] = Vec4::new(depth[k], depth[k], 0.0, 0.0);
+                out.tint[at] = tints[k];
+                if NORMALS {
+                    out.normal[at] = normals[k];
+                }
+            }
         }
+        covered
+    }
+
+    /// Directions from pixels to the eye, right, up and back.
+    fn rays_back(&self, window: &Window, x: usize, y: usize) -> [Lane; 3] {
+        let [middle_x, middle_y] = self.camera.centre_px;
+        let x = -counting((window.left + x) as f32 + 0.5 - middle_x, 1.0);
+        let y = Vec4::splat((window.top + y) as f32 + 0.5 - middle_y);
+        let z = Vec4::splat(self.camera.focal_px);
+        let length = (x * x + y * y + z * z).sqrt();
+        [x / length, y / length, z / length]
     }
 }
 
-/// Rows of a window whose middles are within `half` of `middle`.
-#[inline(always)]
-fn rows(middle: f32, half: f32, window: &Window) -> Range<usize> {
-    cells(middle - half, middle + half, window.top, window.height)
-}
-
-/// Cells from `first` on, of at most `count`, whose middles lie between two places; counted from `first`.
-#[inline(always)]
-fn cells(low: f32, high: f32, first: usize, count: usize) -> Range<usize> {
-    // `as` rounds down, saturates, and takes what is not a number for 0.
-    let past = |place: f32| (place + 0.5 - first as f32).clamp(0.0, count as f32) as usize;
-    past(low)..past(high)
+/// A tile's part of a row of level 0.
+struct Out<'a> {
+    front: &'a mut [Vec4],
+    tint: &'a mut [Vec4],
+    base_depth: &'a mut [f32],
+    depth: &'a mut [f32],
+    /// Empty without normals.
+    normal: &'a mut [Vec4],
 }

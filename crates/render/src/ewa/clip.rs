@@ -5,6 +5,7 @@
 //! their sign from one splat of a pair to the other: what the one leaves the other takes, to the pixel.
 
 use crate::camera::Camera;
+use crate::lanes::{Lane, Mask};
 use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
 use glam::{Vec3, Vec4};
 
@@ -136,19 +137,18 @@ impl Lines {
         }
     }
 
-    /// 1 for those of four pixels that are kept, else 0; `x` and `y` are their middles from the picture's.
+    /// Those of four pixels that are kept; `x` and `y` are their middles from the picture's.
     #[inline(always)]
-    pub fn inside(&self, x: Vec4, y: f32) -> Vec4 {
+    pub fn keep(&self, x: Lane, y: f32) -> Mask {
         let [a, b] =
             [self.first, self.second].map(|[lx, ly, l]| (x * lx + (l + ly * y)).cmpge(Vec4::ZERO));
-        let kept = if self.kept == BOTH {
+        if self.kept == BOTH {
             a & b
         } else if self.kept == EITHER {
             a | b
         } else {
             a
-        };
-        Vec4::select(kept, Vec4::ONE, Vec4::ZERO)
+        }
     }
 }
 
@@ -157,8 +157,8 @@ impl Lines {
 fn side([lx, ly, l]: [f32; 3], [left, right, top, bottom]: Box4, [cx, cy]: [f32; 2]) -> Side {
     /// Rounding of the sum of three products.
     const ROUNDING: f32 = 1e-6;
-    let [x0, x1] = [f32::from(left) + 0.5 - cx, f32::from(right) - 0.5 - cx];
-    let [y0, y1] = [f32::from(top) + 0.5 - cy, f32::from(bottom) - 0.5 - cy];
+    let [x0, x1] = [left as f32 + 0.5 - cx, right as f32 - 0.5 - cx];
+    let [y0, y1] = [top as f32 + 0.5 - cy, bottom as f32 - 0.5 - cy];
     let least = (lx * x0).min(lx * x1) + (ly * y0).min(ly * y1) + l;
     let greatest = (lx * x0).max(lx * x1) + (ly * y0).max(ly * y1) + l;
     let size = lx.abs() * x0.abs().max(x1.abs()) + ly.abs() * y0.abs().max(y1.abs()) + l.abs();

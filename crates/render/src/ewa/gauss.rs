@@ -9,14 +9,32 @@ pub const CUTOFF: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 /// `exp(-t / 2)` for t from 0 to 2, by powers of t / 2, lowest first; relative error 2.5e-5.
 const POWERS: [f32; 5] = [0.999_989_16, -0.999_456_3, 0.495_569_67, -0.153_750_47, 0.025_536_54];
 
-/// `exp(-t)` for t from 0 to 2 (the half square of the greatest cutoff) to 5e-5 of itself: the square of a
-/// polynomial. Without branches or tables, so that several pixels are done at once.
-#[inline(always)]
-pub fn falloff(t: Vec4) -> Vec4 {
-    let [a, b, c, d, e] = POWERS;
-    let s = t * 0.5;
-    let root = s * (s * (s * (s * e + d) + c) + b) + a;
-    root * root
+/// Weights from the middle of a kernel to its end: `exp(-c t)` for t from 0 to 1, to 5e-5 of itself, where `c` is half the
+/// square of the cutoff and at most 2: the square of a polynomial. Without branches or tables, so that several pixels are
+/// done at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Falloff([f32; 5]);
+
+impl Falloff {
+    /// Of a cutoff.
+    pub fn new(cutoff: f32) -> Self {
+        let half = 0.25 * cutoff * cutoff;
+        let mut scale = 1.0;
+        Self(POWERS.map(|power| {
+            let scaled = power * scale;
+            scale *= half;
+            scaled
+        }))
+    }
+
+    /// The weights at these squares of the place in the kernel.
+    #[inline(always)]
+    pub fn of(&self, squared: Vec4) -> Vec4 {
+        let [a, b, c, d, e] = self.0;
+        let s = squared;
+        let root = s * (s * (s * (s * e + d) + c) + b) + a;
+        root * root
+    }
 }
 
 #[cfg(test)]
@@ -25,10 +43,14 @@ mod tests {
 
     #[test]
     fn weights_are_the_exponential_within_the_greatest_cutoff() {
-        for i in 0..=2000 {
-            let t = f64::from(i) * 1e-3;
-            let share = f64::from(falloff(Vec4::splat(t as f32)).x) * t.exp();
-            assert!((share - 1.0).abs() < 5.1e-5, "{t}: {share}");
+        for cutoff in [*CUTOFF.start(), 1.5, *CUTOFF.end()] {
+            let falloff = Falloff::new(cutoff);
+            for i in 0..=2000 {
+                let t = f64::from(i) * 5e-4;
+                let weight = f64::from(falloff.of(Vec4::splat(t as f32)).x);
+                let share = weight * (0.5 * f64::from(cutoff * cutoff) * t).exp();
+                assert!((share - 1.0).abs() < 5.1e-5, "{cutoff} {t}: {share}");
+            }
         }
     }
 }

@@ -6,101 +6,113 @@
 //! to and divided by its depth. Then the *dual* conic is formed, the tangents' outer products, which needs no
 //! inverse: all that is left are sums of squares. The determinant comes from the mapping's own
 //! ([`Mapping::area`]), never as a difference of products of the conic's coefficients.
+//!
+//! All of it is computed of one splat or of four at once ([`Real`]).
 
+use super::real::{Real, dot};
 use glam::{Vec2, Vec3};
 
 /// The homogeneous mapping of equation 4, recentred: the rows of `M`, with the splat's centre in the third.
 #[derive(Clone, Copy, Debug)]
-pub struct Mapping {
+pub struct Mapping<T = f32> {
     /// Where the centre is projected to.
-    pub centre: Vec2,
+    pub centre: [T; 2],
     /// Inverse depth of the centre.
-    pub nearness: f32,
+    pub nearness: T,
     /// Distance of the centre over its depth.
-    pub stretch: f32,
+    pub stretch: T,
     /// First tangent: x and y in pixels at the centre's depth, z over that depth. It reaches from the centre
     /// to the cut-off isocontour.
-    pub a: Vec3,
+    pub a: [T; 3],
     /// Second tangent.
-    pub b: Vec3,
+    pub b: [T; 3],
     /// Product of the lengths of the rows before they were moved, in the units of [`Mapping::area`].
-    pub lengths: f32,
+    pub lengths: T,
 }
 
 /// Equation 4: the mapping of a splat. `p` is its centre, `tangents` reach from there to the cut-off
 /// isocontour; right, down and depth from the eye.
 #[inline(always)]
-pub fn mapping(p: Vec3, tangents: [Vec3; 2], focal_px: f32) -> Mapping {
-    let inverse = 1.0 / p.z;
-    let slope = Vec2::new(p.x, p.y) * inverse;
-    let row = |t: Vec3| {
-        let across = (Vec2::new(t.x, t.y) - slope * t.z) * (focal_px * inverse);
-        Vec3::new(across.x, across.y, t.z * inverse)
+pub fn mapping<T: Real>(p: [T; 3], tangents: [[T; 3]; 2], focal_px: f32) -> Mapping<T> {
+    let focal = T::of(focal_px);
+    let inverse = T::of(1.0) / p[2];
+    let slope = [p[0] * inverse, p[1] * inverse];
+    let scale = focal * inverse;
+    let row = |t: [T; 3]| {
+        [(t[0] - slope[0] * t[2]) * scale, (t[1] - slope[1] * t[2]) * scale, t[2] * inverse]
     };
     let [a, b] = tangents.map(row);
-    let [u, v] = tangents.map(|t| t.length() * (focal_px * inverse));
-    let stretch = (slope.length_squared() + 1.0).sqrt();
-    let (centre, lengths) = (slope * focal_px, u * v * stretch);
-    Mapping { centre, nearness: inverse, stretch, a, b, lengths }
+    let [u, v] = tangents.map(|t| dot(t, t).sqrt() * scale);
+    let stretch = (slope[0] * slope[0] + slope[1] * slope[1] + T::of(1.0)).sqrt();
+    let centre = [slope[0] * focal, slope[1] * focal];
+    Mapping { centre, nearness: inverse, stretch, a, b, lengths: u * v * stretch }
 }
 
-impl Mapping {
+impl<T: Real> Mapping<T> {
     /// Determinant of the mapping: the signed area that the tangents span in the picture, at the centre's
     /// depth. Nothing is seen of a splat where it is 0: the eye lies in its plane.
     #[inline(always)]
-    pub fn area(&self) -> f32 {
-        self.a.x * self.b.y - self.a.y * self.b.x
+    pub fn area(&self) -> T {
+        self.a[0] * self.b[1] - self.a[1] * self.b[0]
+    }
+
+    /// Square of [`Mapping::reach`].
+    #[inline(always)]
+    fn reach_squared(&self) -> T {
+        self.a[2] * self.a[2] + self.b[2] * self.b[2]
     }
 
     /// Share of the depth by which the disc reaches before and behind its centre.
     #[inline(always)]
-    pub fn reach(&self) -> f32 {
-        (self.a.z * self.a.z + self.b.z * self.b.z).sqrt()
+    pub fn reach(&self) -> T {
+        self.reach_squared().sqrt()
     }
 
     /// The discriminant of section 4.2, of the projected isocontour: positive for an ellipse, 0 for a
     /// parabola, negative for a hyperbola. 1 where the disc has the same depth everywhere.
     #[inline(always)]
-    pub fn discriminant(&self) -> f32 {
-        1.0 - (self.a.z * self.a.z + self.b.z * self.b.z)
+    pub fn discriminant(&self) -> T {
+        T::of(1.0) - self.reach_squared()
     }
 
     /// How ill-conditioned the mapping is, 1 at best: Hadamard's condition number, the product of the lengths of
     /// its rows over its determinant, over the discriminant. Neither the splat's size nor its distance changes it.
     #[inline(always)]
-    pub fn condition(&self) -> f32 {
-        self.lengths / (self.area().abs() * self.discriminant().max(0.0))
+    pub fn condition(&self) -> T {
+        self.lengths / (self.area().abs() * self.discriminant().max(T::of(0.0)))
     }
 
     /// Equation 7: the middle of the projected isocontour, from [`Mapping::centre`]. For ellipses.
     #[inline(always)]
-    pub fn middle(&self) -> Vec2 {
-        let (a, b) = (Vec2::new(self.a.x, self.a.y), Vec2::new(self.b.x, self.b.y));
-        (a * self.a.z + b * self.b.z) * (-1.0 / self.discriminant())
+    pub fn middle(&self) -> [T; 2] {
+        let Self { a, b, .. } = *self;
+        let scale = -(T::of(1.0) / self.discriminant());
+        [(a[0] * a[2] + b[0] * b[2]) * scale, (a[1] * a[2] + b[1] * b[2]) * scale]
     }
 
     /// Inverse depth on the tangent plane: its growth a pixel, over that of the centre. Infinite where the eye
     /// lies in the plane.
     #[inline(always)]
-    pub fn inverse_depth_slope(&self) -> Vec2 {
+    pub fn inverse_depth_slope(&self) -> [T; 2] {
         let Self { a, b, .. } = *self;
-        Vec2::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z) / self.area()
+        let scale = T::of(1.0) / self.area();
+        [(a[1] * b[2] - a[2] * b[1]) * scale, (a[2] * b[0] - a[0] * b[2]) * scale]
     }
 
     /// Equations 10 and 11: the shape of the projected isocontour, whose points `x` from its middle have
     /// `x shape^-1 x = 1`. It is the variance matrix R' = Q'''^-1 of the affine approximation times the square
     /// of the cutoff. For ellipses.
     #[inline(always)]
-    pub fn isocontour(&self) -> Shape {
+    pub fn isocontour(&self) -> Shape<T> {
         let Self { a, b, .. } = *self;
-        let d = 1.0 / self.discriminant();
+        let d = T::of(1.0) / self.discriminant();
         let m = self.middle();
         // With d = 1/discriminant and z the tangents' depths, the determinant is area^2 d^2 (1 + z.z d),
         // and 1 + z.z d = d.
         Shape {
-            xx: (a.x * a.x + b.x * b.x) * d + m.x * m.x,
-            xy: (a.x * a.y + b.x * b.y) * d + m.x * m.y,
-            yy: (a.y * a.y + b.y * b.y) * d + m.y * m.y,
+            xx: (a[0] * a[0] + b[0] * b[0]) * d + m[0] * m[0],
+            xy: (a[0] * a[1] + b[0] * b[1]) * d + m[0] * m[1],
+            yy: (a[1] * a[1] + b[1] * b[1]) * d + m[1] * m[1],
             root: self.area().abs() * d * d.sqrt(),
         }
     }
@@ -108,22 +120,23 @@ impl Mapping {
 
 /// A symmetric matrix with its determinant: the shape of an ellipse.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct Shape<T = f32> {
     /// Coefficient.
-    pub xx: f32,
+    pub xx: T,
     /// Coefficient.
-    pub xy: f32,
+    pub xy: T,
     /// Coefficient.
-    pub yy: f32,
+    pub yy: T,
     /// Square root of the determinant.
-    pub root: f32,
+    pub root: T,
 }
 
-impl Shape {
+impl<T: Real> Shape<T> {
     /// The shape of the resampling filter (equation 3): the low-pass of variance `lowpass` (square pixels)
     /// times the square of the cutoff is added, `h` of both.
     #[inline(always)]
     pub fn with_lowpass(self, h: f32) -> Self {
+        let h = T::of(h);
         let (xx, yy) = (self.xx + h, self.yy + h);
         // det + h trace + h^2; no difference in it.
         let root = (self.root * self.root + h * (self.xx + self.yy) + h * h).sqrt();
@@ -132,19 +145,17 @@ impl Shape {
 
     /// Equations 8 and 9: half the width and height of the box around the ellipse.
     #[inline(always)]
-    pub fn bounds(&self) -> Vec2 {
-        Vec2::new(self.xx.sqrt(), self.yy.sqrt())
+    pub fn bounds(&self) -> [T; 2] {
+        [self.xx.sqrt(), self.yy.sqrt()]
     }
 
     /// The central conic (equation 10) as a sum of squares, which cannot cancel.
     #[inline(always)]
-    pub fn conic(&self) -> Conic {
-        let height = 1.0 / self.yy.sqrt();
-        Conic {
-            across: 1.0 / (self.root * height),
-            shear: self.xy * height / self.root,
-            along: height,
-        }
+    pub fn conic(&self) -> Conic<T> {
+        let side = self.yy.sqrt();
+        let along = T::of(1.0) / side;
+        let inverse = T::of(1.0) / self.root;
+        Conic { across: side * inverse, shear: self.xy * along * inverse, along }
     }
 }
 
@@ -152,25 +163,25 @@ impl Shape {
 /// the projected kernel's height, |R'|^(1/2) / |R' + H|^(1/2). Kept, so that where splats of unlike tilt or
 /// size meet each counts by the area that it has in the picture.
 #[inline(always)]
-pub fn amplitude(kernel: &Shape, filter: &Shape) -> f32 {
+pub fn amplitude<T: Real>(kernel: &Shape<T>, filter: &Shape<T>) -> T {
     kernel.root / filter.root
 }
 
 /// A central conic: `(across x - shear y)^2 + (along y)^2 <= 1`.
 #[derive(Clone, Copy, Debug)]
-pub struct Conic {
+pub struct Conic<T = f32> {
     /// Of x.
-    pub across: f32,
+    pub across: T,
     /// Of y, in the same square.
-    pub shear: f32,
+    pub shear: T,
     /// Of y.
-    pub along: f32,
+    pub along: T,
 }
 
-impl Conic {
+impl<T: Real> Conic<T> {
     /// Square of the distance from the middle over that of the isocontour in the same direction.
     #[inline(always)]
-    pub fn at(&self, x: f32, y: f32) -> f32 {
+    pub fn at(&self, x: T, y: T) -> T {
         let (u, v) = (self.across * x - self.shear * y, self.along * y);
         u * u + v * v
     }

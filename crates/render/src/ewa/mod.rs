@@ -9,10 +9,14 @@
 
 pub mod blend;
 pub mod clip;
+pub mod cover;
 pub mod gauss;
 pub mod mapping;
 pub mod place;
+pub mod real;
 pub mod splat;
+pub mod sums;
+pub mod tiles;
 
 pub use blend::Passes;
 
@@ -25,9 +29,11 @@ use crate::pyramid::Pyramid;
 use blend::Blend;
 use clip::Clipping;
 use esker_points::Grain;
+use gauss::Falloff;
 use glam::Vec2;
-use place::{Placing, Run, Tiles};
+use place::Placing;
 use splat::Lens;
+use tiles::{Run, Tiles};
 
 /// How splats are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,10 +109,10 @@ impl Ewa {
     /// covered.
     pub fn draw(&self, camera: &Camera, pyramid: &mut Pyramid, depth: &mut [f32]) -> u64 {
         let options = self.options.within_bounds();
-        let half_cutoff = 0.5 * options.cutoff * options.cutoff;
+        let falloff = Falloff::new(options.cutoff);
         let has_normals = pyramid.has_normals();
         let blend =
-            Blend { runs: &self.runs, half_cutoff, passes: options.passes, camera, has_normals };
+            Blend { runs: &self.runs, falloff, passes: options.passes, camera, has_normals };
         pyramid.levels.first_mut().map_or(0, |base| blend.draw(base, depth))
     }
 }

@@ -1,117 +1,23 @@
-//! From points to splats, sorted into tiles of the picture. Runs of points are placed in parallel; each keeps
-//! its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
+//! From points to splats, four at a time, sorted into tiles of the picture. Runs of points are placed in parallel; each
+//! keeps its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
 //! through the runs in their order: the same sums, and so the same bits, for any number of threads.
 
 use super::clip::{Clipping, Lines, WIDER};
-use super::splat::{Box4, Disc, Lens, Placed, Splat};
+use super::real::dot;
+use super::splat::{Disc, Ellipses, Lens, Placed, across};
+use super::tiles::{RUN_POINTS, Run, Tiles};
 use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
-use crate::frame::{DrawNode, Frame};
+use crate::colour::{ColourBy, linear};
+use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gather::Lookup;
-use crate::project::{DrawList, is_hidden};
-use glam::Vec3;
+use crate::lanes::{LANES, Lane, Mask, directions, only};
+use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
+use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Pixels on a side of a tile: its sums stay in the nearest cache.
-pub const TILE: usize = 32;
-/// Points that a run has.
-const RUN_POINTS: usize = 1 << 14;
 /// Points whose places are worked out at once: arithmetic without branches.
 const BLOCK: usize = 64;
-
-/// Tiles of a picture.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tiles {
-    /// Tiles in a row.
-    pub columns: usize,
-    /// Rows of tiles.
-    pub rows: usize,
-}
-
-impl Tiles {
-    /// Of a picture.
-    pub fn new(width: usize, height: usize) -> Self {
-        Self { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) }
-    }
-}
-
-/// The splats of a run of points, by tiles.
-#[derive(Debug, Default)]
-pub struct Run {
-    /// The splats, in the order of their points.
-    pub splats: Vec<Splat>,
-    boxes: Vec<Box4>,
-    /// For each tile its first entry, and one past the last of all.
-    starts: Vec<u32>,
-    /// Splats by tile.
-    entries: Vec<u32>,
-    /// What of each splat is kept; empty where no splat of the run is clipped.
-    lines: Vec<Lines>,
-    /// Splats that could not be evaluated.
-    pub dropped: u64,
-}
-
-impl Run {
-    /// The splats that touch a tile, in their order.
-    pub fn of_tile(&self, tile: usize) -> impl Iterator<Item = &Splat> {
-        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        self.entries[range].iter().map(|&i| &self.splats[i as usize])
-    }
-
-    /// The lines of these splats, in the same order; none where no splat of the run is clipped.
-    pub fn lines_of_tile(&self, tile: usize) -> impl Iterator<Item = &Lines> {
-        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        self.entries[range].iter().map_while(|&i| self.lines.get(i as usize))
-    }
-
-    /// Whether splats of the run are clipped.
-    pub fn clips(&self) -> bool {
-        !self.lines.is_empty()
-    }
-
-    /// Adds what is kept of the newest splat.
-    fn clip(&mut self, lines: Option<Lines>) {
-        if lines.is_some() || self.clips() {
-            self.lines.resize(self.splats.len() - 1, Lines::default());
-            self.lines.push(lines.unwrap_or_default());
-        }
-    }
-
-    fn clear(&mut self) {
-        self.splats.clear();
-        self.boxes.clear();
-        self.lines.clear();
-        self.dropped = 0;
-    }
-
-    /// Sorts the splats into tiles, by counting.
-    fn sort(&mut self, tiles: Tiles) {
-        let Self { boxes, starts, entries, .. } = self;
-        starts.clear();
-        starts.resize(tiles.columns * tiles.rows + 1, 0);
-        let touched = |b: &Box4| {
-            let [left, past_x, top, past_y] = b.map(usize::from);
-            let (columns, rows) =
-                (left / TILE..=(past_x - 1) / TILE, top / TILE..=(past_y - 1) / TILE);
-            rows.flat_map(move |y| columns.clone().map(move |x| y * tiles.columns + x))
-        };
-        for b in boxes.iter() {
-            touched(b).for_each(|tile| starts[tile] += 1);
-        }
-        // Ends of all tiles; filled from behind, they become their starts.
-        let mut end = 0;
-        for start in starts.iter_mut() {
-            end += *start;
-            *start = end;
-        }
-        entries.resize(end as usize, 0);
-        for (i, b) in boxes.iter().enumerate().rev() {
-            for tile in touched(b) {
-                starts[tile] -= 1;
-                entries[starts[tile] as usize] = i as u32;
-            }
-        }
-    }
-}
 
 /// What points are made into splats with.
 pub struct Placing<'a> {
@@ -133,6 +39,19 @@ pub struct Placing<'a> {
     pub clipping: Option<Clipping<'a>>,
 }
 
+/// Points of a node one after another, attribute by attribute.
+struct Block {
+    /// The first one's place in the node.
+    start: usize,
+    count: usize,
+    /// In the node's box, steps.
+    offsets: [[u32; BLOCK]; 3],
+    /// Against the eye, steps.
+    steps: [[f32; BLOCK]; 3],
+    /// Of the cutoff; what is no number is hidden.
+    radii: [f32; BLOCK],
+}
+
 impl Placing<'_> {
     /// Places all points. `runs` are used again.
     pub fn place(&self, tiles: Tiles, runs: &mut Vec<Run>) {
@@ -141,63 +60,170 @@ impl Placing<'_> {
             .collect();
         runs.resize_with(jobs.len(), Run::default);
         runs.par_iter_mut().zip(jobs).for_each(|(run, (draw, first))| {
-            run.clear();
-            self.place_run(draw, first..(first + RUN_POINTS).min(self.list.len(draw)), run);
-            run.sort(tiles);
+            run.clear(tiles);
+            let points = first..(first + RUN_POINTS).min(self.list.len(draw));
+            let clips = self.clipping.is_some() && self.frame.draws[draw].clip.is_some();
+            match (self.has_normals, clips) {
+                (true, true) => self.place_run::<true, true>(draw, points, run),
+                (true, false) => self.place_run::<true, false>(draw, points, run),
+                (false, _) => self.place_run::<false, false>(draw, points, run),
+            }
+            run.sort();
         });
     }
 
-    fn place_run(&self, draw: usize, points: std::ops::Range<usize>, run: &mut Run) {
+    fn place_run<const NORMALS: bool, const CLIPS: bool>(
+        &self,
+        draw: usize,
+        points: std::ops::Range<usize>,
+        run: &mut Run,
+    ) {
         let node = &self.frame.draws[draw];
         let positions = Positions::of(node);
         let place = self.camera.place(node.node, positions.is_exact());
-        let mut offsets = [[0; 3]; BLOCK];
-        let mut codes = [0; BLOCK];
+        let mut block = Block::new();
         for start in points.clone().step_by(BLOCK) {
-            let count = BLOCK.min(points.end - start);
-            for k in 0..count {
-                (offsets[k], codes[k]) = positions.offset(start + k);
+            (block.start, block.count) = (start, BLOCK.min(points.end - start));
+            positions.offsets(start, &mut block.offsets);
+            block.see(&place);
+            for k in 0..block.count {
+                let code = node.position[(start + k) * HOT_POSITION_BYTES + RADIUS_AT];
+                let radius = self.lookup.radius(draw, block.offset(k), code);
+                block.radii[k] = radius * self.radius_factor;
             }
-            let centres = centres(self.camera, &place, &offsets);
-            for k in 0..count {
-                if self.frame.hides_points && is_hidden(node.position, start + k) {
-                    continue;
-                }
-                let radius = self.lookup.radius(draw, offsets[k], codes[k]) * self.radius_factor;
-                if !self.may_show(centres[k], radius) {
-                    continue;
-                }
-                let Some((normal, code)) = self.normal(node, start + k, centres[k]) else {
-                    continue;
-                };
-                let lines = self.lines(node, start + k, offsets[k], centres[k], normal);
-                let radius = if lines.is_some() { radius * WIDER } else { radius };
-                match Disc::round(centres[k], normal, radius).place(&self.lens) {
-                    Placed::Drawn(mut splat, bounds) => {
-                        let kept = lines.map(|l| l.within(bounds, self.camera.centre_px));
-                        // All of it lies beyond its lines.
-                        let Some(lines) = kept.unwrap_or(Some(None)) else { continue };
-                        let depth = centres[k].z;
-                        let tint = self.lookup.colour(draw, start + k, offsets[k], depth);
-                        splat.tint = tint.to_array();
-                        splat.normal = if self.has_normals {
-                            code
-                        } else {
-                            (radius * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
-                        };
-                        run.splats.push(splat);
-                        run.boxes.push(bounds);
-                        run.clip(lines);
+            if self.frame.hides_points {
+                for k in 0..block.count {
+                    if is_hidden(node.position, start + k) {
+                        block.radii[k] = f32::NAN;
                     }
-                    Placed::Outside => {}
-                    Placed::Dropped => run.dropped += 1,
                 }
+            }
+            for first in (0..block.count).step_by(LANES) {
+                self.place_four::<NORMALS, CLIPS>(draw, &block, first, run);
             }
         }
     }
 
-    /// The clip lines of a point.
+    /// Places four points of a block.
     #[inline(always)]
+    fn place_four<const NORMALS: bool, const CLIPS: bool>(
+        &self,
+        draw: usize,
+        block: &Block,
+        first: usize,
+        run: &mut Run,
+    ) {
+        let node = &self.frame.draws[draw];
+        let step = self.camera.step.to_array();
+        let at = |axis: usize| Vec4::from_slice(&block.steps[axis][first..]) * step[axis];
+        let centre = self.in_view([at(0), at(1), at(2)]);
+        let mut radius = Vec4::from_slice(&block.radii[first..]);
+        let mut shows = self.may_show(centre, radius).bitmask();
+        shows &= (1 << (block.count - first).min(LANES)) - 1;
+        if shows == 0 {
+            return;
+        }
+        let index = |k: usize| block.start + first + k;
+        let (mut normal, mut codes) = ([Vec4::ZERO; 3], [0; LANES]);
+        let mut facing = normal;
+        if NORMALS {
+            let code = |k: usize| node.normal.and_then(|plane| normal_code(plane, index(k)));
+            let world = unit(directions([0, 1, 2, 3].map(|k| code(k).unwrap_or(NO_NORMAL))));
+            normal = self.in_view(world);
+            let looks_away = dot(normal, centre).cmpgt(Vec4::ZERO);
+            if self.frame.cull_back_faces {
+                shows &= !looks_away.bitmask();
+                if shows == 0 {
+                    return;
+                }
+            }
+            codes = packed(world.map(|c| Vec4::select(looks_away, -c, c)));
+            facing = normal;
+        }
+        // Without a normal a splat faces the eye.
+        let has_normal = dot(facing, facing).cmpgt(Vec4::ZERO);
+        if !has_normal.all() {
+            let to_eye = unit(centre);
+            let or_eye = |i: usize| Vec4::select(has_normal, facing[i], to_eye[i]);
+            facing = [or_eye(0), or_eye(1), or_eye(2)];
+        }
+        let mut lines: [Option<Lines>; LANES] = [None; LANES];
+        if CLIPS {
+            for (k, lines) in lines.iter_mut().enumerate().filter(|(k, _)| shows >> k & 1 == 1) {
+                let of = |v: [Lane; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
+                let offset = block.offset(first + k);
+                *lines = self.lines(node, index(k), offset, of(centre), of(normal));
+                if lines.is_some() {
+                    radius[k] *= WIDER;
+                }
+            }
+        }
+        let tangents = across(facing).map(|t| t.map(|c| c * radius));
+        let placed = Ellipses::new(&self.lens, centre, tangents, radius);
+        shows &= placed.shows;
+        let drawn = placed.drawn();
+        while shows != 0 {
+            let k = shows.trailing_zeros() as usize;
+            shows &= shows - 1;
+            let (mut splat, bounds) = if drawn >> k & 1 == 1 {
+                placed.get(k)
+            } else if placed.ellipses >> k & 1 == 1 {
+                run.dropped += 1;
+                continue;
+            } else {
+                let of = |v: [Lane; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
+                let disc =
+                    Disc { centre: of(centre), tangents: tangents.map(of), radius: radius[k] };
+                match disc.by_rays(&self.lens) {
+                    Placed::Drawn(splat, bounds) => (splat, bounds),
+                    Placed::Dropped => {
+                        run.dropped += 1;
+                        continue;
+                    }
+                    Placed::Outside => continue,
+                }
+            };
+            let mut kept = None;
+            if CLIPS && let Some(lines) = lines[k] {
+                match lines.within(bounds, self.camera.centre_px) {
+                    Some(lines) => kept = lines,
+                    // All of it lies beyond its lines.
+                    None => continue,
+                }
+            }
+            let depth = centre[2][k];
+            splat.tint = self.tint(draw, index(k), block, first + k, depth);
+            splat.normal = if NORMALS {
+                codes[k]
+            } else {
+                (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
+            };
+            run.push(splat, bounds, kept);
+        }
+    }
+
+    /// Colour of a point, linear light.
+    #[inline(always)]
+    fn tint(&self, draw: usize, index: usize, block: &Block, k: usize, depth: f32) -> [f32; 3] {
+        // Most files have such colours.
+        if let (ColourBy::Rgb, ColourPlane::Rgba(plane)) =
+            (self.frame.colour, self.frame.draws[draw].colour)
+            && let Some(b) = plane.get(index * 4..index * 4 + 4)
+        {
+            return linear([b[0], b[1], b[2]]).to_array();
+        }
+        self.lookup.colour(draw, index, block.offset(k), depth).to_array()
+    }
+
+    /// Directions of the world right, down and away from the eye.
+    #[inline(always)]
+    fn in_view(&self, world: [Lane; 3]) -> [Lane; 3] {
+        let along = |v: Vec3| world[0] * v.x + world[1] * v.y + world[2] * v.z;
+        let [right, up, back] = self.camera.view_from_world;
+        [along(right), -along(up), -along(back)]
+    }
+
+    /// The clip lines of a point.
     fn lines(
         &self,
         draw: &DrawNode<'_>,
@@ -212,46 +238,65 @@ impl Placing<'_> {
         clipping.lines(plane, index, hot, centre, normal)
     }
 
-    /// Whether a ball touches the cone of what is in view. Generous by a pixel or so for the low-pass.
+    /// Whether balls touch the cone of what is in view. Generous by a pixel or so for the low-pass.
     #[inline(always)]
-    fn may_show(&self, centre: Vec3, radius: f32) -> bool {
+    fn may_show(&self, centre: [Lane; 3], radius: Lane) -> Mask {
         let half = self.lens.size * 0.5 + 4.0;
         let focal = self.lens.focal_px;
-        let beyond = |at: f32, half: f32| {
-            at.abs() * focal - half * centre.z <= radius * (focal * focal + half * half).sqrt()
+        let within = |at: Lane, half: f32| {
+            let reach = radius * (focal * focal + half * half).sqrt();
+            (at.abs() * focal - centre[2] * half).cmple(reach)
         };
-        centre.z + radius >= self.lens.near && beyond(centre.x, half.x) && beyond(centre.y, half.y)
+        let is_before = (centre[2] + radius).cmpge(Vec4::splat(self.lens.near));
+        is_before & within(centre[0], half.x) & within(centre[1], half.y)
+    }
+}
+
+impl Block {
+    fn new() -> Self {
+        let (offsets, steps) = ([[0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+        Self { start: 0, count: 0, offsets, steps, radii: [0.0; BLOCK] }
     }
 
-    /// A point's normal, right, down and away from the eye, turned to it; and its code. `None` where the point
-    /// is a back face.
     #[inline(always)]
-    fn normal(&self, node: &DrawNode<'_>, index: usize, centre: Vec3) -> Option<(Vec3, u32)> {
-        let plane = node.normal.filter(|_| self.has_normals);
-        let Some(bytes) = plane.and_then(|p| p.get(index * 4..index * 4 + 4)) else {
-            return Some((Vec3::ZERO, packed(Vec3::ZERO)));
-        };
-        let code = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        let code = [code as i16, (code >> 16) as i16];
-        let world = Vec3::from_array(esker_points::quant::oct_decode(code));
-        let view = self.camera.to_view(world);
-        let view = Vec3::new(view.x, -view.y, -view.z);
-        let looks_away = view.dot(centre) > 0.0;
-        if looks_away && self.frame.cull_back_faces {
-            return None;
-        }
-        Some((view, packed(if looks_away { -world } else { world })))
+    fn offset(&self, k: usize) -> [u32; 3] {
+        // Not by `map` over the arrays, which copies them.
+        let k = k % BLOCK;
+        [self.offsets[0][k], self.offsets[1][k], self.offsets[2][k]]
     }
+
+    /// Works out the places against the eye.
+    #[inline(always)]
+    fn see(&mut self, place: &NodePlace) {
+        for (axis, (steps, offsets)) in self.steps.iter_mut().zip(&self.offsets).enumerate() {
+            for (step, &offset) in steps.iter_mut().zip(offsets) {
+                *step = place.axis_steps(axis, offset);
+            }
+        }
+    }
+}
+
+/// The same of unit length; zero where there is none.
+#[inline(always)]
+fn unit(v: [Lane; 3]) -> [Lane; 3] {
+    let length = dot(v, v).sqrt();
+    let has_length = length.cmpgt(Vec4::ZERO);
+    v.map(|c| only(has_length, c / length))
 }
 
 /// Greatest code of a normal's part: ten bits each, with a sign.
 const PART_MAX: f32 = 511.0;
 
-/// A unit vector, or zero, in 30 bits: quick to take out again, which is done for every tile.
+/// Unit vectors, or zeros, in 30 bits each: quick to take out again, which is done for every tile.
 #[inline(always)]
-pub fn packed(n: Vec3) -> u32 {
-    let [x, y, z] = (n * PART_MAX + 512.5).to_array().map(|c| c as u32 & 0x3ff);
-    x | y << 10 | z << 20
+fn packed(n: [Lane; 3]) -> [u32; LANES] {
+    /// Numbers from here on have no parts: they are rounded, and the last bits of their mantissa are whole ones.
+    const WHOLE: f32 = 8_388_608.0;
+    let parts = n.map(|c| (c * PART_MAX + 512.0 + WHOLE).to_array().map(f32::to_bits));
+    [0, 1, 2, 3].map(|k| {
+        let [x, y, z] = [0, 1, 2].map(|i| parts[i][k] & 0x3ff);
+        x | y << 10 | z << 20
+    })
 }
 
 /// The vector of [`packed`], of about unit length.
@@ -259,16 +304,4 @@ pub fn packed(n: Vec3) -> u32 {
 pub fn unpacked(code: u32) -> Vec3 {
     let part = |shift: u32| (code >> shift & 0x3ff) as f32 - 512.0;
     Vec3::new(part(0), part(10), part(20)) * (1.0 / PART_MAX)
-}
-
-/// Points right, down and away from the eye. Straight arithmetic over arrays: it becomes SIMD.
-#[inline(always)]
-fn centres(camera: &Camera, place: &NodePlace, offsets: &[[u32; 3]; BLOCK]) -> [Vec3; BLOCK] {
-    let [right, up, back] = camera.view_from_world;
-    let mut centres = [Vec3::ZERO; BLOCK];
-    for (centre, offset) in centres.iter_mut().zip(offsets) {
-        let p = place.steps_from_eye(*offset) * camera.step;
-        *centre = Vec3::new(right.dot(p), -up.dot(p), -back.dot(p));
-    }
-    centres
 }

@@ -4,8 +4,10 @@
 //! pixel's ray instead, where the paper drops it; one wholly before the near plane is culled by its depth,
 //! for behind the eye a projection passes the test for an ellipse too.
 
-use super::mapping::{Conic, Mapping, Shape, amplitude, inverse, mapping};
-use glam::{Vec2, Vec3};
+use super::mapping::{Conic, Mapping, amplitude, inverse, mapping};
+use super::real::Real;
+use crate::lanes::{LANES, Lane, turned};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Reach over depth from which a splat is evaluated by rays.
 const REACH_MAX: f32 = 0.7;
@@ -45,7 +47,8 @@ pub struct Disc {
 }
 
 /// What a splat is in the picture.
-#[repr(C)]
+/// A line of the cache.
+#[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Splat {
     /// Where its coordinates start, pixels from the picture's upper left.
@@ -66,7 +69,7 @@ pub struct Splat {
 }
 
 /// The pixels that a splat may touch: least and one past the greatest x, and y.
-pub type Box4 = [u16; 4];
+pub type Box4 = [u32; 4];
 
 /// What becomes of a disc.
 #[derive(Clone, Copy, Debug)]
@@ -84,8 +87,14 @@ impl Disc {
     #[inline(always)]
     pub fn round(centre: Vec3, normal: Vec3, radius: f32) -> Self {
         let normal = if normal == Vec3::ZERO { centre.normalize_or(Vec3::Z) } else { normal };
-        let (u, v) = across(normal);
-        Self { centre, tangents: [u * radius, v * radius], radius }
+        let tangents = across(normal.to_array()).map(|t| Vec3::from_array(t) * radius);
+        Self { centre, tangents, radius }
+    }
+
+    /// Equation 4.
+    #[inline(always)]
+    pub fn mapping(&self, focal_px: f32) -> Mapping {
+        mapping(self.centre.to_array(), self.tangents.map(|t| t.to_array()), focal_px)
     }
 
     /// Half its extent in depth.
@@ -104,60 +113,18 @@ impl Disc {
             return Placed::Outside;
         }
         if depth - extent >= lens.near && extent <= REACH_MAX * depth {
-            self.ellipse(lens)
+            ellipse(lens, self.centre.to_array(), self.tangents.map(|t| t.to_array()), self.radius)
+                .placed(lens)
         } else {
             self.by_rays(lens)
         }
     }
 
-    /// How much longer a depth gets where it moves back along its line of sight; `stretch` is distance over depth.
-    #[inline(always)]
-    fn back(&self, stretch: f32) -> f32 {
-        // A centre beside the eye still hides what is behind it.
-        BACK * self.radius / stretch.min(10.0)
-    }
-
-    #[inline(always)]
-    fn ellipse(&self, lens: &Lens) -> Placed {
-        let depth = self.centre.z;
-        let m: Mapping = mapping(self.centre, self.tangents, lens.focal_px);
-        let kernel: Shape = m.isocontour();
-        let filter = kernel.with_lowpass(lens.lowpass);
-        let origin = m.centre + m.middle() + lens.centre_px;
-        // What rounding may take from wide ones.
-        let half = filter.bounds() * 1.000_002;
-        let Some(bounds) = lens.clip(origin - half, origin + half) else { return Placed::Outside };
-        // What is not a number is in no range.
-        if !(0.0..CONDITION_MAX).contains(&m.condition()) {
-            return Placed::Dropped;
-        }
-        let conic = filter.conic();
-        let (nearness, reach) = (m.nearness, m.reach());
-        let slope = m.inverse_depth_slope() * nearness;
-        let back = self.back(m.stretch);
-        let is_mended = reach > MEND_REACH;
-        let amplitude = amplitude(&kernel, &filter).max(AMPLITUDE_MIN);
-        let splat = Splat {
-            origin: origin.to_array(),
-            form: [
-                conic.across,
-                conic.shear,
-                conic.along,
-                if is_mended { -amplitude } else { amplitude },
-                nearness / (1.0 + reach),
-                nearness / (1.0 - reach),
-            ],
-            inverse_depth: [nearness + slope.dot(m.middle()), slope.x, slope.y],
-            back: nearness * back / (depth + back),
-            ..Splat::default()
-        };
-        if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
-    }
-
-    fn by_rays(&self, lens: &Lens) -> Placed {
+    /// The same by rays.
+    pub fn by_rays(&self, lens: &Lens) -> Placed {
         let Some([low, high]) = self.bounds_before_near(lens) else { return Placed::Outside };
         let Some(bounds) = lens.clip(low, high) else { return Placed::Outside };
-        let [left, right, top, bottom] = bounds.map(f32::from);
+        let [left, right, top, bottom] = bounds.map(|c| c as f32);
         let origin = Vec2::new((left + right) * 0.5, (top + bottom) * 0.5);
         let from = origin - lens.centre_px;
         let Some(rows) = inverse(self.centre, self.tangents, lens.focal_px, from) else {
@@ -168,7 +135,7 @@ impl Disc {
             origin: origin.to_array(),
             form: [rows.u.x, rows.u.y, rows.u.z, rows.v.x, rows.v.y, rows.v.z],
             inverse_depth: [z.z, z.x, z.y],
-            back: -self.back(self.centre.length() / self.centre.z.abs()),
+            back: -back(self.radius, self.centre.length() / self.centre.z.abs()),
             ..Splat::default()
         };
         if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
@@ -211,6 +178,163 @@ impl Disc {
     }
 }
 
+/// How much longer a depth gets where it moves back along its line of sight; `stretch` is distance over depth.
+#[inline(always)]
+fn back<T: Real>(radius: T, stretch: T) -> T {
+    // A centre beside the eye still hides what is behind it.
+    T::of(BACK) * radius / stretch.min(T::of(10.0))
+}
+
+/// The ellipse that a disc, or each of four, is in the picture, before it is known whether it is any.
+#[derive(Clone, Copy, Debug)]
+pub struct Ellipse<T> {
+    /// As in [`Splat`].
+    pub origin: [T; 2],
+    /// As in [`Splat`].
+    pub form: [T; 6],
+    /// As in [`Splat`].
+    pub inverse_depth: [T; 3],
+    /// As in [`Splat`].
+    pub back: T,
+    /// Half the width and height of its box.
+    pub half: [T; 2],
+    /// Condition of its mapping.
+    pub condition: T,
+}
+
+/// The ellipse of a disc: its centre, tangents and radius.
+#[inline(always)]
+pub fn ellipse<T: Real>(
+    lens: &Lens,
+    centre: [T; 3],
+    tangents: [[T; 3]; 2],
+    radius: T,
+) -> Ellipse<T> {
+    let one = T::of(1.0);
+    let m = mapping(centre, tangents, lens.focal_px);
+    let kernel = m.isocontour();
+    let filter = kernel.with_lowpass(lens.lowpass);
+    let middle = m.middle();
+    let at = [m.centre[0] + middle[0], m.centre[1] + middle[1]];
+    let origin = [at[0] + T::of(lens.centre_px.x), at[1] + T::of(lens.centre_px.y)];
+    // What rounding may take from wide ones.
+    let half = filter.bounds().map(|h| h * T::of(1.000_002));
+    let conic = filter.conic();
+    let (nearness, reach) = (m.nearness, m.reach());
+    // Over the discriminant, 1 less the square of the reach.
+    let nearness_over = nearness / m.discriminant();
+    let slope = m.inverse_depth_slope().map(|s| s * nearness);
+    let back = back(radius, m.stretch);
+    let amplitude = amplitude(&kernel, &filter).max(T::of(AMPLITUDE_MIN));
+    let at_origin = nearness + (slope[0] * middle[0] + slope[1] * middle[1]);
+    Ellipse {
+        origin,
+        form: [
+            conic.across,
+            conic.shear,
+            conic.along,
+            // Negative where it is mended.
+            amplitude.copysign(T::of(MEND_REACH) - reach),
+            nearness_over * (one - reach),
+            nearness_over * (one + reach),
+        ],
+        inverse_depth: [at_origin, slope[0], slope[1]],
+        back: nearness * back / (centre[2] + back),
+        half,
+        condition: m.condition(),
+    }
+}
+
+/// Four ellipses and what becomes of them.
+pub struct Ellipses {
+    /// Those of which something may be in the picture, a bit each.
+    pub shows: u32,
+    /// Those that are ellipses.
+    pub ellipses: u32,
+    /// Those of them that can be evaluated.
+    usable: u32,
+    /// All of [`Splat`] but colour and normal, a row of four values after the other.
+    rows: [[Vec4; LANES]; 3],
+    bounds: [Box4; LANES],
+}
+
+impl Ellipses {
+    /// Of four discs, as [`Disc::place`] does.
+    #[inline(always)]
+    pub fn new(lens: &Lens, centre: [Lane; 3], tangents: [[Lane; 3]; 2], radius: Lane) -> Self {
+        let [a, b] = tangents;
+        let depth = centre[2];
+        let extent = (a[2] * a[2] + b[2] * b[2]).sqrt();
+        let farthest = depth + extent;
+        let is_before = farthest.cmpge(Lane::of(lens.near)) & farthest.cmplt(Lane::INFINITY);
+        let is_ellipse =
+            (depth - extent).cmpge(Lane::of(lens.near)) & extent.cmple(depth * Lane::of(REACH_MAX));
+        let e = ellipse(lens, centre, tangents, radius);
+        let edges = [0, 1].map(|i| {
+            let size = Lane::of(lens.size[i]);
+            let past = |place: Lane| place.max(Lane::ZERO).min(size) + WHOLE;
+            [past(e.origin[i] - e.half[i] - MARGIN), past(e.origin[i] + e.half[i] + MARGIN)]
+        });
+        let [x, y] = edges;
+        let is_seen = x[0].cmplt(x[1]) & y[0].cmplt(y[1]);
+        let is_fine = e.condition.cmpge(Lane::ZERO) & e.condition.cmplt(Lane::of(CONDITION_MAX));
+        // A sum with something infinite or not a number in it is so itself.
+        let all = e.form.into_iter().chain(e.inverse_depth).map(|v| v * 0.0);
+        let sum = all.fold(Lane::ZERO, |sum, v| sum + v);
+        let is_fine = is_fine & sum.cmpeq(Lane::ZERO) & e.back.cmpgt(Lane::ZERO);
+        let [across, shear, along, amplitude, least, greatest] = e.form;
+        let [z, z_x, z_y] = e.inverse_depth;
+        Self {
+            shows: (is_before & (!is_ellipse | is_seen)).bitmask(),
+            ellipses: is_ellipse.bitmask(),
+            usable: is_fine.bitmask(),
+            rows: [
+                turned([e.origin[0], e.origin[1], across, shear]),
+                turned([along, amplitude, least, greatest]),
+                turned([z, z_x, z_y, e.back]),
+            ],
+            bounds: turned([x[0], x[1], y[0], y[1]]).map(whole),
+        }
+    }
+
+    /// Those that can be drawn as ellipses.
+    #[inline(always)]
+    pub fn drawn(&self) -> u32 {
+        self.shows & self.ellipses & self.usable
+    }
+
+    /// One that can be drawn as an ellipse; colour and normal are left to the caller.
+    #[inline(always)]
+    pub fn get(&self, k: usize) -> (Splat, Box4) {
+        // Not by `map` over the rows, which copies them.
+        let row = |i: usize| self.rows[i][k & 3].to_array();
+        let ([x, y, across, shear], [along, amplitude, least, greatest]) = (row(0), row(1));
+        let [z, z_x, z_y, back] = row(2);
+        let splat = Splat {
+            origin: [x, y],
+            form: [across, shear, along, amplitude, least, greatest],
+            inverse_depth: [z, z_x, z_y],
+            back,
+            ..Splat::default()
+        };
+        (splat, self.bounds[k & 3])
+    }
+}
+
+impl Ellipse<f32> {
+    fn placed(&self, lens: &Lens) -> Placed {
+        let (origin, half) = (Vec2::from_array(self.origin), Vec2::from_array(self.half));
+        let Some(bounds) = lens.clip(origin - half, origin + half) else { return Placed::Outside };
+        // What is not a number is in no range.
+        if !(0.0..CONDITION_MAX).contains(&self.condition) {
+            return Placed::Dropped;
+        }
+        let Self { origin, form, inverse_depth, back, .. } = *self;
+        let splat = Splat { origin, form, inverse_depth, back, ..Splat::default() };
+        if splat.is_finite() { Placed::Drawn(splat, bounds) } else { Placed::Dropped }
+    }
+}
+
 /// Inverse depth, over the disc's least and of its greatest over it, up to where a splat's plane is followed over
 /// what the low-pass adds. There it is still the surface, so that on floors seen flat the splats of rows farther
 /// off and nearer don't hide each other; but seen edge-on a plane is anywhere.
@@ -218,15 +342,24 @@ pub const WIDENED: f32 = 0.875;
 /// Amplitudes are at least this: the least sum of weights that is divided by stays far from 0.
 const AMPLITUDE_MIN: f32 = 1e-12;
 
+/// Rounding of places in the picture.
+const MARGIN: f32 = 0.01;
+/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole pixels.
+const WHOLE: f32 = 8_388_608.0;
+
+/// The whole parts of numbers that [`WHOLE`] was added to.
+#[inline(always)]
+fn whole(v: Vec4) -> Box4 {
+    v.to_array().map(|c| c.to_bits() & 0xffff)
+}
+
 impl Lens {
     /// The pixels whose centres lie in a box; `None` where none does.
     #[inline(always)]
     fn clip(&self, low: Vec2, high: Vec2) -> Option<Box4> {
-        /// Rounding of places in the picture.
-        const MARGIN: f32 = 0.01;
         // Pixels from the first whose middle is right of `low`; `as` rounds down and takes what is not a number
         // for 0, where nothing is inside.
-        let past = |place: f32, size: f32| (place + 0.5).clamp(0.0, size) as u16;
+        let past = |place: f32, size: f32| (place + 0.5).clamp(0.0, size) as u32;
         let (left, right) = (past(low.x - MARGIN, self.size.x), past(high.x + MARGIN, self.size.x));
         let (top, bottom) = (past(low.y - MARGIN, self.size.y), past(high.y + MARGIN, self.size.y));
         (left < right && top < bottom).then_some([left, right, top, bottom])
@@ -238,6 +371,12 @@ impl Splat {
     #[inline(always)]
     pub fn is_by_rays(&self) -> bool {
         self.back < 0.0
+    }
+
+    /// Whether it is an ellipse whose weights need no mending.
+    #[inline(always)]
+    pub fn is_plain(&self) -> bool {
+        self.back > 0.0 && self.form[3] > 0.0
     }
 
     /// What a place in the picture sees of it: the square of the place in the splat, 1 at the cutoff, and the
@@ -284,11 +423,52 @@ impl Splat {
 /// Two directions of unit length across one, and across each other (after Duff and others, Building an
 /// Orthonormal Basis, Revisited, 2017).
 #[inline(always)]
-fn across(n: Vec3) -> (Vec3, Vec3) {
-    let sign = 1f32.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    let u = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
-    let v = Vec3::new(b, sign + n.y * n.y * a, -n.y);
-    (u, v)
+pub fn across<T: Real>(n: [T; 3]) -> [[T; 3]; 2] {
+    let one = T::of(1.0);
+    let sign = one.copysign(n[2]);
+    let a = -one / (sign + n[2]);
+    let b = n[0] * n[1] * a;
+    let u = [one + sign * n[0] * n[0] * a, sign * b, -sign * n[0]];
+    let v = [b, sign + n[1] * n[1] * a, -n[1]];
+    [u, v]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn four_at_once_are_what_they_are_alone(
+            discs in [0; 4].map(|_| ([-2.0f32..2.0, -2.0f32..2.0, -0.5f32..3.0], [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0], -12f32..1.0)),
+            lowpass in prop::sample::select(vec![0.0f32, 2.25]),
+        ) {
+            let lens = Lens { focal_px: 300.0, centre_px: Vec2::new(160.0, 120.0), size: Vec2::new(320.0, 240.0), near: 0.1, lowpass };
+            let discs = discs.map(|(at, normal, log)| {
+                let normal = Vec3::from_array(normal).normalize_or(Vec3::Z);
+                Disc::round(Vec3::from_array(at), normal, log.exp2())
+            });
+            let lanes = |of: &dyn Fn(&Disc) -> Vec3| {
+                [0, 1, 2].map(|i| Vec4::from_array([0, 1, 2, 3].map(|k| of(&discs[k])[i])))
+            };
+            let tangents = [lanes(&|d| d.tangents[0]), lanes(&|d| d.tangents[1])];
+            let radius = Vec4::from_array([0, 1, 2, 3].map(|k| discs[k].radius));
+            let four = Ellipses::new(&lens, lanes(&|d| d.centre), tangents, radius);
+            for (k, disc) in discs.iter().enumerate() {
+                let is = |bits: u32| bits >> k & 1 == 1;
+                match disc.place(&lens) {
+                    Placed::Drawn(splat, bounds) if !splat.is_by_rays() => {
+                        prop_assert!(is(four.drawn()));
+                        let (own, own_bounds) = four.get(k);
+                        prop_assert_eq!(format!("{own:?}"), format!("{splat:?}"));
+                        prop_assert_eq!(own_bounds, bounds);
+                    }
+                    Placed::Drawn(..) => prop_assert!(is(four.shows) && !is(four.ellipses)),
+                    Placed::Outside => prop_assert!(!is(four.drawn())),
+                    Placed::Dropped => prop_assert!(is(four.shows) && !is(four.drawn())),
+                }
+            }
+        }
+    }
 }

@@ -2,7 +2,6 @@
 //! rounding; and the exact projection of a disc, by intersecting rays.
 
 use crate::scene::Dice;
-use esker_render::ewa::mapping::mapping;
 use esker_render::ewa::splat::{Disc, Lens};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
@@ -143,7 +142,7 @@ pub fn lens(width: u32, height: u32, focal_px: f32, near: f32, lowpass: f32) -> 
 /// Worst relative error of the conic's coefficients in `f32`; `None` where it is no ellipse.
 pub fn coefficient_error(disc: &Disc, lens: &Lens) -> Option<f64> {
     let exact = Exact::new(disc, lens).isocontour()?;
-    let conic = mapping(disc.centre, disc.tangents, lens.focal_px).isocontour().conic();
+    let conic = disc.mapping(lens.focal_px).isocontour().conic();
     let [across, shear, along] = [conic.across, conic.shear, conic.along].map(f64::from);
     let q = [across * across, -across * shear, shear * shear + along * along];
     let [a, b, c] = exact.q;

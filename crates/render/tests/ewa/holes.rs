@@ -6,7 +6,7 @@ use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
 use esker_points::quant::{oct_decode, oct_encode};
 use esker_render::ewa::Options;
-use esker_render::ewa::mapping::{Shape, mapping};
+use esker_render::ewa::mapping::Shape;
 use esker_render::ewa::splat::{Disc, Lens};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -23,20 +23,20 @@ fn distance(shape: &Shape, place: Vec2) -> f64 {
 
 /// The classical approximation, exact at the centre (Heckbert), as a reference for what is wrong with it.
 fn centre_exact(disc: &Disc, lens: &Lens) -> (Vec2, Shape) {
-    let m = mapping(disc.centre, disc.tangents, lens.focal_px);
+    let m = disc.mapping(lens.focal_px);
     let (a, b) = (m.a, m.b);
     let shape = Shape {
-        xx: a.x * a.x + b.x * b.x,
-        xy: a.x * a.y + b.x * b.y,
-        yy: a.y * a.y + b.y * b.y,
+        xx: a[0] * a[0] + b[0] * b[0],
+        xy: a[0] * a[1] + b[0] * b[1],
+        yy: a[1] * a[1] + b[1] * b[1],
         root: m.area().abs(),
     };
-    (m.centre, shape)
+    (Vec2::from_array(m.centre), shape)
 }
 
 fn contour(disc: &Disc, lens: &Lens) -> (Vec2, Shape) {
-    let m = mapping(disc.centre, disc.tangents, lens.focal_px);
-    (m.centre + m.middle(), m.isocontour())
+    let m = disc.mapping(lens.focal_px);
+    (Vec2::from_array(m.centre) + Vec2::from_array(m.middle()), m.isocontour())
 }
 
 #[test]

@@ -42,7 +42,7 @@ impl Worst {
     }
 
     fn ellipse(&mut self, disc: &Disc, lens: &Lens) {
-        let m = mapping(disc.centre, disc.tangents, lens.focal_px);
+        let m = disc.mapping(lens.focal_px);
         let condition = f64::from(m.condition());
         let Some(worst) = coefficient_error(disc, lens) else { return };
         let decade = (condition.log10().max(0.0) as usize).min(7);
@@ -115,7 +115,7 @@ impl Worst {
     fn compare(
         &mut self,
         splat: &esker_render::ewa::splat::Splat,
-        bounds: [u16; 4],
+        bounds: [u32; 4],
         place: DVec2,
         exact: impl Fn(DVec2) -> (bool, f64),
     ) {
@@ -174,8 +174,8 @@ fn convolution_decides_what_the_filter_is() {
     {
         let cutoff = 1.5f64;
         let depth = 1e6;
-        let tangent = |t: [f64; 2]| Vec3::new(t[0] as f32, t[1] as f32, 0.0) * cutoff as f32;
-        let m = mapping(Vec3::new(0.0, 0.0, depth), [tangent(a), tangent(b)], depth);
+        let tangent = |t: [f64; 2]| [t[0], t[1], 0.0].map(|c| c as f32 * cutoff as f32);
+        let m = mapping([0.0, 0.0, depth], [tangent(a), tangent(b)], depth);
         let kernel = m.isocontour();
         let filter = kernel.with_lowpass((cutoff * cutoff) as f32);
         let height = f64::from(amplitude(&kernel, &filter));
@@ -217,7 +217,7 @@ fn weights_follow_the_exact_projected_gaussian() {
             Disc::round(centre, direction(&mut dice), depth * (0.05 + 0.5 * dice.unit() as f32));
         let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
         let exact = Exact::new(&disc, &lens);
-        let m = mapping(disc.centre, disc.tangents, lens.focal_px);
+        let m = disc.mapping(lens.focal_px);
         if splat.is_by_rays() || m.condition() > 20.0 {
             continue;
         }
