@@ -267,7 +267,7 @@ impl Context {
         }
         let turns: Vec<u16> = own.iter().map(|&i| pending.turns[i as usize]).collect();
         let count = own.len().div_ceil(self.capacity) as u32;
-        let part_of = parts(&turns, count as usize);
+        let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
         let mut drawn = pending.sampled;
         let full = self.spacing(&pending, drawn, shape.dimension, above);
         let mut below = std::mem::take(&mut pending.children);
