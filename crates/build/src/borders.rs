@@ -117,8 +117,11 @@ impl Borders {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
         let halo = self.halo(cell, scratch)?;
-        let codes = estimate(&own, &halo, &self.bounds);
-        let edges = if self.finds_edges { detect(&own, &halo, &self.bounds) } else { Vec::new() };
+        let (codes, edges) = if self.finds_edges {
+            detect(&own, &halo, &self.bounds)
+        } else {
+            (estimate(&own, &halo, &self.bounds), Vec::new())
+        };
         rows.par_chunks_exact_mut(stride).zip(codes).enumerate().with_min_len(TASK_ROWS).for_each(
             |(i, (row, code))| match edges.get(i).copied().flatten() {
                 Some(edge) => self.set_edge(row, &edge),

@@ -10,6 +10,15 @@ use std::collections::BinaryHeap;
 /// point over a dense surface would gather all of it.
 const CANDIDATES_EACH: usize = 64;
 
+/// The nearest neighbours of a point, along the Morton curve.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'a> {
+    /// The steps to them.
+    pub steps: &'a [[f64; 3]],
+    /// Their places.
+    pub places: &'a [u32],
+}
+
 /// One task's search. What it carries over from run to run saves work and changes no result.
 pub struct Search<'a> {
     index: &'a Neighbours,
@@ -25,11 +34,14 @@ pub struct Search<'a> {
     last: Option<([f64; 3], f64)>,
     /// Coordinates of the candidates, axis by axis, in Morton order.
     candidates: [Vec<f64>; 3],
+    /// Their places.
+    places: Vec<u32>,
     squares: Vec<f64>,
     /// Bits of the square above, place of the candidate below.
     keys: Vec<u64>,
     order: Vec<u64>,
     steps: Vec<[f64; 3]>,
+    found: Vec<u32>,
     open: Vec<(usize, usize)>,
     heap: BinaryHeap<Reverse<(u32, usize, usize)>>,
     greatest: BinaryHeap<u64>,
@@ -47,10 +59,12 @@ impl<'a> Search<'a> {
             farthest: 0.0,
             last: None,
             candidates: Default::default(),
+            places: Vec::new(),
             squares: Vec::new(),
             keys: Vec::new(),
             order: Vec::new(),
             steps: Vec::new(),
+            found: Vec::new(),
             open: Vec::new(),
             heap: BinaryHeap::new(),
             greatest: BinaryHeap::new(),
@@ -87,9 +101,14 @@ impl<'a> Search<'a> {
             let points = run[0].iter().zip(run[1]).zip(run[2]);
             let room = n + run[0].len();
             self.candidates.iter_mut().filter(|c| c.len() < room).for_each(|c| c.resize(room, 0.0));
+            if self.places.len() < room {
+                self.places.resize(room, 0);
+            }
             let [xs, ys, zs] = &mut self.candidates;
-            for ((&x, &y), &z) in points {
+            let first = self.index.run(i).start as u32;
+            for (place, ((&x, &y), &z)) in (first..).zip(points) {
                 (xs[n], ys[n], zs[n]) = (f64::from(x), f64::from(y), f64::from(z));
+                self.places[n] = place;
                 n += usize::from(wide.meets(&Box3 { low: [x, y, z], high: [x, y, z] }));
             }
             if n > count * CANDIDATES_EACH {
@@ -113,8 +132,9 @@ impl<'a> Search<'a> {
         if points >= 8 || self.usual == 0.0 { dense.max(1.0) } else { self.usual * 1.2 }
     }
 
-    /// The steps from a point of the run to its nearest neighbours, `count` or all within the reach.
-    pub fn nearest(&mut self, place: usize, count: usize) -> &[[f64; 3]] {
+    /// The steps from a point of the run to its nearest neighbours, `count` or all within the reach; and the places of
+    /// these.
+    pub fn nearest(&mut self, place: usize, count: usize) -> Found<'_> {
         let p = self.index.point(place);
         if self.radius == 0.0 || !self.among_candidates(p, count) {
             self.alone(p, count);
@@ -122,7 +142,7 @@ impl<'a> Search<'a> {
         let far = self.steps.iter().map(|s| self.square(*s)).fold(0.0, f64::max).sqrt();
         self.farthest = self.farthest.max(far);
         self.last = (self.steps.len() == count).then_some((p, far));
-        &self.steps
+        Found { steps: &self.steps, places: &self.found }
     }
 
     fn square(&self, step: [f64; 3]) -> f64 {
@@ -160,8 +180,10 @@ impl<'a> Search<'a> {
         self.order.extend_from_slice(&self.keys);
         let last = *self.order.select_nth_unstable(count - 1).1;
         self.steps.clear();
+        self.found.clear();
         for &key in self.keys.iter().filter(|&&key| key <= last) {
             let c = key as u32 as usize;
+            self.found.push(self.places[c]);
             self.steps.push([xs[c] - p[0], ys[c] - p[1], zs[c] - p[2]]);
         }
         true
@@ -203,7 +225,9 @@ impl<'a> Search<'a> {
         self.order.extend(self.greatest.iter().map(|&key| u64::from(key as u32)));
         self.order.sort_unstable();
         self.steps.clear();
+        self.found.clear();
         for &place in &self.order {
+            self.found.push(place as u32);
             let q = self.index.point(place as usize);
             self.steps.push([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
         }

@@ -2,7 +2,7 @@
 //! into runs that share a cell of the octree; boxes of runs, eight to a box above, are the index
 //! (`nearest.rs` searches it). What is found of a point depends only on the points within the reach of it.
 
-use crate::nearest::Search;
+use crate::nearest::{Found, Search};
 use esker_points::morton;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -78,15 +78,15 @@ impl Neighbours {
         tell: impl Fn(&[[f64; 3]]) -> Option<T> + Sync,
         none: T,
     ) -> Vec<T> {
-        self.map_placed(ask, wanted, |_, steps| tell(steps), none)
+        self.map_placed(ask, wanted, |_, found| tell(found.steps), none)
     }
 
-    /// The same where `tell` is given the point's place as well.
+    /// The same where `tell` is given the point's place and those of its neighbours as well.
     pub fn map_placed<T: Copy + Send + Sync>(
         &self,
         ask: &Ask,
         wanted: impl Fn(usize) -> bool + Sync,
-        tell: impl Fn(usize, &[[f64; 3]]) -> Option<T> + Sync,
+        tell: impl Fn(usize, Found<'_>) -> Option<T> + Sync,
         none: T,
     ) -> Vec<T> {
         let mut out = vec![none; self.points[0].len()];
@@ -109,12 +109,12 @@ impl Neighbours {
                 while !open.is_empty() && count <= ask.count_max {
                     search.around(run, count);
                     open.retain(|&place| {
-                        let steps = search.nearest(place, count);
-                        let told = tell(place, steps);
+                        let found = search.nearest(place, count);
+                        let told = tell(place, found);
                         if let Some(told) = told {
                             out[place - first] = told;
                         }
-                        told.is_none() && steps.len() == count
+                        told.is_none() && found.steps.len() == count
                     });
                     count *= 2;
                 }

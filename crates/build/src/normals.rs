@@ -7,8 +7,8 @@ use crate::neighbours::{Ask, Neighbours, sorted_codes};
 use esker_points::{morton, quant};
 
 /// Neighbours that a plane is laid through; where these lie along a line, two and four times as many.
-const NEIGHBOURS: usize = 16;
-const NEIGHBOURS_MAX: usize = 64;
+pub(crate) const NEIGHBOURS: usize = 16;
+pub(crate) const NEIGHBOURS_MAX: usize = 64;
 /// Second variance over the greatest below which neighbours lie along a line, as those of one scan line do.
 const LINE: f64 = 0.01;
 /// The reach in typical spacings: a wider one makes chunks' halos large, a narrower one leaves over 0.2 % of
@@ -89,10 +89,14 @@ pub(crate) fn joined(own: &[[u32; 3]], halo: &[u128]) -> (Vec<[u32; 3]>, Vec<u32
 /// The code of the direction in which a point and its neighbours, that many steps away, spread least; none
 /// where they are too few or lie along a line.
 fn normal(steps: &[[f64; 3]], scale: [f64; 3]) -> Option<[i16; 2]> {
-    let ([x, y, z], _) = flattest(steps, scale)?;
+    Some(code_of(flattest(steps, scale)?.0))
+}
+
+/// The code of a direction, turned to look up.
+pub(crate) fn code_of([x, y, z]: [f64; 3]) -> [i16; 2] {
     let up = [z, y, x].into_iter().find(|&c| c != 0.0).unwrap_or_default();
     let turned = if up < 0.0 { [-x, -y, -z] } else { [x, y, z] };
-    Some(quant::oct_encode(turned.map(|c| c as f32)))
+    quant::oct_encode(turned.map(|c| c as f32))
 }
 
 /// The direction in which a point and its neighbours spread least, and their variances; as for [`normal`].

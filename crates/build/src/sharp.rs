@@ -6,13 +6,12 @@
 //! within the reach of normals alone, in three steps that share it: so it is the same however a cloud is cut into
 //! chunks.
 
+use crate::nearest::Found;
 use crate::neighbours::{Ask, Neighbours, sorted_codes};
-use crate::normals::{Bounds, flattest, joined};
-use esker_points::{Clip, ClipLine, Grain, morton, quant};
+use crate::normals::{Bounds, NEIGHBOURS, NEIGHBOURS_MAX, UNKNOWN, code_of, flattest, joined};
+use esker_points::{Clip, ClipLine, Grain, quant};
 use rayon::prelude::*;
 
-/// What a plane is laid through.
-const NEIGHBOURS: usize = 16;
 /// Neighbours that edges are looked for among, and flatter planes: in a corner the nearest clean ones are three spacings away.
 const AROUND: usize = 32;
 const AROUND_FLAT: usize = 64;
@@ -91,71 +90,113 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
     [0, 1, 2].map(|i| a[i] + b[i] * times)
 }
 
-/// Edges near `own` points, which lie along the Morton curve; `halo` as for [`crate::normals::estimate`].
-pub fn detect(own: &[[u32; 3]], halo: &[[u32; 3]], bounds: &Bounds) -> Vec<Option<Edge>> {
+/// Codes of the normals of `own` points, as [`crate::normals::estimate`] has them, and the edges near them; both
+/// lie along the Morton curve, `halo` as there.
+pub fn detect(
+    own: &[[u32; 3]],
+    halo: &[[u32; 3]],
+    bounds: &Bounds,
+) -> (Vec<[i16; 2]>, Vec<Option<Edge>>) {
     let (points, place_of) = joined(own, &sorted_codes(halo));
     let index = Neighbours::new(&points, bounds.scale);
-    let codes = points.par_iter().map(|&p| morton::encode3(p)).collect();
-    let cloud = Cloud { points: &points, codes, scale: bounds.scale };
     let ask = |count, share: f64| Ask { count, count_max: count, reach: bounds.reach * share };
-    let planes = index.map_placed(
-        &ask(NEIGHBOURS, PLANE_SHARE),
+    // The nearest tell both the normal and the plane.
+    let told = index.map_placed(
+        &Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
         |_| true,
-        |_, steps| Some(plane(steps, bounds.scale)),
-        None,
+        |_, found| Some(Told::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
+        Told { normal: UNKNOWN, plane: None },
     );
-    let flat = index.map_placed(
-        &ask(AROUND_FLAT, FLAT_SHARE),
-        |_| true,
-        |place, steps| Some(cloud.flattest(place, steps, &planes)),
-        None,
-    );
+    let cloud = Cloud { points: &points, scale: bounds.scale };
     let mut wanted = vec![false; points.len()];
     place_of.iter().for_each(|&place| wanted[place as usize] = true);
+    let mut flat: Vec<Option<Plane>> = told.iter().map(|t| t.plane).collect();
+    // The others are flat enough.
+    let is_rough = |place: usize| told[place].plane.is_some_and(|p| p.roughness >= FLAT);
+    let flatter = index.map_placed(
+        &ask(AROUND_FLAT, FLAT_SHARE),
+        is_rough,
+        |place, found| Some(cloud.flattest(place, found, &told)),
+        None,
+    );
+    let rough = (0..).zip(flat.iter_mut().zip(flatter)).filter(|(place, _)| is_rough(*place));
+    rough.for_each(|(_, (flat, flatter))| *flat = flatter);
     let found = index.map_placed(
         &ask(AROUND, EDGE_SHARE),
         |place| wanted[place],
-        |place, steps| Some(cloud.edge(place, steps, &flat)),
+        |place, found| Some(cloud.edge(place, found, &flat)),
         None,
     );
-    place_of.into_par_iter().map(|place| found[place as usize]).collect()
+    let codes = place_of.iter().map(|&place| told[place as usize].normal).collect();
+    (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
 }
 
-/// The plane of a point and its neighbours, so many steps away.
-fn plane(steps: &[Vec3], scale: Vec3) -> Option<Plane> {
-    let (normal, values) = flattest(steps, scale)?;
-    let lengths = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i])).map(|s| dot(s, s));
-    let far = lengths.fold(0.0, f64::max).sqrt();
-    // A circle of this radius has so many points.
-    let spacing = far * (std::f64::consts::PI / steps.len() as f64).sqrt();
-    Some(Plane { normal, roughness: values[2] / (values[0] + values[1] + values[2]), spacing })
+/// What the nearest neighbours of a point tell.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    /// The code of its normal.
+    normal: [i16; 2],
+    /// Its plane.
+    plane: Option<Plane>,
+}
+
+impl Told {
+    /// Of neighbours so many steps away: the normal of all of them, the plane of the nearest.
+    fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
+        let scale = bounds.scale;
+        let found = flattest(steps, scale);
+        let normal = found.map_or(UNKNOWN, |(normal, _)| code_of(normal));
+        let weights = scale.map(|s| (s / scale[0]) * (s / scale[0]));
+        let square = |s: &Vec3| {
+            (weights[0] * (s[0] * s[0]) + weights[1] * (s[1] * s[1]) + weights[2] * (s[2] * s[2]))
+                as f32
+        };
+        let reach = bounds.reach * PLANE_SHARE;
+        let reach = (reach * reach) as f32;
+        if steps.len() <= NEIGHBOURS && steps.iter().all(|s| square(s) <= reach) {
+            let plane = found.map(|(normal, values)| Plane::of(normal, values, steps, scale));
+            return Self { normal, plane };
+        }
+        let mut nearest: Vec<Vec3> = steps.iter().copied().filter(|s| square(s) <= reach).collect();
+        nearest.sort_by(|a, b| square(a).total_cmp(&square(b)));
+        nearest.truncate(NEIGHBOURS);
+        let found = flattest(&nearest, scale);
+        let plane = found.map(|(normal, values)| Plane::of(normal, values, &nearest, scale));
+        Self { normal, plane }
+    }
+}
+
+impl Plane {
+    /// Of a point and its neighbours, so many steps away, of which normal and variances are known.
+    fn of(normal: Vec3, values: Vec3, steps: &[Vec3], scale: Vec3) -> Self {
+        let lengths = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i])).map(|s| dot(s, s));
+        let far = lengths.fold(0.0, f64::max).sqrt();
+        // A circle of this radius has so many points.
+        let spacing = far * (std::f64::consts::PI / steps.len() as f64).sqrt();
+        Self { normal, roughness: values[2] / (values[0] + values[1] + values[2]), spacing }
+    }
 }
 
 /// Points along the Morton curve, no two alike.
 struct Cloud<'a> {
     points: &'a [[u32; 3]],
-    codes: Vec<u128>,
     scale: Vec3,
 }
 
 impl Cloud<'_> {
-    /// A neighbour's place, and the way to it in the file's unit.
-    fn neighbour(&self, place: usize, step: &Vec3) -> Option<(usize, Vec3)> {
-        let p = self.points[place];
-        let at = [0, 1, 2].map(|i| (i64::from(p[i]) + step[i] as i64) as u32);
-        let found = self.codes.binary_search(&morton::encode3(at)).ok()?;
-        Some((found, [0, 1, 2].map(|i| step[i] * self.scale[i])))
+    /// Neighbours' places, and the ways to them in the file's unit.
+    fn ways<'f>(&self, found: Found<'f>) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
+        let scale = self.scale;
+        let way = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
+        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(way))
     }
 
-    /// A point's own plane, or the flattest of those around that go through it.
-    fn flattest(&self, place: usize, steps: &[Vec3], planes: &[Option<Plane>]) -> Option<Plane> {
-        let own = planes[place]?;
-        if own.roughness < FLAT {
-            return Some(own);
-        }
+    /// The flattest plane of a point's own and of those around that go through it.
+    fn flattest(&self, place: usize, found: Found<'_>, told: &[Told]) -> Option<Plane> {
+        let own = told[place].plane?;
         let (mut best, mut least) = (own, own.roughness * FLATTER);
-        for (other, way) in steps.iter().filter_map(|s| self.neighbour(place, s)) {
-            let Some(plane) = planes[other] else { continue };
+        for (other, way) in self.ways(found) {
+            let Some(plane) = told[other].plane else { continue };
             // On an edge the planes of both sides are flat: the one that the point is on counts.
             let off = dot(plane.normal, way).abs() / own.spacing;
             let score = plane.roughness + OFF * off * off;
@@ -167,18 +208,22 @@ impl Cloud<'_> {
     }
 
     /// The edge of a point, where it has one.
-    fn edge(&self, place: usize, steps: &[Vec3], planes: &[Option<Plane>]) -> Option<Edge> {
+    fn edge(&self, place: usize, found: Found<'_>, planes: &[Option<Plane>]) -> Option<Edge> {
         let own = planes[place]?;
-        let around: Vec<Mate> = steps
-            .iter()
-            .filter_map(|s| self.neighbour(place, s))
+        // Most points have none.
+        let meets = |plane: &Plane| dot(plane.normal, own.normal).abs() < EDGE;
+        if !found.places.iter().any(|&p| planes[p as usize].as_ref().is_some_and(meets)) {
+            return None;
+        }
+        let around: Vec<Mate> = self
+            .ways(found)
             .filter_map(|(place, way)| Some(Mate { place, plane: planes[place]?, way }))
             .collect();
         let cosine = |m: &Mate| dot(m.plane.normal, own.normal).abs();
         let is_same =
             |m: &&Mate| cosine(m) > SAME && dot(own.normal, m.way).abs() < BEYOND * own.spacing;
         let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.way).collect();
-        let mut mates: Vec<&Mate> = around.iter().filter(|m| cosine(m) < EDGE).collect();
+        let mut mates: Vec<&Mate> = around.iter().filter(|m| meets(&m.plane)).collect();
         mates.sort_by(|a, b| dot(a.way, a.way).total_cmp(&dot(b.way, b.way)));
         let meetings: Vec<Meeting> =
             mates.into_iter().filter_map(|mate| meeting(&own, mate, &same)).collect();
@@ -270,133 +315,4 @@ fn meeting(own: &Plane, mate: &Mate, same: &[Vec3]) -> Option<Meeting> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Steps between points.
-    const SPACING: f64 = 100.0;
-    const MIDDLE: f64 = 2e9;
-
-    fn bounds() -> Bounds {
-        Bounds::new([0.001; 3], SPACING)
-    }
-
-    /// A sheet of jittered points from the middle on along two directions, off it by noise of so many spacings.
-    fn sheet(u: Vec3, v: Vec3, side: u64, noise: f64, seed: u64) -> Vec<[u32; 3]> {
-        let random = |i: u64| {
-            let z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15 ^ seed << 32);
-            let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            ((z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb) >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let n = cross(u, v);
-        let point = |i: u64| {
-            let a = ((i % side) as f64 + 0.15 + 0.7 * random(3 * i)) * SPACING;
-            let b = ((i / side) as f64 + 0.15 + 0.7 * random(3 * i + 1)) * SPACING;
-            let off = (random(3 * i + 2) * 2.0 - 1.0) * noise * SPACING;
-            plus(plus(plus([MIDDLE; 3], u, a), v, b), n, off).map(|c| c.round() as u32)
-        };
-        (0..side * side).map(point).collect()
-    }
-
-    fn sorted(mut points: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
-        points.sort_by_key(|&p| morton::encode3(p));
-        points.dedup();
-        points
-    }
-
-    /// Two walls that meet at this angle, in the line along x through the middle.
-    fn walls(degrees: f64, noise: f64) -> Vec<[u32; 3]> {
-        let (s, c) = degrees.to_radians().sin_cos();
-        let mut points = sheet([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 40, noise, 1);
-        points.extend(sheet([1.0, 0.0, 0.0], [0.0, c, s], 40, noise, 2));
-        sorted(points)
-    }
-
-    /// A point's distance from the edge of the walls, spacings; `None` near their other ends.
-    fn from_edge(p: [u32; 3]) -> Option<f64> {
-        let at = p.map(|c| (f64::from(c) - MIDDLE) / SPACING);
-        let away = at[1].hypot(at[2]);
-        ((4.0..36.0).contains(&at[0]) && away < 36.0).then_some(away)
-    }
-
-    #[test]
-    fn walls_meet_in_their_edge() {
-        for (degrees, noise, slack) in
-            [(90.0, 0.0, 0.1), (60.0, 0.0, 0.1), (130.0, 0.0, 0.1), (90.0, 0.05, 0.3)]
-        {
-            let points = walls(degrees, noise);
-            let edges = detect(&points, &[], &bounds());
-            let (mut near, mut missing, mut far, mut wide) = (0, 0, 0, 0);
-            for (p, edge) in points.iter().zip(&edges) {
-                let Some(away) = from_edge(*p) else { continue };
-                near += usize::from(away < 1.0);
-                missing += usize::from(away < 1.0 && edge.is_none());
-                far += usize::from(away > 2.6 && edge.is_some());
-                for line in edge.iter().flat_map(|e| e.clip.lines).flatten() {
-                    let off = [1, 2].map(|i| (f64::from(line.from[i]) - MIDDLE) / SPACING);
-                    wide += usize::from(off[0].hypot(off[1]) > slack);
-                }
-            }
-            assert!(
-                near > 50 && missing * 50 <= near && wide * 20 <= near,
-                "{degrees} {noise}: {near} {missing} {wide}"
-            );
-            assert!(far * 100 <= points.len(), "{far}");
-        }
-    }
-
-    #[test]
-    fn splats_of_a_pair_share_their_line() {
-        let points = walls(90.0, 0.03);
-        let edges = detect(&points, &[], &bounds());
-        let lines: Vec<ClipLine> =
-            edges.iter().flatten().flat_map(|e| e.clip.lines).flatten().collect();
-        let is_shared = |a: &&ClipLine| {
-            lines.iter().filter(|b| (a.from, a.along) == (b.from, b.along)).count() > 1
-        };
-        let shared = lines.iter().filter(is_shared).count();
-        assert!(shared * 3 > lines.len(), "{shared} of {}", lines.len());
-    }
-
-    #[test]
-    fn what_has_no_edge_gets_no_line() {
-        let plane = sorted(sheet([0.6, 0.8, 0.0], [0.0, 0.0, 1.0], 60, 0.1, 3));
-        let ball: Vec<[u32; 3]> = (0..6000)
-            .map(|i| {
-                let z = (f64::from(i) + 0.5) / 3000.0 - 1.0;
-                let (s, c) = (f64::from(i) * 2.399_963_229_728_653).sin_cos();
-                let r = (1.0 - z * z).sqrt();
-                [r * c, r * s, z].map(|v| (v * 22.0 * SPACING + MIDDLE).round() as u32)
-            })
-            .collect();
-        for points in [plane, sorted(ball)] {
-            let found = detect(&points, &[], &bounds()).iter().flatten().count();
-            assert!(found * 1000 <= points.len(), "{found} of {}", points.len());
-        }
-    }
-
-    #[test]
-    fn a_cloud_cut_into_chunks_has_the_same_edges() {
-        let points = walls(75.0, 0.04);
-        let (bounds, steps) = (bounds(), bounds().steps());
-        let whole = detect(&points, &[], &bounds);
-        for cut in [(MIDDLE + 1500.0) as u32, (MIDDLE + 3100.0) as u32] {
-            for side in [false, true] {
-                let is_own = |p: &[u32; 3]| (p[0] < cut) == side;
-                let own: Vec<_> = points.iter().copied().filter(is_own).collect();
-                let near = |p: &&[u32; 3]| {
-                    if side { p[0] < cut + steps[0] } else { p[0] + steps[0] >= cut }
-                };
-                let halo: Vec<_> =
-                    points.iter().filter(near).copied().filter(|p| !is_own(p)).collect();
-                let expected: Vec<_> = points
-                    .iter()
-                    .zip(&whole)
-                    .filter(|(p, _)| is_own(p))
-                    .map(|(_, edge)| *edge)
-                    .collect();
-                assert_eq!(detect(&own, &halo, &bounds), expected);
-            }
-        }
-    }
-}
+mod tests;
