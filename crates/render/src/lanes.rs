@@ -168,7 +168,7 @@ pub fn to_centres(
 }
 
 /// A row of a level attribute by attribute, with invalid pixels before its first and after its last. The depths of invalid
-/// pixels are infinite, their colours, radii and normals are zeros, and what the rest is means nothing.
+/// pixels are infinite, and what their other attributes are means nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     /// Four pixels each, with the one before and the one after them.
@@ -202,21 +202,15 @@ impl Line {
             let run = first..(first + LANES).min(start + level.width);
             let front = four(&level.front[run.clone()], INVALID);
             self.put(Self::FRONT, i, front);
-            let is_valid = valid(front[0]);
-            if !is_valid.any() {
-                // Whatever these were multiplied by would be left in sums.
-                self.put(Self::TINT, i, [Vec4::ZERO; 4]);
-                self.put(Self::NORMAL, i, [Vec4::ZERO; 4]);
+            if !valid(front[0]).any() {
                 continue;
             }
-            let tint = four(&level.tint[run.clone()], Vec4::ZERO);
-            self.put(Self::TINT, i, tint.map(|values| only(is_valid, values)));
+            self.put(Self::TINT, i, four(&level.tint[run.clone()], Vec4::ZERO));
             let mut depth = [0.0; LANES];
             depth[..run.len()].copy_from_slice(&level.depth[run.clone()]);
             self.put(Self::DEPTH, i, [Vec4::from_array(depth)]);
             if let Some(normal) = level.normal.get(run) {
-                let normal = four(normal, Vec4::ZERO);
-                self.put(Self::NORMAL, i, normal.map(|values| only(is_valid, values)));
+                self.put(Self::NORMAL, i, four(normal, Vec4::ZERO));
             }
         }
     }

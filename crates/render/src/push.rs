@@ -280,7 +280,7 @@ impl Block {
             depth: of(Line::DEPTH, &moved),
             normal: [Vec4::ZERO; 4],
         };
-        let of = |plane: usize| mean_of_numbers(near, plane, &weights);
+        let of = |plane: usize| mean_of(near, plane, &weights);
         for i in 0..4 {
             out.tint[i] = of(Line::TINT + i);
             if NORMALS {
@@ -289,13 +289,6 @@ impl Block {
         }
         out.write::<NORMALS>(is_new, row, first, 2);
     }
-}
-
-/// The weighted mean of a plane that has numbers everywhere.
-#[inline(always)]
-fn mean_of_numbers(near: &[Near<'_>; 4], plane: usize, weights: &[Lane; 4]) -> Lane {
-    let part = |t: usize| near[t].lane(plane) * weights[t];
-    part(0) + part(1) + part(2) + part(3)
 }
 
 /// The weighted mean of a plane. What has no weight may be no number.
