@@ -2,7 +2,7 @@
 //! onto the picture. Its major axis is twice the radius, across the normal's projection; its minor axis
 //! is the major one times the normal's z, or a little more ([`crate::gather`]).
 
-use crate::lanes::{Lane, Mask};
+use crate::values::Values;
 use glam::{Vec2, Vec4};
 
 /// Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view
@@ -19,14 +19,15 @@ pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
     covers_at(from_centre.to_array().map(Vec4::splat), Vec4::splat(radius), disc).all()
 }
 
-/// The same of four; of normals x, y and w.
+/// The same of several; of normals x, y and w.
 #[inline(always)]
-pub fn covers_at([x, y]: [Lane; 2], radius: Lane, [nx, ny, share]: [Lane; 3]) -> Mask {
+pub(crate) fn covers_at<V: Values>([x, y]: [V; 2], radius: V, [nx, ny, share]: [V; 3]) -> V::Mask {
     let beyond = x * x + y * y - radius * radius;
     let along = x * nx - y * ny;
     let (minor, tilt) = (share * share, nx * nx + ny * ny);
-    let form = along * along * (1.0 - minor) + beyond * (minor * tilt);
-    beyond.cmple(Vec4::ZERO) & (tilt.cmpeq(Vec4::ZERO) | form.cmple(Vec4::ZERO))
+    let form = along * along * (-minor + 1.0) + beyond * (minor * tilt);
+    let zero = x.like(0.0);
+    beyond.cmple(zero) & (tilt.cmpeq(zero) | form.cmple(zero))
 }
 
 /// The normal of a disc that faces the viewer: the ellipse is a circle.

@@ -35,6 +35,7 @@ pub mod shade;
 pub mod soften;
 pub mod tangent;
 pub mod trim;
+mod values;
 
 pub use colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use error::RenderError;

@@ -17,12 +17,11 @@
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::covers_at;
-use crate::lanes::{
-    LANES, Lane, Line, Mask, Pixels, Run, counting, halves, has_pixels, only, valid,
-};
+use crate::lanes::{LANES, Line, Pixels, Run, counting, halves, has_pixels};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
-use fearless_simd::{Level as Simd, dispatch};
+use crate::values::Values;
+use fearless_simd::{Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8};
 use glam::Vec4;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
@@ -50,11 +49,11 @@ pub fn push_with(pyramid: &mut Pyramid, image: &mut [f32]) {
         let image: &mut [f32] = if i == 1 { &mut *image } else { &mut [] };
         if has_normals {
             for_each_band(finer, image, |rows| {
-                dispatch!(Simd::new(), _ => push_rows::<true>(&lens, coarser, edge_px, rows));
+                dispatch!(Support::new(), simd => push_rows::<_, true>(simd, &lens, coarser, edge_px, rows));
             });
         } else {
             for_each_band(finer, image, |rows| {
-                dispatch!(Simd::new(), _ => push_rows::<false>(&lens, coarser, edge_px, rows));
+                dispatch!(Support::new(), simd => push_rows::<_, false>(simd, &lens, coarser, edge_px, rows));
             });
         }
     }
@@ -62,7 +61,13 @@ pub fn push_with(pyramid: &mut Pyramid, image: &mut [f32]) {
 
 /// Recomputes the invalid and occluded pixels of rows from `coarser`.
 #[inline(always)]
-fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, rows: Rows<'_>) {
+fn push_rows<S: Simd, const NORMALS: bool>(
+    simd: S,
+    lens: &Lens,
+    coarser: &Level,
+    edge_px: f32,
+    rows: Rows<'_>,
+) {
     // The coarser rows in use, by the last bit of their number.
     let mut lines = [(None, Line::default()), (None, Line::default())];
     for mut row in rows {
@@ -80,7 +85,7 @@ fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, ro
         for block in 0..coarser.width.div_ceil(LANES) {
             let runs = [over.run(block), beside.run(block)];
             if has_pixels(runs[0]) || has_pixels(runs[1]) {
-                push_block::<NORMALS>(lens, edge_px, runs, block * LANES, &mut row);
+                push_block::<S, NORMALS>(simd, lens, edge_px, runs, block * LANES, &mut row);
             }
         }
         row.write_image(lens, edge_px);
@@ -90,7 +95,8 @@ fn push_rows<const NORMALS: bool>(lens: &Lens, coarser: &Level, edge_px: f32, ro
 /// Recomputes the pixels of a row below four coarser ones. `runs` are of the row above it and of the nearer one beside
 /// that.
 #[inline(always)]
-fn push_block<const NORMALS: bool>(
+fn push_block<S: Simd, const NORMALS: bool>(
+    simd: S,
     lens: &Lens,
     edge_px: f32,
     runs: [&Run; 2],
@@ -98,131 +104,152 @@ fn push_block<const NORMALS: bool>(
     row: &mut RowMut<'_>,
 ) {
     let below = 2 * first..row.front.len().min(2 * (first + LANES));
-    let [even, odd] = halves(&row.front[below], INVALID);
-    push_half::<NORMALS, 0>(lens, edge_px, runs, first, row, even);
-    push_half::<NORMALS, 1>(lens, edge_px, runs, first, row, odd);
-}
-
-/// Those of them to the left (`ODD` is 0) or to the right, whose fronts are `own`.
-#[inline(always)]
-fn push_half<const NORMALS: bool, const ODD: usize>(
-    lens: &Lens,
-    edge_px: f32,
-    runs: [&Run; 2],
-    first: usize,
-    row: &mut RowMut<'_>,
-    own: [Lane; 4],
-) {
-    let across = if ODD == 1 { 0.5 } else { -0.5 } * edge_px;
-    let down = if row.y & 1 == 1 { 0.5 } else { -0.5 } * edge_px;
+    let own = halves(&row.front[below], INVALID);
+    let half = 0.5 * edge_px;
+    let beside = join(simd, Vec4::splat(-half), Vec4::splat(half));
+    let (above, below) = if row.y & 1 == 1 { (half, half * -3.0) } else { (-half, half * 3.0) };
+    let [above, below] = [simd.splat_f32x8(above), simd.splat_f32x8(below)];
     // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
     // same side, one and a half the other way.
-    let near = |run, at, right, down| Near { run, at, to_finer: [right, down] };
     let near = [
-        near(runs[0], 1, across, down),
-        near(runs[0], 2 * ODD, across * -3.0, down),
-        near(runs[1], 1, across, down * -3.0),
-        near(runs[1], 2 * ODD, across * -3.0, down * -3.0),
+        Near { simd, run: runs[0], at: [1, 1], to_finer: [beside, above] },
+        Near { simd, run: runs[0], at: [0, 2], to_finer: [beside * -3.0, above] },
+        Near { simd, run: runs[1], at: [1, 1], to_finer: [beside, below] },
+        Near { simd, run: runs[1], at: [0, 2], to_finer: [beside * -3.0, below] },
     ];
-    let centre = [
-        counting(((2 * first + ODD) as f32 + 0.5) * edge_px, 2.0 * edge_px),
-        Vec4::splat((row.y as f32 + 0.5) * edge_px),
+    let left = counting(((2 * first) as f32 + 0.5) * edge_px, 2.0 * edge_px);
+    let right = counting(((2 * first + 1) as f32 + 0.5) * edge_px, 2.0 * edge_px);
+    let centre = [join(simd, left, right), simd.splat_f32x8((row.y as f32 + 0.5) * edge_px)];
+    let least = join(simd, own[0][0], own[1][0]);
+    let is_valid = least.cmplt(simd.splat_f32x8(f32::INFINITY));
+    let place = [
+        centre[0] - only(is_valid, join(simd, own[0][2], own[1][2])),
+        centre[1] - only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let is_valid = valid(own[0]);
-    let place = [centre[0] - only(is_valid, own[2]), centre[1] - only(is_valid, own[3])];
-    let block = Block { least: own[0], centre, place };
+    let block = Block { least, centre, place };
     let asking = !(is_valid & block.is_within::<NORMALS>(lens, &near[0]));
-    if asking.any() {
-        block.fill::<NORMALS>(lens, &near, asking, row, 2 * first + ODD);
+    if asking.any_true() {
+        block.fill::<NORMALS>(lens, &near, asking, row, 2 * first);
     }
+}
+
+/// Values of every second pixel, then those of the others.
+#[inline(always)]
+fn join<S: Simd>(simd: S, even: Vec4, odd: Vec4) -> f32x8<S> {
+    simd.combine_f32x4(
+        simd.load_array_f32x4(even.to_array()),
+        simd.load_array_f32x4(odd.to_array()),
+    )
+}
+
+/// The values of every second pixel, and those of the others.
+#[inline(always)]
+fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
+    let (even, odd) = values.witness().split_f32x8(values);
+    [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
+}
+
+/// `value` where a mask says yes, else zero.
+#[inline(always)]
+fn only<V: Values>(mask: V::Mask, value: V) -> V {
+    V::select(mask, value, value.like(0.0))
 }
 
 /// The coarser pixels that lie on one side of finer ones.
-struct Near<'a> {
+struct Near<'a, S: Simd> {
+    simd: S,
     run: &'a Run,
-    /// Where the first of them is in the run.
-    at: usize,
+    /// Where the first of them is in the run, for the finer ones to the left and to the right.
+    at: [usize; 2],
     /// From their centres to the finer ones.
-    to_finer: [f32; 2],
+    to_finer: [f32x8<S>; 2],
 }
 
-impl Near<'_> {
+impl<S: Simd> Near<'_, S> {
     #[inline(always)]
-    fn lane(&self, plane: usize) -> Lane {
-        Vec4::from_slice(&self.run[plane][self.at..self.at + LANES])
+    fn lane(&self, plane: usize) -> f32x8<S> {
+        let (run, [even, odd]) = (&self.run[plane], self.at);
+        self.simd.combine_f32x4(
+            f32x4::from_slice(self.simd, &run[even..even + LANES]),
+            f32x4::from_slice(self.simd, &run[odd..odd + LANES]),
+        )
     }
 
     #[inline(always)]
-    fn normal(&self) -> [Lane; 3] {
+    fn normal(&self) -> [f32x8<S>; 3] {
         let at = Line::NORMAL;
         [self.lane(at), self.lane(at + 1), self.lane(at + 2)]
     }
 
     /// From the ellipses' centres to the finer pixels'.
     #[inline(always)]
-    fn displaced(&self) -> [Lane; 2] {
+    fn displaced(&self) -> [f32x8<S>; 2] {
         let at = Line::FRONT + 2;
         [self.lane(at) + self.to_finer[0], self.lane(at + 1) + self.to_finer[1]]
     }
 }
 
 /// Coarser pixels as seen from the finer ones.
-struct Seen {
+struct Seen<S: Simd> {
     /// Depths where they are compared; infinite where the ellipse does not cover the finer pixel.
-    depths: [Lane; 2],
+    depths: [f32x8<S>; 2],
     /// q of their planes at the ellipses' centres ([`crate::tangent`]).
-    facing: Lane,
+    facing: f32x8<S>,
 }
 
-/// Every second pixel of a run of finer ones.
-struct Block {
+/// A run of finer pixels: every second one, then the others.
+struct Block<S: Simd> {
     /// Their own least depths.
-    least: Lane,
-    centre: [Lane; 2],
+    least: f32x8<S>,
+    centre: [f32x8<S>; 2],
     /// Where depths are compared: at their ellipses' centres, or at their own where they are invalid.
-    place: [Lane; 2],
+    place: [f32x8<S>; 2],
 }
 
-impl Block {
+impl<S: Simd> Block<S> {
     /// Which are within the intervals of the coarser pixels above.
     #[inline(always)]
-    fn is_within<const NORMALS: bool>(&self, lens: &Lens, above: &Near<'_>) -> Mask {
+    fn is_within<const NORMALS: bool>(&self, lens: &Lens, above: &Near<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
         if !NORMALS {
-            return self.least.cmpge(least) & self.least.cmple(most);
+            return least.cmple(self.least) & self.least.cmple(most);
         }
         let (normal, from) = (above.normal(), self.from(above));
         let moved = factor(lens.facing(normal, from), turn(normal, self.by(from)));
-        self.least.cmpge(least * moved * ROUNDING) & self.least.cmple(most * moved)
+        (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
     /// The centres of coarser pixels' ellipses.
     #[inline(always)]
-    fn from(&self, near: &Near<'_>) -> [Lane; 2] {
+    fn from(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
         let displaced = near.displaced();
         [self.centre[0] - displaced[0], self.centre[1] - displaced[1]]
     }
 
     /// From a place to where depths are compared.
     #[inline(always)]
-    fn by(&self, from: [Lane; 2]) -> [Lane; 2] {
+    fn by(&self, from: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
         [self.place[0] - from[0], self.place[1] - from[1]]
     }
 
     #[inline(always)]
-    fn see<const NORMALS: bool>(&self, lens: &Lens, near: &Near<'_>) -> Seen {
+    fn see<const NORMALS: bool>(&self, lens: &Lens, near: &Near<'_, S>) -> Seen<S> {
         let (least, most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
-        let (mut facing, mut moved) = (Vec4::ZERO, Vec4::ONE);
-        let mut disc = [Vec4::ZERO, Vec4::ZERO, Vec4::ONE];
+        let (zero, one) = (least.like(0.0), least.like(1.0));
+        let infinite = least.like(f32::INFINITY);
+        let (mut facing, mut moved) = (zero, one);
+        let mut disc = [zero, zero, one];
         if NORMALS {
             let (normal, from) = (near.normal(), self.from(near));
             facing = lens.facing(normal, from);
             moved = factor(facing, turn(normal, self.by(from)));
             disc = [normal[0], normal[1], near.lane(Line::NORMAL + 3)];
         }
-        let covers = covers_at(near.displaced(), near.lane(Line::TINT + 3), disc) & valid(least);
-        let seen = |depth: Lane| Vec4::select(covers, depth * moved, Vec4::INFINITY);
-        Seen { depths: [seen(least), seen(most)], facing }
+        let covers =
+            covers_at(near.displaced(), near.lane(Line::TINT + 3), disc) & least.cmplt(infinite);
+        let least = f32x8::select(covers, least * moved, infinite);
+        let most = f32x8::select(covers, most * moved, infinite);
+        Seen { depths: [least, most], facing }
     }
 
     /// Interpolates those that are `asking`, and writes those that something covers.
@@ -230,8 +257,8 @@ impl Block {
     fn fill<const NORMALS: bool>(
         &self,
         lens: &Lens,
-        near: &[Near<'_>; 4],
-        asking: Mask,
+        near: &[Near<'_, S>; 4],
+        asking: mask32x8<S>,
         row: &mut RowMut<'_>,
         first: usize,
     ) {
@@ -242,24 +269,26 @@ impl Block {
             self.see::<NORMALS>(lens, c),
             self.see::<NORMALS>(lens, d),
         ];
-        let (mut nearest, mut limit) = (Vec4::INFINITY, Vec4::INFINITY);
+        let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
+        let (mut nearest, mut limit) = (infinite, infinite);
         for Seen { depths: [least, most], .. } in &seen {
             let is_nearer = least.cmplt(nearest);
-            limit = Vec4::select(is_nearer, *most, limit);
-            nearest = Vec4::select(is_nearer, *least, nearest);
+            limit = f32x8::select(is_nearer, *most, limit);
+            nearest = f32x8::select(is_nearer, *least, nearest);
         }
         // Else nothing covers it; or it is valid (finite) and not behind what does.
-        let is_new = asking & valid(nearest) & self.least.cmpgt(limit);
-        if !is_new.any() {
+        let is_new = asking & nearest.cmplt(infinite) & limit.cmplt(self.least);
+        if !is_new.any_true() {
             return;
         }
-        let (mut weights, mut sum) = ([Vec4::ZERO; 4], Vec4::ZERO);
+        let (mut weights, mut sum) = ([zero; 4], zero);
         for (t, weight) in weights.iter_mut().enumerate() {
             let least = seen[t].depths[0];
-            *weight = only(valid(least) & least.cmple(limit), Vec4::splat(WEIGHTS[t]));
+            let takes_part = least.cmplt(infinite) & least.cmple(limit);
+            *weight = only(takes_part, zero.like(WEIGHTS[t]));
             sum += *weight;
         }
-        let mut middle = [Vec4::ZERO; 2];
+        let mut middle = [zero; 2];
         for (near, weight) in near.iter().zip(&mut weights) {
             *weight /= sum;
             let displaced = near.displaced();
@@ -273,29 +302,43 @@ impl Block {
             let by = [place[0] - from[0], place[1] - from[1]];
             moved[t] *= factor(seen[t].facing, turn(normal, by));
         }
-        let of = |plane: usize, weights: &[Lane; 4]| mean_of(near, plane, weights);
-        let mut out = Pixels {
-            front: [of(Line::FRONT, &moved), of(Line::FRONT + 1, &moved), middle[0], middle[1]],
-            tint: [Vec4::ZERO; 4],
-            depth: of(Line::DEPTH, &moved),
-            normal: [Vec4::ZERO; 4],
-        };
-        let of = |plane: usize| mean_of(near, plane, &weights);
+        let least = part(mean_of(near, Line::FRONT, &moved));
+        let most = part(mean_of(near, Line::FRONT + 1, &moved));
+        let depth = part(mean_of(near, Line::DEPTH, &moved));
+        let [x, y] = [part(middle[0]), part(middle[1])];
+        let (mut tint, mut normal) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
         for i in 0..4 {
-            out.tint[i] = of(Line::TINT + i);
+            tint[i] = part(mean_of(near, Line::TINT + i, &weights));
             if NORMALS {
-                out.normal[i] = of(Line::NORMAL + i);
+                normal[i] = part(mean_of(near, Line::NORMAL + i, &weights));
             }
         }
-        out.write::<NORMALS>(is_new, row, first, 2);
+        // Every second pixel, then the others.
+        let is_new: [i32; 2 * LANES] = near[0].simd.as_array_mask32x8(is_new);
+        for odd in 0..2 {
+            let out = Pixels {
+                front: [least[odd], most[odd], x[odd], y[odd]],
+                tint: [tint[0][odd], tint[1][odd], tint[2][odd], tint[3][odd]],
+                depth: depth[odd],
+                normal: [normal[0][odd], normal[1][odd], normal[2][odd], normal[3][odd]],
+            };
+            let mut to = [usize::MAX; LANES];
+            for (k, to) in to.iter_mut().enumerate() {
+                if is_new[odd * LANES + k] != 0 {
+                    *to = first + 2 * k + odd;
+                }
+            }
+            out.scatter::<NORMALS>(to, row);
+        }
     }
 }
 
 /// The weighted mean of a plane. What has no weight may be no number.
 #[inline(always)]
-fn mean_of(near: &[Near<'_>; 4], plane: usize, weights: &[Lane; 4]) -> Lane {
-    let [a, b, c, d] = near;
-    let part =
-        |near: &Near<'_>, weight: Lane| only(weight.cmpgt(Vec4::ZERO), near.lane(plane) * weight);
-    part(a, weights[0]) + part(b, weights[1]) + part(c, weights[2]) + part(d, weights[3])
+fn mean_of<S: Simd>(near: &[Near<'_, S>; 4], plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
+    let mut sum = weights[0].like(0.0);
+    for (near, &weight) in near.iter().zip(weights) {
+        sum += only(weight.like(0.0).cmplt(weight), near.lane(plane) * weight);
+    }
+    sum
 }

@@ -8,6 +8,7 @@
 
 use crate::camera::Camera;
 use crate::lanes::Lane;
+use crate::values::Values;
 use glam::Vec2;
 
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
@@ -33,7 +34,7 @@ impl Lens {
     /// Depth on the planes with these normals (view space, any length) at `from + by` (pixels), over that at `from`.
     /// One where there is no normal.
     #[inline(always)]
-    pub fn along(&self, normal: [Lane; 3], from: [Lane; 2], by: [Lane; 2]) -> Lane {
+    pub(crate) fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
         factor(self.facing(normal, from), turn(normal, by))
     }
 
@@ -45,7 +46,7 @@ impl Lens {
 
     /// q of the head at places (pixels), of planes turned to the eye, not steeper than can be followed. Below zero.
     #[inline(always)]
-    pub fn facing(&self, [nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> Lane {
+    pub(crate) fn facing<V: Values>(&self, [nx, ny, nz]: [V; 3], [x, y]: [V; 2]) -> V {
         let q = nx * (x - self.centre_px.x) - ny * (y - self.centre_px.y) - nz * self.focal_px;
         let steepest = (nx.abs() + ny.abs()) * (-self.focal_px / SLOPE_MAX);
         q.min(steepest) - f32::MIN_POSITIVE
@@ -54,13 +55,13 @@ impl Lens {
 
 /// What q of the head changes by over so many pixels.
 #[inline(always)]
-pub fn turn([nx, ny, _]: [Lane; 3], [x, y]: [Lane; 2]) -> Lane {
+pub(crate) fn turn<V: Values>([nx, ny, _]: [V; 3], [x, y]: [V; 2]) -> V {
     nx * x - ny * y
 }
 
 /// Depths after moves over those before them, from q before them and what the moves change it by.
 #[inline(always)]
-pub fn factor(q: Lane, turn: Lane) -> Lane {
+pub(crate) fn factor<V: Values>(q: V, turn: V) -> V {
     q / (q + turn).max(q * FACTOR_MAX).min(q * (1.0 / FACTOR_MAX))
 }
 

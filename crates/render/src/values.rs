@@ -1,0 +1,113 @@
+//! What arithmetic asks of a register of floats, whatever its width: four ([`crate::lanes`]), or eight where the processor
+//! has them. Names and meanings are those of `glam`'s vectors.
+
+use fearless_simd::{Select, Simd, SimdBase, f32x8, mask32x8};
+use glam::{BVec4A, Vec4};
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
+
+/// A register of floats. Of a number and none, `min` and `max` are the second.
+pub trait Values:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f32, Output = Self>
+    + Sub<f32, Output = Self>
+    + Mul<f32, Output = Self>
+{
+    /// Yes or no for each.
+    type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask>;
+
+    /// As many of this value.
+    fn like(self, value: f32) -> Self;
+    /// The less of each.
+    fn min(self, other: Self) -> Self;
+    /// The greater of each.
+    fn max(self, other: Self) -> Self;
+    /// Without signs.
+    fn abs(self) -> Self;
+    /// Which are equal.
+    fn cmpeq(self, other: Self) -> Self::Mask;
+    /// Which are less.
+    fn cmplt(self, other: Self) -> Self::Mask;
+    /// Which are less or equal.
+    fn cmple(self, other: Self) -> Self::Mask;
+    /// Those of `a` where the mask says yes, else of `b`.
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+}
+
+impl Values for Vec4 {
+    type Mask = BVec4A;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        Self::splat(value)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.min(other)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.max(other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> BVec4A {
+        self.cmpeq(other)
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> BVec4A {
+        self.cmplt(other)
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> BVec4A {
+        self.cmple(other)
+    }
+    #[inline(always)]
+    fn select(mask: BVec4A, a: Self, b: Self) -> Self {
+        Self::select(mask, a, b)
+    }
+}
+
+impl<S: Simd> Values for f32x8<S> {
+    type Mask = mask32x8<S>;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        self.witness().splat_f32x8(value)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.witness().min_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.witness().max_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.witness().abs_f32x8(self)
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> mask32x8<S> {
+        self.witness().simd_eq_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> mask32x8<S> {
+        self.witness().simd_lt_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> mask32x8<S> {
+        self.witness().simd_le_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn select(mask: mask32x8<S>, a: Self, b: Self) -> Self {
+        mask.select(a, b)
+    }
+}
