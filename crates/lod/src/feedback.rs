@@ -4,7 +4,7 @@
 //! box's place in the old picture is grown by the parallax that anything there can have, and where
 //! depths side by side differ by so much that a gap may have opened between them, nothing is hidden.
 
-use crate::grid::{DepthGrid, SIDE};
+use crate::grid::{DepthGrid, ROUNDING, SIDE};
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
 use crate::project::{Polygon, Projection};
@@ -130,31 +130,44 @@ impl DepthFeedback {
         (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
     }
 
-    /// What of the box can be on the new picture, as an outline on the old one and its least depth there.
-    fn in_old_picture(&self, b: &OrientedBox) -> Option<(Polygon, f64)> {
-        let size = self.new.size_px();
+    /// What of a box that sticks out of the new picture can be on it, as corners on the old one and their least depth
+    /// there: its outline within the new picture, from its nearest to its farthest depth.
+    fn rest_in_old_picture(&self, b: &OrientedBox) -> Option<(Vec<DVec2>, f64)> {
         let seen = self.new.silhouette(b)?;
-        let [low, high] = seen.bounds()?;
-        if low.cmpge(DVec2::ZERO).all() && high.cmple(size).all() {
-            let old = self.old.silhouette(b)?;
-            let [nearest, _] = self.old.depths(b);
-            return (nearest > self.old.near()).then(|| (*old.polygon(), nearest));
-        }
-        // Of what sticks out of the new picture, the rest: its outline there, from its nearest to its
-        // farthest depth.
-        let clipped = seen.clipped(DVec2::ZERO, size);
-        let ends = [seen.nearest, seen.farthest];
-        let corners = clipped.corners().iter().flat_map(|&c| ends.map(|d| self.new.place(c, d)));
+        let clipped = seen.clipped(DVec2::ZERO, self.new.size_px());
         let mut nearest = f64::INFINITY;
-        let mut behind = false;
-        let outline = corners.map(|corner: DVec3| {
+        let corners = clipped
+            .corners()
+            .iter()
+            .flat_map(|&c| [seen.nearest, seen.farthest].map(|d| self.new.place(c, d)));
+        let corners = corners.map(|corner: DVec3| {
             let depth = self.old.depth(corner);
             nearest = nearest.min(depth);
-            behind |= depth.is_nan() || depth <= self.old.near();
-            self.old.on_picture(corner)
+            (depth > self.old.near()).then(|| self.old.on_picture(corner))
         });
-        let outline = Polygon::hull_of(outline);
-        (!behind).then_some((outline, nearest))
+        let corners: Option<Vec<_>> = corners.collect();
+        Some((corners?, nearest))
+    }
+
+    /// Whether the tiles hide what lies behind `nearest` within bounds on the old picture and within an outline, which is
+    /// made only where the bounds don't tell.
+    fn hides_within(
+        &self,
+        bounds: [DVec2; 2],
+        nearest: f64,
+        outline: impl FnOnce() -> Polygon,
+    ) -> bool {
+        let size = self.grid.size_px() + ROUNDING_PX;
+        let is_within =
+            bounds[0].cmpge(DVec2::splat(-ROUNDING_PX)).all() && bounds[1].cmple(size).all();
+        if !is_within {
+            return false;
+        }
+        if self.parallax > 0.0 {
+            return self.hides_beside(bounds, nearest);
+        }
+        let farthest = self.range_within(bounds[0], bounds[1]).farthest;
+        f64::from(farthest) < nearest * (1.0 - ROUNDING) || self.grid.hides(&outline(), nearest)
     }
 
     /// Whether the middle of a box is on the new picture and, on the old one, not behind its tile.
@@ -180,7 +193,7 @@ impl DepthFeedback {
                 return false;
             }
             let range = self.range_within(low, high);
-            if f64::from(range.farthest) >= nearest * (1.0 - 1e-5) {
+            if f64::from(range.farthest) >= nearest * (1.0 - ROUNDING) {
                 return false;
             }
             let needed = self.parallax * (1.0 / f64::from(range.nearest) - 1.0 / nearest);
@@ -222,7 +235,9 @@ fn ranges_of(tiles: &[DepthTile]) -> Vec<Vec<Range>> {
             (nearest, farthest) = (nearest.min(tile.nearest), farthest.max(tile.farthest));
         }
         let opening = nearest.recip() - farthest.recip();
-        Range { nearest: tile.nearest, farthest: tile.farthest, opening }
+        // What is no number hides nothing.
+        let farthest = if tile.farthest.is_nan() { f32::INFINITY } else { tile.farthest };
+        Range { nearest: tile.nearest, farthest, opening }
     };
     let mut levels = vec![tiles.iter().enumerate().map(range).collect::<Vec<_>>()];
     let mut side = SIDE;
@@ -246,13 +261,22 @@ impl Occlusion for DepthFeedback {
         if nearest <= self.old.near() || self.shows_centre(b, nearest) {
             return false;
         }
-        let Some((outline, nearest)) = self.in_old_picture(b) else { return false };
-        let Some(bounds) = outline.bounds() else { return false };
-        let size = self.grid.size_px() + ROUNDING_PX;
-        let is_within =
-            bounds[0].cmpge(DVec2::splat(-ROUNDING_PX)).all() && bounds[1].cmple(size).all();
-        is_within
-            && self.grid.hides(&outline, nearest)
-            && (self.parallax == 0.0 || self.hides_beside(bounds, nearest))
+        let size = self.new.size_px();
+        let Some([low, high]) = self.new.corners(b).and_then(|c| c.bounds()) else {
+            return false;
+        };
+        if low.cmpge(DVec2::ZERO).all() && high.cmple(size).all() {
+            let Some(mut corners) = self.old.corners(b) else { return false };
+            let bounds = corners.bounds();
+            return bounds.is_some_and(|bounds| {
+                self.hides_within(bounds, nearest, || corners.convex_hull())
+            });
+        }
+        let Some((corners, nearest)) = self.rest_in_old_picture(b) else { return false };
+        let low = corners.iter().copied().reduce(DVec2::min);
+        let high = corners.iter().copied().reduce(DVec2::max);
+        low.zip(high).is_some_and(|(low, high)| {
+            self.hides_within([low, high], nearest, || Polygon::hull_of(corners))
+        })
     }
 }

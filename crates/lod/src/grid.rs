@@ -10,7 +10,7 @@ use glam::DVec2;
 pub const SIDE: usize = 128;
 
 /// What depths may be off by, as a share of them: they are kept as `f32`.
-const ROUNDING: f64 = 1e-5;
+pub(crate) const ROUNDING: f64 = 1e-5;
 
 /// Farthest eye depths of the tiles of a view's picture, row by row; infinite where something deeper
 /// may show.

@@ -78,18 +78,30 @@ impl Projection {
     /// The silhouette of a box; `None` where all of it is nearer than the near plane, or where it is not
     /// made of numbers.
     pub fn silhouette(&self, b: &OrientedBox) -> Option<Silhouette> {
+        let (mut corners, [nearest, farthest]) = self.cut(b)?;
+        Some(Silhouette { polygon: corners.convex_hull(), nearest, farthest })
+    }
+
+    /// Points of which its silhouette is the convex hull, in no order.
+    pub(crate) fn corners(&self, b: &OrientedBox) -> Option<Polygon> {
+        self.cut(b).map(|(corners, _)| corners)
+    }
+
+    /// The corners on the picture of what of a box is behind the near plane, in no order, and its nearest and farthest
+    /// depth.
+    fn cut(&self, b: &OrientedBox) -> Option<(Polygon, [f64; 2])> {
         let centre = self.view_from_world * (b.centre - self.eye);
         let axes = self.view_from_world * b.axes * DMat3::from_diagonal(b.half);
         let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis];
-        let corners: [DVec3; 8] = std::array::from_fn(|i| {
-            let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
-            centre + x * sign(0) + y * sign(1) + z * sign(2)
-        });
         let reach = x.z.abs() + y.z.abs() + z.z.abs();
         let (nearest, farthest) = (-centre.z - reach, -centre.z + reach);
         if !(farthest >= self.near && farthest.is_finite() && nearest.is_finite()) {
             return None;
         }
+        let corners: [DVec3; 8] = std::array::from_fn(|i| {
+            let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            centre + x * sign(0) + y * sign(1) + z * sign(2)
+        });
         let mut outline = Polygon::default();
         for (i, corner) in corners.iter().enumerate() {
             if -corner.z >= self.near {
@@ -106,8 +118,7 @@ impl Projection {
                 }
             }
         }
-        let polygon = outline.convex_hull();
-        Some(Silhouette { polygon, nearest: nearest.max(self.near), farthest })
+        Some((outline, [nearest.max(self.near), farthest]))
     }
 
     fn project(&self, v: DVec3) -> DVec2 {
@@ -228,7 +239,7 @@ impl Polygon {
     }
 
     /// The convex hull of its corners (Andrew's monotone chain).
-    fn convex_hull(&mut self) -> Self {
+    pub(crate) fn convex_hull(&mut self) -> Self {
         let points = &mut self.corners[..self.len];
         // Few and nearly sorted: by insertion.
         for i in 1..points.len() {

@@ -270,6 +270,17 @@ fn pixels_that_show_nothing_hide_nothing() {
         picture[side * side / 2 + side / 2] = nothing;
         assert!(!hides(&picture), "{nothing}");
     }
+    // Tiles that are made elsewhere may be no numbers; camera still, and moved.
+    let mut tiles = tiles_of(&depth_picture(&pieces, &view()), side, side);
+    let box_hidden = |tiles: &[esker_lod::DepthTile], step: f64| {
+        let feedback = DepthFeedback::new(&view(), tiles).expect("as many tiles as asked");
+        let moved = View { eye: view().eye + DVec3::X * step, ..view() };
+        feedback.seen_from(&moved).hides(&cube(DVec3::Y * 3.0, 0.2))
+    };
+    assert!([0.0, 1e-3].iter().all(|&step| box_hidden(&tiles, step)));
+    let middle = tiles.len() / 2 + (tiles.len() as f64).sqrt() as usize / 2;
+    tiles[middle].farthest = f32::NAN;
+    assert!([0.0, 1e-3].iter().all(|&step| !box_hidden(&tiles, step)));
     assert!(DepthFeedback::new(&view(), &[]).is_none());
     assert!(!hides(&picture[..side]), "a picture cut short hides nothing");
 }
