@@ -7,9 +7,10 @@
 use crate::grid::{DepthGrid, ROUNDING, SIDE};
 use crate::occlusion::Occlusion;
 use crate::oriented_box::OrientedBox;
-use crate::project::{Polygon, Projection};
+use crate::polygon::Polygon;
+use crate::project::{Projection, Silhouette};
 use crate::view::View;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use std::sync::Arc;
 
 /// Tiles on a side of the picture.
@@ -130,23 +131,38 @@ impl DepthFeedback {
         (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
     }
 
-    /// What of a box that sticks out of the new picture can be on it, as corners on the old one and their least depth
-    /// there: its outline within the new picture, from its nearest to its farthest depth.
-    fn rest_in_old_picture(&self, b: &OrientedBox) -> Option<(Vec<DVec2>, f64)> {
-        let seen = self.new.silhouette(b)?;
-        let clipped = seen.clipped(DVec2::ZERO, self.new.size_px());
+    /// What of a box that sticks out of the new picture can be on it: the corners of its outline within the new
+    /// picture, at its nearest and its farthest depth, on the old one, with their depths there.
+    fn rest_in_old_picture(&self, seen: &Silhouette) -> impl Iterator<Item = (DVec2, f64)> {
+        let outline = seen.clipped(DVec2::ZERO, self.new.size_px());
+        let ends = [seen.nearest, seen.farthest];
+        (0..2 * outline.corners().len()).map(move |i| {
+            let corner = self.new.place(outline.corners()[i / 2], ends[i % 2]);
+            (self.old.on_picture(corner), self.old.depth(corner))
+        })
+    }
+
+    /// Whether what of a box that sticks out of the new picture can be on it is hidden.
+    fn hides_rest(&self, b: &OrientedBox) -> bool {
+        let Some(seen) = self.new.silhouette(b) else { return false };
+        let mut bounds = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         let mut nearest = f64::INFINITY;
-        let corners = clipped
-            .corners()
-            .iter()
-            .flat_map(|&c| [seen.nearest, seen.farthest].map(|d| self.new.place(c, d)));
-        let corners = corners.map(|corner: DVec3| {
-            let depth = self.old.depth(corner);
+        for (p, depth) in self.rest_in_old_picture(&seen) {
+            let is_in_front = depth > self.old.near();
+            if !is_in_front || !self.is_on_old_picture([p, p]) || self.grid.shows_at(p, depth) {
+                return false;
+            }
+            bounds = [bounds[0].min(p), bounds[1].max(p)];
             nearest = nearest.min(depth);
-            (depth > self.old.near()).then(|| self.old.on_picture(corner))
-        });
-        let corners: Option<Vec<_>> = corners.collect();
-        Some((corners?, nearest))
+        }
+        let outline = || Polygon::hull_of(self.rest_in_old_picture(&seen).map(|(p, _)| p));
+        self.hides_within(bounds, nearest, outline)
+    }
+
+    /// Whether bounds are on the old picture, but for rounding.
+    fn is_on_old_picture(&self, [low, high]: [DVec2; 2]) -> bool {
+        low.cmpge(DVec2::splat(-ROUNDING_PX)).all()
+            && high.cmple(self.grid.size_px() + ROUNDING_PX).all()
     }
 
     /// Whether the tiles hide what lies behind `nearest` within bounds on the old picture and within an outline, which is
@@ -157,10 +173,7 @@ impl DepthFeedback {
         nearest: f64,
         outline: impl FnOnce() -> Polygon,
     ) -> bool {
-        let size = self.grid.size_px() + ROUNDING_PX;
-        let is_within =
-            bounds[0].cmpge(DVec2::splat(-ROUNDING_PX)).all() && bounds[1].cmple(size).all();
-        if !is_within {
+        if !self.is_on_old_picture(bounds) {
             return false;
         }
         if self.parallax > 0.0 {
@@ -182,14 +195,11 @@ impl DepthFeedback {
 
     /// Whether the tiles about an outline hide what is behind `nearest` after the eye has moved.
     fn hides_beside(&self, [low, high]: [DVec2; 2], nearest: f64) -> bool {
-        let size = self.grid.size_px();
         let mut reach = 0.0;
         // The nearer what is about it, the farther it moves, the more is about it.
         for _ in 0..4 {
             let (low, high) = (low - reach, high + reach);
-            if !(low.cmpge(DVec2::splat(-ROUNDING_PX)).all()
-                && high.cmple(size + ROUNDING_PX).all())
-            {
+            if !self.is_on_old_picture([low, high]) {
                 return false;
             }
             let range = self.range_within(low, high);
@@ -261,22 +271,11 @@ impl Occlusion for DepthFeedback {
         if nearest <= self.old.near() || self.shows_centre(b, nearest) {
             return false;
         }
-        let size = self.new.size_px();
-        let Some([low, high]) = self.new.corners(b).and_then(|c| c.bounds()) else {
-            return false;
-        };
-        if low.cmpge(DVec2::ZERO).all() && high.cmple(size).all() {
-            let Some(mut corners) = self.old.corners(b) else { return false };
-            let bounds = corners.bounds();
-            return bounds.is_some_and(|bounds| {
-                self.hides_within(bounds, nearest, || corners.convex_hull())
-            });
+        let Some([low, high]) = self.new.bounds(b) else { return false };
+        if !(low.cmpge(DVec2::ZERO).all() && high.cmple(self.new.size_px()).all()) {
+            return self.hides_rest(b);
         }
-        let Some((corners, nearest)) = self.rest_in_old_picture(b) else { return false };
-        let low = corners.iter().copied().reduce(DVec2::min);
-        let high = corners.iter().copied().reduce(DVec2::max);
-        low.zip(high).is_some_and(|(low, high)| {
-            self.hides_within([low, high], nearest, || Polygon::hull_of(corners))
-        })
+        let outline = || self.old.silhouette(b).map_or_else(Polygon::default, |s| *s.polygon());
+        self.old.bounds(b).is_some_and(|bounds| self.hides_within(bounds, nearest, outline))
     }
 }

@@ -1,7 +1,7 @@
 //! A coarse picture of farthest depths, [`SIDE`] x [`SIDE`] (kanzok2015, section 3.2.1, has as many), and
 //! the one question asked of it: whether all that an outline touches lies nearer than the outline does.
 
-use crate::project::Polygon;
+use crate::polygon::Polygon;
 use crate::raster::Rows;
 use crate::view::View;
 use glam::DVec2;

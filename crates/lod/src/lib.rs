@@ -12,6 +12,7 @@ pub mod octree;
 pub mod options;
 pub mod oriented_box;
 pub mod parts;
+mod polygon;
 pub mod prefix;
 pub mod project;
 pub mod raster;

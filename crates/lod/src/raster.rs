@@ -123,7 +123,7 @@ fn bounds(corners: &[DVec2], scale: DVec2) -> Option<(DVec2, DVec2)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::project::Polygon;
+    use crate::polygon::Polygon;
     use proptest::prelude::*;
 
     const SIDE: usize = 24;
