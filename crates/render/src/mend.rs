@@ -26,20 +26,44 @@ struct Patch {
     normal: Vec4,
 }
 
+/// A bit for every pixel.
+struct Marks(Vec<u64>);
+
+impl Marks {
+    fn new(pixels: usize) -> Self {
+        Self(vec![0; pixels.div_ceil(64)])
+    }
+
+    fn set(&mut self, pixel: usize) {
+        self.0[pixel / 64] |= 1 << (pixel % 64);
+    }
+
+    fn clear(&mut self, pixel: usize) {
+        self.0[pixel / 64] &= !(1 << (pixel % 64));
+    }
+
+    fn has(&self, pixel: usize) -> bool {
+        self.0[pixel / 64] >> (pixel % 64) & 1 == 1
+    }
+}
+
 /// Closes gaps of `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`], in their order: all gaps are among them.
 pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) {
-    let mut candidates = edges.to_vec();
+    let mut is_edge = Marks::new(depth.len());
+    edges.iter().for_each(|&p| is_edge.set(p));
+    let mut is_gap_now = Marks::new(depth.len());
+    let mut candidates: Option<Vec<usize>> = None;
     for _ in 0..ROUNDS {
-        let found = candidates.par_iter().with_min_len(1024);
+        let found = candidates.as_deref().unwrap_or(edges).par_iter().with_min_len(1024);
         let gaps = found.copied().filter(|&p| is_gap(base, depth, focal_px, p));
-        let mut gaps: Vec<usize> = gaps.collect();
-        gaps.sort_unstable();
-        gaps.dedup();
+        let gaps: Vec<usize> = gaps.collect();
+        gaps.iter().for_each(|&p| is_gap_now.set(p));
         let patches = gaps.par_iter().with_min_len(256);
         let patches: Vec<Patch> =
-            patches.filter_map(|&p| patch(base, depth, focal_px, &gaps, p)).collect();
-        candidates.clear();
+            patches.filter_map(|&p| patch(base, depth, focal_px, &is_gap_now, p)).collect();
+        gaps.iter().for_each(|&p| is_gap_now.clear(p));
+        let mut next = Vec::new();
         for p in patches {
             depth[p.pixel] = p.depth;
             base.depth[p.pixel] = p.depth;
@@ -48,10 +72,16 @@ pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
             if let Some(normal) = base.normal.get_mut(p.pixel) {
                 *normal = p.normal;
             }
-            // Only a gap that was closed, or another beside it, may be one still.
-            let beside = around(p.pixel, base.width).into_iter().chain([p.pixel]);
-            candidates.extend(beside.filter(|n| edges.binary_search(n).is_ok()));
+            // Only a gap that was closed, or another beside it, may be one still. Each is noted once.
+            for n in around(p.pixel, base.width).into_iter().chain([p.pixel]) {
+                if is_edge.has(n) {
+                    is_edge.clear(n);
+                    next.push(n);
+                }
+            }
         }
+        next.iter().for_each(|&p| is_edge.set(p));
+        candidates = Some(next);
     }
 }
 
@@ -80,18 +110,12 @@ fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: u
 }
 
 /// What closes the gap at a pixel: the mean of those in front that are no gaps, if any.
-fn patch(
-    base: &Level,
-    depth: &[f32],
-    focal_px: f32,
-    gaps: &[usize],
-    pixel: usize,
-) -> Option<Patch> {
+fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize) -> Option<Patch> {
     let mut count = 0;
     let mut patch =
         Patch { pixel, front: Vec4::ZERO, tint: Vec4::ZERO, depth: 0.0, normal: Vec4::ZERO };
     for n in around(pixel, base.width) {
-        if is_before(base, depth, focal_px, n, pixel) && gaps.binary_search(&n).is_err() {
+        if is_before(base, depth, focal_px, n, pixel) && !gaps.has(n) {
             count += 1;
             patch.front += base.front[n];
             patch.tint += base.tint[n];
