@@ -4,6 +4,8 @@
 //! order, in the paper's, and in random ones: what closes a hole must not depend on what came before.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod pumping;
+
 use esker_engine::bench::path::Path as Flight;
 use esker_engine::colour::{Colouring, colouring};
 use esker_engine::drawing::{draw_node, frame};
@@ -38,20 +40,31 @@ struct Whole {
     file: Forest,
     planes: Vec<Planes>,
     colouring: Colouring,
+    method: Method,
 }
 
 impl Whole {
     fn build(scan: &Path, node_capacity: u32, folder: &Path) -> Self {
-        let out = folder.join("scan.esker");
         let options = esker_build::Options { node_capacity, ..Default::default() };
-        esker_build::build(&[scan.to_path_buf()], &out, &options, &Silent).unwrap();
+        Self::build_as(scan, &options, folder, Method::PullPush)
+    }
+
+    /// Of a scan that is built so, to be drawn by a method.
+    fn build_as(
+        scan: &Path,
+        options: &esker_build::Options,
+        folder: &Path,
+        method: Method,
+    ) -> Self {
+        let out = folder.join("scan.esker");
+        esker_build::build(&[scan.to_path_buf()], &out, options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let colouring = colouring(&file, None, info::bounds(&file)).unwrap();
         let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];
         kinds.extend(colouring.plane.map(|(kind, _)| kind));
         let nodes = 0..file.table().nodes.len() as u32;
         let planes = nodes.map(|n| file.read_planes(n, &kinds).unwrap()).collect();
-        Self { file, planes, colouring }
+        Self { file, planes, colouring, method }
     }
 
     fn select(&self, view: &View, residency: &impl Residency, target_spacing_px: f64) -> Selection {
@@ -70,7 +83,7 @@ impl Whole {
                 draw_node(node, entry, d.prefix, &self.colouring, |kind| planes.get(kind))
             })
             .collect();
-        let frame = frame(&self.file, view, &draws, &octree, &self.colouring, Method::PullPush);
+        let frame = frame(&self.file, view, &draws, &octree, &self.colouring, self.method);
         renderer.render(&frame).unwrap()
     }
 }
