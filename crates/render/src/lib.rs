@@ -33,6 +33,7 @@ pub mod resolve;
 mod rim;
 pub mod shade;
 pub mod soften;
+pub mod surface;
 pub mod tangent;
 pub mod trim;
 mod values;

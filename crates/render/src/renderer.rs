@@ -109,7 +109,8 @@ impl Renderer {
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
         let Self { target, averages, pyramid, scratch, sources, ewa } = self;
-        if plan.passes.contains(&Pass::Shade) {
+        let is_splats = plan.passes.contains(&Pass::Blend);
+        if plan.passes.contains(&Pass::Shade) && !is_splats {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
             pyramid.lens = Lens::new(&camera);
@@ -132,7 +133,8 @@ impl Renderer {
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
                 }
                 Pass::Blend => {
-                    stats.pixels_projected = ewa.draw(&camera, pyramid, &mut picture.depth);
+                    let normals = plan.carries_normals;
+                    stats.pixels_projected = ewa.draw(&camera, normals, &mut picture.depth);
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
@@ -144,8 +146,12 @@ impl Renderer {
                     edges = mend_outlines(sources, pyramid, &mut picture.depth);
                 }
                 Pass::Shade => {
-                    let shaded =
-                        shade(&camera, pyramid, frame.background, plan.shines, scratch, picture);
+                    let (background, shines) = (frame.background, plan.shines);
+                    let shaded = if is_splats {
+                        shade(&camera, &ewa.planes, background, shines, scratch, picture)
+                    } else {
+                        shade(&camera, pyramid, background, shines, scratch, picture)
+                    };
                     (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
                 }
                 Pass::Soften => {

@@ -9,11 +9,11 @@
 use crate::camera::Camera;
 use crate::colour::Encoder;
 use crate::frame::{Background, Picture};
-use crate::lanes::{LANES, Lane, Mask, counting, four, only, valid};
-use crate::pyramid::{INVALID, Level, Pyramid};
+use crate::lanes::{LANES, Lane, Mask, counting, only, valid};
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
+use crate::surface::Surface;
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -41,50 +41,51 @@ pub struct Shaded {
     pub creases: Vec<usize>,
 }
 
-/// Lights level 0, whose depth image the picture has already, and writes its colours.
+/// Lights a surface, whose depth image the picture has already, and writes its colours.
 pub fn shade(
     camera: &Camera,
-    pyramid: &Pyramid,
+    surface: &impl Surface,
     background: Background,
     shines: bool,
     scratch: &mut ReliefScratch,
     picture: &mut Picture,
 ) -> Shaded {
     if shines {
-        shade_as::<true>(camera, pyramid, background, scratch, picture)
+        shade_as::<true, _>(camera, surface, background, scratch, picture)
     } else {
-        shade_as::<false>(camera, pyramid, background, scratch, picture)
+        shade_as::<false, _>(camera, surface, background, scratch, picture)
     }
 }
 
 /// As [`shade`], with highlights or without.
-fn shade_as<const SHINES: bool>(
+fn shade_as<const SHINES: bool, S: Surface>(
     camera: &Camera,
-    pyramid: &Pyramid,
+    surface: &S,
     background: Background,
     scratch: &mut ReliefScratch,
     picture: &mut Picture,
 ) -> Shaded {
-    let base = &pyramid.levels[0];
-    let is_bare = base.normal.is_empty();
+    let [width, height] = surface.size();
+    let is_bare = !surface.has_normals();
     let raw = DepthImage {
-        width: base.width,
+        width,
         depth: &picture.depth,
         focal_px: camera.focal_px,
         centre_px: camera.centre_px,
         // What smooths and tells slopes.
-        radius_px: if is_bare { mean_radius_px(base) } else { 0.0 },
+        radius_px: if is_bare { mean_radius_px(surface, &picture.depth) } else { 0.0 },
     };
     let relief = if is_bare { raw.smoothed(scratch) } else { raw };
-    let nothing = vec![f32::INFINITY; base.width];
+    let nothing = vec![f32::INFINITY; width];
     let encoder = Encoder::get();
-    let rows = picture.rgba.par_chunks_mut(base.width * 4).with_min_len(4).enumerate();
+    let rows = picture.rgba.par_chunks_mut(width * 4).with_min_len(4).enumerate();
     let found = rows.map(|(y, row)| {
         let around = relief.surroundings(y, &nothing);
         let mut row = Row {
             camera,
-            pyramid,
-            backdrop: backdrop(background, y, base.height),
+            surface,
+            depth: raw.depth,
+            backdrop: backdrop(background, y, height),
             y,
             covered: 0,
             creases: Vec::new(),
@@ -101,9 +102,11 @@ fn shade_as<const SHINES: bool>(
 }
 
 /// A row of the picture that is shaded.
-struct Row<'a> {
+struct Row<'a, S> {
     camera: &'a Camera,
-    pyramid: &'a Pyramid,
+    surface: &'a S,
+    /// Of the whole picture; infinite where it shows nothing.
+    depth: &'a [f32],
     backdrop: [u8; 4],
     y: usize,
     covered: u64,
@@ -120,20 +123,23 @@ struct Light {
     shine: Lane,
 }
 
-impl Row<'_> {
+impl<S: Surface> Row<'_, S> {
     #[inline(always)]
     fn shade<const SHINES: bool>(&mut self, around: &Surroundings<'_>) {
-        let base = &self.pyramid.levels[0];
-        let fronts = &base.front[self.y * base.width..][..base.width];
-        for (first, front) in (0..).step_by(LANES).zip(fronts.chunks(LANES)) {
-            let is_valid = valid(four(front, INVALID)[0]);
+        let [width, _] = self.surface.size();
+        let depths = &self.depth[self.y * width..][..width];
+        for (first, depth) in (0..).step_by(LANES).zip(depths.chunks(LANES)) {
+            let is_valid = valid(match depth.first_chunk() {
+                Some(&four) => Vec4::from_array(four),
+                None => filled(depth),
+            });
             if !is_valid.any() {
-                self.out[first..first + front.len()].fill(self.backdrop);
+                self.out[first..first + depth.len()].fill(self.backdrop);
                 continue;
             }
-            let light = if base.normal.is_empty() {
+            let light = if !self.surface.has_normals() {
                 let (mut normal, mut dark) = ([Vec4::ZERO; 3], Vec4::ZERO);
-                for k in (0..front.len()).filter(|&k| is_valid.test(k)) {
+                for k in (0..depth.len()).filter(|&k| is_valid.test(k)) {
                     let found = around.normal(first + k);
                     (0..3).for_each(|i| normal[i][k] = found[i]);
                     dark[k] = around.behind(first + k, DOME.1);
@@ -150,21 +156,18 @@ impl Row<'_> {
     /// The interpolated normals of four pixels, unit length; notes creases beside them.
     #[inline(always)]
     fn normals(&mut self, x: usize, is_valid: Mask) -> [Lane; 3] {
-        let base = &self.pyramid.levels[0];
-        let end = base.width - x;
-        let at = |pixel: usize| {
-            let run = base.normal.get(pixel..).unwrap_or(&[]);
-            let [x, y, z, _] = four(&run[..run.len().min(LANES)], Vec4::ZERO);
-            [x, y, z]
-        };
-        let pixel = self.y * base.width + x;
-        let here = at(pixel);
-        let beside = [at(pixel + 1), at(pixel + base.width)];
+        let [width, _] = self.surface.size();
+        let end = width - x;
+        let here = self.surface.normals(x, self.y);
+        let beside = [self.surface.normals(x + 1, self.y), self.surface.normals(x, self.y + 1)];
         let may_bend = are_creases(here, beside[0]) | are_creases(here, beside[1]);
         let may_bend = (may_bend & is_valid).bitmask();
         if may_bend != 0 {
-            let bends = |k: usize| may_bend >> k & 1 == 1 && is_bent(base, x + k, pixel + k);
-            self.creases.extend((0..LANES.min(end)).filter(|&k| bends(k)).map(|k| pixel + k));
+            for k in (0..LANES.min(end)).filter(|k| may_bend >> k & 1 == 1) {
+                if self.is_bent(x + k) {
+                    self.creases.push(self.y * width + x + k);
+                }
+            }
         }
         let squared = dot(here, here);
         let per_length = 1.0 / squared.sqrt();
@@ -173,7 +176,7 @@ impl Row<'_> {
         let has_length = valid(per_length) & per_length.cmpgt(Vec4::ZERO);
         let lacking = (is_valid & !has_length).bitmask();
         for k in (0..LANES.min(end)).filter(|k| lacking >> k & 1 == 1) {
-            let found = normal_at(self.pyramid, x + k, self.y).unwrap_or(NO_NORMAL);
+            let found = self.surface.normal_around(x + k, self.y);
             (0..3).for_each(|i| normal[i][k] = found[i]);
         }
         normal
@@ -219,10 +222,8 @@ impl Row<'_> {
     #[inline(always)]
     fn paint(&mut self, x: usize, is_valid: Mask, light: &Light) {
         let encoder = self.encoder;
-        let base = &self.pyramid.levels[0];
-        let count = LANES.min(base.width - x);
-        let pixel = self.y * base.width + x;
-        let [r, g, b, _] = four(&base.tint[pixel..pixel + count], Vec4::ZERO);
+        let count = LANES.min(self.surface.size()[0] - x);
+        let [r, g, b] = self.surface.tints(x, self.y);
         let entries = |c: Lane| Encoder::entries(c * light.factor + light.shine);
         let (r, g, b) = (entries(r), entries(g), entries(b));
         let bits = is_valid.bitmask();
@@ -232,6 +233,28 @@ impl Row<'_> {
             *out = if bits >> k & 1 == 1 { lit } else { self.backdrop };
         }
     }
+
+    /// Whether the surface bends sharply to the right or below.
+    #[inline]
+    fn is_bent(&self, x: usize) -> bool {
+        let [width, height] = self.surface.size();
+        let here = self.surface.normal(x, self.y);
+        let bent = |x: usize, y: usize| {
+            x < width
+                && y < height
+                && is_crease(here, self.surface.normal(x, y))
+                && self.depth[y * width + x] < f32::INFINITY
+        };
+        bent(x + 1, self.y) || bent(x, self.y + 1)
+    }
+}
+
+/// Depths of fewer than four pixels; infinite where there is none.
+#[inline(never)]
+fn filled(depth: &[f32]) -> Lane {
+    let mut four = [f32::INFINITY; LANES];
+    four[..depth.len()].copy_from_slice(depth);
+    Vec4::from_array(four)
 }
 
 #[inline(always)]
@@ -239,35 +262,14 @@ fn dot(a: [Lane; 3], b: [Lane; 3]) -> Lane {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Stands for no normal at all.
-const NO_NORMAL: Vec3 = Vec3::ZERO;
-
-/// Whether the surface bends sharply to the right or below.
-#[inline]
-fn is_bent(base: &Level, x: usize, pixel: usize) -> bool {
-    let normal = |p: usize| base.normal[p].truncate();
-    let bent =
-        |p: usize| p < base.normal.len() && is_crease(normal(pixel), normal(p)) && base.is_valid(p);
-    (x + 1 < base.width && bent(pixel + 1)) || bent(pixel + base.width)
-}
-
-/// The interpolated normal; of a point that has none in a cloud that has them, the normal of its
-/// surroundings: that of the finest coarser pixel with one.
-fn normal_at(pyramid: &Pyramid, x: usize, y: usize) -> Option<Vec3> {
-    pyramid.levels.iter().enumerate().find_map(|(i, level)| {
-        let pixel = (y >> i) * level.width + (x >> i);
-        let normal = level.normal[pixel].truncate();
-        if level.is_valid(pixel) { normal.try_normalize() } else { None }
-    })
-}
-
 /// Mean radius over a sample of the pixels covered.
-fn mean_radius_px(base: &Level) -> f32 {
+fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
     /// A prime, so that the sample runs across columns.
     const EVERY: usize = 61;
-    let covered = (0..base.front.len()).step_by(EVERY).filter(|&i| base.is_valid(i));
+    let [width, _] = surface.size();
+    let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
     let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
-        (sum + base.tint[i].w.min(base.width as f32), count + 1.0)
+        (sum + surface.radius_px(i % width, i / width).min(width as f32), count + 1.0)
     });
     if count > 0.0 { sum / count } else { 0.0 }
 }

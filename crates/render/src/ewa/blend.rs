@@ -1,17 +1,17 @@
 //! The three passes of zwicker2004 section 6, tile by tile, so that what they share stays in the cache:
 //! visibility (the front's inverse depth, moved back), attributes (sums with weights, over what is not behind
-//! that), and normalisation (sums over the sum of weights), into level 0 of the pyramid, which is shaded
-//! afterwards.
+//! that), and normalisation (sums over the sum of weights), into planes that are shaded afterwards.
 
 use super::cover::{Pixels, Window, for_each, for_each_small};
 use super::gauss::Falloff;
 use super::place::unpacked;
+use super::planes::Planes;
 use super::splat::Splat;
 use super::sums::{Share, Sums, add, advance, front, means, replace};
 use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
-use crate::lanes::{LANES, Lane, counting, only, turned};
-use crate::pyramid::{INVALID, Level};
+use crate::lanes::{LANES, Lane, counting, only};
+use crate::surface::Surface;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -39,52 +39,39 @@ pub struct Blend<'a> {
     pub passes: Passes,
     /// The frame's camera.
     pub camera: &'a Camera,
-    /// Whether the cloud has normals.
-    pub has_normals: bool,
 }
 
 impl Blend<'_> {
-    /// Draws all tiles to `base` and its depths (infinite where nothing is) to `depth`. Returns the number of
+    /// Draws all tiles to `planes` and their depths (infinite where nothing is) to `depth`. Returns the number of
     /// pixels covered.
-    pub fn draw(&self, base: &mut Level, depth: &mut [f32]) -> u64 {
-        if self.has_normals {
-            self.draw_tiles::<true>(base, depth)
+    pub fn draw(&self, planes: &mut Planes, depth: &mut [f32]) -> u64 {
+        if planes.has_normals() {
+            self.draw_tiles::<true>(planes, depth)
         } else {
-            self.draw_tiles::<false>(base, depth)
+            self.draw_tiles::<false>(planes, depth)
         }
     }
 
-    fn draw_tiles<const NORMALS: bool>(&self, base: &mut Level, depth: &mut [f32]) -> u64 {
-        let (width, height) = (base.width, base.height);
+    fn draw_tiles<const NORMALS: bool>(&self, planes: &mut Planes, depth: &mut [f32]) -> u64 {
+        let [width, height] = planes.size();
         let columns = width.div_ceil(TILE);
-        let band = width * TILE;
-        let Level { front, tint, depth: base_depth, normal, .. } = base;
-        let mut normals: Vec<&mut [Vec4]> = normal.chunks_mut(band).collect();
-        normals.resize_with(height.div_ceil(TILE), Default::default);
-        front
-            .par_chunks_mut(band)
-            .zip(tint.par_chunks_mut(band))
-            .zip(base_depth.par_chunks_mut(band))
-            .zip(depth.par_chunks_mut(band))
-            .zip(normals)
+        let (row_len, stride) = (planes.row_len(), planes.stride());
+        planes
+            .rows_mut()
+            .par_chunks_mut(row_len * TILE)
+            .zip(depth.par_chunks_mut(width * TILE))
             .enumerate()
-            .map(|(row, ((((front, tint), base_depth), depth), normal))| {
+            .map(|(row, (planes, depth))| {
                 let mut sums = Sums::default();
                 let mut covered = 0;
                 for column in 0..columns {
                     let window = Window::new([column * TILE, row * TILE], [width, height]);
                     self.tile::<NORMALS>(row * columns + column, &window, &mut sums);
                     for y in 0..window.height {
-                        let at = y * width + window.left;
-                        let run = at..at + window.width;
-                        let mut out = Out {
-                            front: &mut front[run.clone()],
-                            tint: &mut tint[run.clone()],
-                            base_depth: &mut base_depth[run.clone()],
-                            depth: &mut depth[run.clone()],
-                            normal: normal.get_mut(run).unwrap_or_default(),
-                        };
-                        covered += self.normalise::<NORMALS>(&mut sums, y, &window, &mut out);
+                        let depth = &mut depth[y * width + window.left..][..window.width];
+                        let planes = &mut planes[y * row_len + window.left..(y + 1) * row_len];
+                        covered +=
+                            self.normalise::<NORMALS>(&sums, y, &window, (planes, stride), depth);
                     }
                 }
                 covered
@@ -184,51 +171,43 @@ impl Blend<'_> {
         });
     }
 
-    /// Pass 3, of a row. Returns the number of pixels covered.
+    /// Pass 3, of a row, to its part of planes that are so far apart. Returns the number of pixels covered.
     #[inline(never)]
     fn normalise<const NORMALS: bool>(
         &self,
-        sums: &mut Sums,
+        sums: &Sums,
         y: usize,
         window: &Window,
-        out: &mut Out<'_>,
+        (planes, stride): (&mut [f32], usize),
+        depths: &mut [f32],
     ) -> u64 {
-        let camera = self.camera;
-        let row = &mut sums.rows()[y];
+        let row = sums.row(y);
         let mut covered = 0;
         for x in (0..window.width).step_by(LANES) {
-            let ([r, g, b, nx, ny, nz, inverse_depth], is_any) = means(row, x);
-            let count = LANES.min(window.width - x);
-            let bits = is_any.bitmask() & ((1 << count) - 1);
-            covered += u64::from(bits.count_ones());
+            let ([r, g, b, mut nx, mut ny, mut nz, inverse_depth], is_any) = means(row, x);
             let depth = Vec4::select(is_any, 1.0 / inverse_depth, Vec4::INFINITY);
-            let (mut radius, mut normals) = (nx, [Vec4::ZERO; LANES]);
             if NORMALS {
-                let [right, up, back] = camera.view_from_world;
+                let [right, up, back] = self.camera.view_from_world;
                 let along = |v: Vec3| nx * v.x + ny * v.y + nz * v.z;
                 let mut n = [along(right), along(up), along(back)];
-                let is_known =
-                    (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).cmpge(Vec4::splat(UNKNOWN));
+                let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+                let is_known = squared.cmpge(Vec4::splat(UNKNOWN));
                 if !is_known.all() {
                     // It faces the eye.
                     let to_eye = self.rays_back(window, x, y);
                     (0..3).for_each(|i| n[i] = Vec4::select(is_known, n[i], to_eye[i]));
                 }
-                (radius, normals) = (Vec4::ONE, turned([n[0], n[1], n[2], n[2]]));
+                [nx, ny, nz] = n;
             }
-            let tints = turned([r, g, b, radius]);
-            for k in 0..count {
-                let at = x + k;
-                (out.base_depth[at], out.depth[at]) = (depth[k], depth[k]);
-                if bits >> k & 1 == 0 {
-                    out.front[at] = INVALID;
-                    continue;
-                }
-                out.front[at] = Vec4::new(depth[k], depth[k], 0.0, 0.0);
-                out.tint[at] = tints[k];
-                if NORMALS {
-                    out.normal[at] = normals[k];
-                }
+            let all = [r, g, b, nx, ny, nz];
+            for (plane, value) in all.into_iter().take(if NORMALS { 6 } else { 4 }).enumerate() {
+                value.write_to_slice(&mut planes[plane * stride + x..][..LANES]);
+            }
+            let own = &mut depths[x..window.width.min(x + LANES)];
+            covered += u64::from((is_any.bitmask() & ((1 << own.len()) - 1)).count_ones());
+            match own.first_chunk_mut::<LANES>() {
+                Some(own) => *own = depth.to_array(),
+                None => own.copy_from_slice(&depth.to_array()[..own.len()]),
             }
         }
         covered
@@ -243,14 +222,4 @@ impl Blend<'_> {
         let length = (x * x + y * y + z * z).sqrt();
         [x / length, y / length, z / length]
     }
-}
-
-/// A tile's part of a row of level 0.
-struct Out<'a> {
-    front: &'a mut [Vec4],
-    tint: &'a mut [Vec4],
-    base_depth: &'a mut [f32],
-    depth: &'a mut [f32],
-    /// Empty without normals.
-    normal: &'a mut [Vec4],
 }

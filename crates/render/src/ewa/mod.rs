@@ -13,6 +13,7 @@ pub mod cover;
 pub mod gauss;
 pub mod mapping;
 pub mod place;
+pub mod planes;
 pub mod real;
 pub mod splat;
 pub mod sums;
@@ -25,13 +26,13 @@ use crate::frame::Frame;
 use crate::gather::Lookup;
 use crate::plan::FramePlan;
 use crate::project::DrawList;
-use crate::pyramid::Pyramid;
 use blend::Blend;
 use clip::Clipping;
 use esker_points::Grain;
 use gauss::Falloff;
 use glam::Vec2;
 use place::Placing;
+use planes::Planes;
 use splat::Lens;
 use tiles::{Run, Tiles};
 
@@ -61,6 +62,8 @@ impl Default for Options {
 pub struct Ewa {
     /// How splats are drawn.
     pub options: Options,
+    /// What is shaded of the last picture.
+    pub planes: Planes,
     runs: Vec<Run>,
 }
 
@@ -96,8 +99,16 @@ impl Ewa {
         let has_normals = plan.carries_normals;
         let grain = Grain::new(frame.lattice.scale);
         let clipping = plan.clips.then_some(Clipping { camera, grain });
-        let placing =
-            Placing { frame, camera, list, lookup, lens, radius_factor, has_normals, clipping };
+        let placing = Placing {
+            frame,
+            camera,
+            list,
+            lookup,
+            lens,
+            radius_factor,
+            has_normals,
+            clipping,
+        };
         placing.place(Tiles::new(width, height), &mut self.runs);
         Counts {
             drawn: self.runs.iter().map(|r| r.splats.len() as u64).sum(),
@@ -105,15 +116,14 @@ impl Ewa {
         }
     }
 
-    /// Draws the splats placed to level 0 of the pyramid, and its depths to `depth`. Returns the number of pixels
-    /// covered.
-    pub fn draw(&self, camera: &Camera, pyramid: &mut Pyramid, depth: &mut [f32]) -> u64 {
+    /// Draws the splats placed to [`Ewa::planes`], with normals or without, and their depths to `depth`. Returns the
+    /// number of pixels covered.
+    pub fn draw(&mut self, camera: &Camera, has_normals: bool, depth: &mut [f32]) -> u64 {
         let options = self.options.within_bounds();
         let falloff = Falloff::new(options.cutoff);
-        let has_normals = pyramid.has_normals();
-        let blend =
-            Blend { runs: &self.runs, falloff, passes: options.passes, camera, has_normals };
-        pyramid.levels.first_mut().map_or(0, |base| blend.draw(base, depth))
+        let Self { planes, runs, .. } = self;
+        planes.fit(camera.size.map(|s| s as usize), has_normals);
+        Blend { runs, falloff, passes: options.passes, camera }.draw(planes, depth)
     }
 }
 

@@ -47,11 +47,23 @@ impl Sums {
         self.0.fill([[0.0; STRIDE]; PLANES]);
     }
 
+    /// One of its rows.
+    #[inline(always)]
+    pub fn row(&self, y: usize) -> &Row {
+        &self.0[y]
+    }
+
     /// Its rows.
     #[inline(always)]
     pub fn rows(&mut self) -> &mut [Row; TILE] {
         &mut self.0
     }
+}
+
+/// Four values of a run.
+#[inline(always)]
+pub fn at_row(values: &[f32], first: usize) -> Lane {
+    Vec4::from_slice(&values[first..first + LANES])
 }
 
 #[inline(always)]
@@ -118,12 +130,13 @@ pub fn replace(row: &mut Row, x: usize, seen: Mask, share: &Share, inverse_depth
     replace(INVERSE_DEPTH, inverse_depth);
 }
 
-/// Means of pixels from `x` on: colour, normal or radius, inverse depth; and which pixels have any.
+/// Means of pixels from `x` on: colour, normal or radius, inverse depth, zeros where there are none; and which pixels have any.
 #[inline(always)]
 pub fn means(row: &Row, x: usize) -> ([Lane; 7], Mask) {
     let weight = at(row, WEIGHT, x);
-    let share = 1.0 / weight;
+    let is_any = weight.cmpgt(Vec4::ZERO);
+    let share = only(is_any, 1.0 / weight);
     let mean = |plane: usize| at(row, plane, x) * share;
     let means = [mean(1), mean(2), mean(3), mean(5), mean(6), mean(7), mean(INVERSE_DEPTH)];
-    (means, weight.cmpgt(Vec4::ZERO))
+    (means, is_any)
 }

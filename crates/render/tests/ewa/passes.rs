@@ -8,8 +8,9 @@ use esker_render::ewa::{Counts, Ewa, Options, Passes};
 use esker_render::gather::Lookup;
 use esker_render::project::DrawList;
 use esker_render::pyramid::{Level, Pyramid};
+use esker_render::surface::Surface;
 use esker_render::{Frame, FramePlan, Method, Renderer, colour};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 /// Level 0 as the passes leave it, its depths (infinite where nothing is), and counts.
 pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
@@ -19,14 +20,24 @@ pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
     let list = DrawList::new(frame.draws);
     let lookup = Lookup::new(&frame, &camera, &list);
     let plan = FramePlan::new(&frame);
-    let mut pyramid = Pyramid::default();
-    pyramid.fit(width, height, plan.carries_normals);
     let mut ewa = Ewa::default();
     ewa.options = options;
     let counts = ewa.place(&frame, &camera, &list, &lookup, &plan);
     let mut depth = vec![0.0; width * height];
-    ewa.draw(&camera, &mut pyramid, &mut depth);
-    (pyramid.levels.swap_remove(0), depth, counts)
+    ewa.draw(&camera, plan.carries_normals, &mut depth);
+    let mut pyramid = Pyramid::default();
+    pyramid.fit(width, height, plan.carries_normals);
+    let mut level = pyramid.levels.swap_remove(0);
+    for (pixel, &depth) in depth.iter().enumerate() {
+        let (x, y, planes) = (pixel % width, pixel / width, &ewa.planes);
+        level.front[pixel] = Vec4::new(depth, depth, 0.0, 0.0);
+        level.depth[pixel] = depth;
+        level.tint[pixel] = planes.tint(x, y).extend(0.0);
+        if plan.carries_normals {
+            level.normal[pixel] = planes.normal(x, y).extend(0.0);
+        }
+    }
+    (level, depth, counts)
 }
 
 fn front(size: u32) -> View {

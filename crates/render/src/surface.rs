@@ -1,0 +1,78 @@
+//! What is shaded: the colours and normals of a picture's pixels, wherever a method leaves them. Pull and push work on
+//! level 0 of a pyramid, a pixel's values side by side; splats are summed up plane by plane ([`crate::ewa::planes`]).
+
+use crate::lanes::{LANES, Lane, four};
+use crate::pyramid::Pyramid;
+use glam::{Vec3, Vec4};
+
+/// Pixels with a colour, and a normal where the cloud has them. Which of them show anything the depth image tells; what the
+/// others hold means nothing.
+pub trait Surface: Sync {
+    /// Columns and rows.
+    fn size(&self) -> [usize; 2];
+    /// Whether pixels have normals.
+    fn has_normals(&self) -> bool;
+    /// Colours, linear light, of four pixels of a row from a column on; any where the row has no more.
+    fn tints(&self, x: usize, y: usize) -> [Lane; 3];
+    /// Normals in view space (right, up, back), not of unit length, of four pixels likewise; zeros below the picture.
+    fn normals(&self, x: usize, y: usize) -> [Lane; 3];
+    /// The normal of a pixel.
+    fn normal(&self, x: usize, y: usize) -> Vec3;
+    /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
+    fn normal_around(&self, x: usize, y: usize) -> Vec3;
+    /// Radius of the disc or ellipse that a pixel shows, pixels; of clouds without normals.
+    fn radius_px(&self, x: usize, y: usize) -> f32;
+}
+
+impl Surface for Pyramid {
+    fn size(&self) -> [usize; 2] {
+        [self.levels[0].width, self.levels[0].height]
+    }
+
+    fn has_normals(&self) -> bool {
+        Pyramid::has_normals(self)
+    }
+
+    #[inline(always)]
+    fn tints(&self, x: usize, y: usize) -> [Lane; 3] {
+        let base = &self.levels[0];
+        let pixel = y * base.width + x;
+        let [r, g, b, _] = some(&base.tint, pixel);
+        [r, g, b]
+    }
+
+    #[inline(always)]
+    fn normals(&self, x: usize, y: usize) -> [Lane; 3] {
+        let base = &self.levels[0];
+        let [x, y, z, _] = some(&base.normal, y * base.width + x);
+        [x, y, z]
+    }
+
+    #[inline]
+    fn normal(&self, x: usize, y: usize) -> Vec3 {
+        let base = &self.levels[0];
+        base.normal[y * base.width + x].truncate()
+    }
+
+    /// That of the finest coarser pixel with one.
+    fn normal_around(&self, x: usize, y: usize) -> Vec3 {
+        let found = self.levels.iter().enumerate().find_map(|(i, level)| {
+            let pixel = (y >> i) * level.width + (x >> i);
+            let normal = level.normal[pixel].truncate();
+            if level.is_valid(pixel) { normal.try_normalize() } else { None }
+        });
+        found.unwrap_or(Vec3::ZERO)
+    }
+
+    fn radius_px(&self, x: usize, y: usize) -> f32 {
+        let base = &self.levels[0];
+        base.tint[y * base.width + x].w
+    }
+}
+
+/// The pixels of a plane from one on, attribute by attribute; zeros behind its end.
+#[inline(always)]
+fn some(plane: &[Vec4], pixel: usize) -> [Lane; 4] {
+    let run = plane.get(pixel..).unwrap_or(&[]);
+    four(&run[..run.len().min(LANES)], Vec4::ZERO)
+}
