@@ -17,6 +17,7 @@ use esker_points::{AttrType, Codes, Node};
 pub struct Shown {
     filter: Option<Filtered>,
     codes: Option<(PlaneKind, Codes)>,
+    scans: Option<(PlaneKind, Codes)>,
 }
 
 /// A filter and what it says of each node.
@@ -49,12 +50,17 @@ impl Shown {
         codes: Option<(PlaneKind, Codes)>,
     ) -> Result<Self, FormatError> {
         let filter = filter.map(|filter| Filtered::new(forest, filter)).transpose()?;
-        Ok(Self { filter, codes })
+        Ok(Self { filter, codes, scans: None })
     }
 
     /// The same points, and a plane as codes.
     pub fn coded(self, codes: Option<(PlaneKind, Codes)>) -> Self {
         Self { codes, ..self }
+    }
+
+    /// The same, and codes of this plane in the spare bytes of colours: they tell scans apart.
+    pub fn with_scans(self, scans: Option<(PlaneKind, Codes)>) -> Self {
+        Self { scans, ..self }
     }
 
     /// Whether some points may not be wanted.
@@ -91,6 +97,7 @@ impl Shown {
     pub fn changes(&self, node: u32, kind: PlaneKind) -> bool {
         self.codes.is_some_and(|(coded, _)| coded == kind)
             || (kind == PlaneKind::Position && self.hides_points(node))
+            || (kind == PlaneKind::Colour && self.scans.is_some())
     }
 
     /// Bytes of one value of a plane that is shown otherwise than it lies in the file, where they are others.
@@ -116,9 +123,17 @@ impl Shown {
                 wanted.push(kind);
             }
         }
+        let scans = self.scans.filter(|_| kinds.contains(&PlaneKind::Colour));
+        if let Some((kind, _)) = scans.filter(|(kind, _)| !wanted.contains(kind)) {
+            wanted.push(kind);
+        }
         let mut planes = forest.read_planes(node, &wanted)?;
         if let Some(test) = test {
             test.hide(forest, node, &mut planes);
+        }
+        if let Some((kind, codes)) = scans {
+            let scans = codes.of(planes.get(kind).unwrap_or_default());
+            mark_scans(&mut planes, &scans);
         }
         if let Some((kind, codes)) = self.codes
             && let Some(values) = planes.get_mut(kind)
@@ -193,6 +208,15 @@ impl Filtered {
             let class = classes.get(i).copied().filter(|_| has_class(i));
             point[HIDDEN_AT] = u8::from(!test.keeps(p, class));
         }
+    }
+}
+
+/// Writes codes of scans to the spare bytes of colours; where there is none, zero.
+fn mark_scans(planes: &mut Planes, scans: &[u8]) {
+    let colours = planes.get_mut(PlaneKind::Colour).map(Vec::as_mut_slice).unwrap_or_default();
+    let scans = scans.iter().copied().chain(std::iter::repeat(0));
+    for (colour, scan) in colours.as_chunks_mut::<4>().0.iter_mut().zip(scans) {
+        colour[3] = scan;
     }
 }
 
