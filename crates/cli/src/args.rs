@@ -158,6 +158,10 @@ pub struct Render {
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
+    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan or scan_id tells
+    /// them apart.
+    #[arg(long)]
+    pub even_exposure: bool,
     #[command(flatten)]
     pub with: DrawWithArgs,
     #[command(flatten)]

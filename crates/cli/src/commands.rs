@@ -95,6 +95,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         colour_by: args.colour,
         filter: args.filter.into(),
         shines: !args.no_highlights,
+        evens: args.even_exposure,
         with: (&args.with).into(),
         threads: args.how.threads.count,
         build: args.how.options(),

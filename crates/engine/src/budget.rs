@@ -13,6 +13,8 @@ use esker_render::gpu::ewa::Room;
 
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
+/// And of either renderer where exposures are evened out: slots of scans 4 at most, sums of cells 8.
+const EVEN_PIXEL_BYTES: u64 = 12;
 /// Bytes a node beside its record: the cache's entry, and what a choice that visits it keeps of it.
 const NODE_BYTES: u64 = 512;
 /// Threads' stacks, channels, allocators' slack.
@@ -34,17 +36,12 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of `budget_bytes`, for this file and pictures of at most this size. `runs` are the runs of
-    /// staging where the caller wants a certain number.
+    /// Of a session's budget for this file.
     ///
     /// # Errors
     /// Where the budget is too small; the least that works is in the message.
-    pub fn of(
-        budget_bytes: u64,
-        file: &Forest,
-        size: [u32; 2],
-        runs: Option<usize>,
-    ) -> Result<Self> {
+    pub fn of(file: &Forest, options: &Options) -> Result<Self> {
+        let Options { budget_ram_bytes: budget_bytes, size, runs, evens, .. } = *options;
         // Where there are several trees, their records are joined in one more table.
         let tables = 1 + u64::from(file.files().len() > 1);
         let of = |footer: &Footer| {
@@ -53,7 +50,8 @@ impl Shares {
                 + footer.statistics.bytes * 2
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
-        let picture_bytes = u64::from(size[0]) * u64::from(size[1]) * PIXEL_BYTES;
+        let pixel_bytes = PIXEL_BYTES + if evens { EVEN_PIXEL_BYTES } else { 0 };
+        let picture_bytes = u64::from(size[0]) * u64::from(size[1]) * pixel_bytes;
         let run_bytes = RUN_BYTES as u64;
         let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
         let least = fixed + runs.map_or(RUNS_MIN, |r| r as u64) * run_bytes;
@@ -115,8 +113,8 @@ impl GpuShares {
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
         let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
-        let picture_bytes =
-            width * height * GPU_PIXEL_BYTES + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
+        let pixel_bytes = GPU_PIXEL_BYTES + if options.evens { EVEN_PIXEL_BYTES } else { 0 };
+        let picture_bytes = width * height * pixel_bytes + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;
         // Whatever is drawn first: sessions change their method while they run.
         let room = Room::within(budget_bytes / ROOM_SHARE);

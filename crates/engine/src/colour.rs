@@ -212,6 +212,29 @@ fn has_colours(file: &Forest) -> Result<bool> {
     Ok(false)
 }
 
+/// The plane that tells the points of one scan from those of another, and how its values become codes.
+///
+/// # Errors
+/// Where no attribute does.
+pub fn scans(file: &Forest) -> Result<(PlaneKind, Codes)> {
+    let schema = file.schema();
+    let found = SCANS.iter().find_map(|name| {
+        let index = schema.find(name)?;
+        let ty = schema.attributes[index].ty;
+        let kind = plane_of(name, ty, index);
+        file.has(kind).then_some((kind, Codes { ty, coding: Coding::Labels }))
+    });
+    found.with_context(|| {
+        let path = file.path().display();
+        format!(
+            "{path}: exposures are evened out where {} tells scans apart; it has none of these",
+            SCANS.join(" or ")
+        )
+    })
+}
+
+/// Attributes that tell scans apart, the first that a file has.
+pub const SCANS: [&str; 3] = [names::POINT_SOURCE_ID, "scan", "scan_id"];
 /// The number of a return, which shares its byte with the number of returns.
 const RETURN_NUMBER: &str = "return_number";
 /// Short names of attributes.

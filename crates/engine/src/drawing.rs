@@ -1,7 +1,7 @@
 //! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
 //! become what is drawn. Shared by pictures read whole and by sessions that stream.
 
-use crate::colour::{Colouring, colouring_of};
+use crate::colour::{self, Colouring, colouring_of};
 use crate::info;
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind, Shown};
@@ -25,6 +25,8 @@ pub struct Look {
     pub method: Method,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether differences of exposure between scans are evened out.
+    pub evens: bool,
 }
 
 impl Look {
@@ -44,7 +46,19 @@ impl Look {
         let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
-        Ok(Self { colouring, shown, method, shines })
+        Ok(Self { colouring, shown, method, shines, evens: false })
+    }
+
+    /// The same with exposures evened out, where that is asked.
+    ///
+    /// # Errors
+    /// Where no attribute of the file tells scans apart.
+    pub fn evened(mut self, file: &Forest, evens: bool) -> Result<Self> {
+        if evens {
+            let scans = colour::scans(file)?;
+            self.shown = Arc::new(Shown::clone(&self.shown).with_scans(Some(scans)));
+        }
+        Ok(Self { evens, ..self })
     }
 
     /// The same with values as they lie in the file where they are mapped along a range.
@@ -71,8 +85,9 @@ impl Look {
             hidden_points: self.shown.hides_any(),
             clip_lines: file.has(PlaneKind::ClipLines),
         };
-        let (method, colour, shines) = (self.method, self.colouring.by, self.shines);
-        FramePlan::of(&has, &Asked { method, colour, shines, is_dense, is_crowded })
+        let (method, colour) = (self.method, self.colouring.by);
+        let Self { shines, evens, .. } = *self;
+        FramePlan::of(&has, &Asked { method, colour, shines, is_dense, is_crowded, evens })
     }
 
     /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
@@ -90,9 +105,10 @@ impl Look {
         draws: &'a [DrawNode<'a, P>],
         octree: &'a CompactOctree,
     ) -> Frame<'a, P> {
-        let (hides_points, shines) = (self.shown.hides_any(), self.shines);
+        let hides_points = self.shown.hides_any();
+        let Self { shines, evens, .. } = *self;
         let frame = frame(file, view, draws, octree, &self.colouring, self.method);
-        Frame { hides_points, shines, ..frame }
+        Frame { hides_points, shines, evens, ..frame }
     }
 }
 
@@ -143,6 +159,7 @@ pub fn frame<'a, P>(
         shines: true,
         skips_push: true,
         averages: true,
+        evens: false,
         background: Background::default(),
     }
 }

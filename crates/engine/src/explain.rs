@@ -92,6 +92,11 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     say(!plan.reads_colours, "colour plane: colours come from elsewhere");
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");
+    say(!plan.evens() && !scene.look.evens, "evening of exposures: not asked");
+    say(
+        !plan.evens() && scene.look.evens,
+        "evening of exposures: only surfaces in the scans' own colours are evened out",
+    );
     say(!has_surface, "pyramid, lighting, antialiasing: points alone");
     say(has_surface && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");
     out

@@ -30,6 +30,8 @@ pub struct Options {
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether differences of exposure between scans are evened out.
+    pub evens: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -62,6 +64,7 @@ impl Default for Options {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
+            evens: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,
             occlusion: stream.occlusion,

@@ -37,6 +37,8 @@ pub struct Request {
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether differences of exposure between scans are evened out.
+    pub evens: bool,
     /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
     pub keeps_values: bool,
     /// What draws.
@@ -59,6 +61,7 @@ impl Default for Request {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
+            evens: false,
             keeps_values: false,
             with: DrawWith::default(),
             threads: 0,
@@ -187,9 +190,10 @@ impl Scene {
     pub fn choose(file: &Forest, request: &Request) -> Result<Self> {
         let start = Instant::now();
         let view = request.camera.view(bounds_of(file, &request.filter), request.size);
-        let Request { colour_by, filter, method, shines, .. } = request;
+        let Request { colour_by, filter, method, shines, evens, .. } = request;
         let before = file.read_bytes();
         let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
+        let look = look.evened(file, *evens)?;
         let look = if request.keeps_values { look.with_values() } else { look };
         let options = Options {
             points_budget: request.budget_points,
@@ -349,7 +353,7 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
             "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
-            "blend": stages.blend_ms, "gather": stages.gather_ms, "average": stages.average_ms,
+            "blend": stages.blend_ms, "gather": stages.gather_ms, "average": stages.average_ms, "even": stages.even_ms,
             "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
             "soften": stages.soften_ms, "draw": stages.total_ms,
         },

@@ -85,9 +85,10 @@ impl Session {
     /// Where a budget is too small (the least is told), the file has not what colours shall come from,
     /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
-        let shares = Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
-        let Options { colour_by, filter, method, shines, .. } = &options;
+        let shares = Shares::of(&file, &options)?;
+        let Options { colour_by, filter, method, shines, evens, .. } = &options;
         let look = Look::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
+        let look = look.evened(&file, *evens)?;
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session =
             Self { file, options, look, shares, drawer, running: None, depth: None, stalls: 0 };

@@ -81,6 +81,7 @@ impl Scan {
             shines: true,
             skips_push: true,
             averages,
+            evens: false,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

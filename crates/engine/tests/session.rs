@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
+#[path = "look/exposure.rs"]
+mod exposure;
 mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;

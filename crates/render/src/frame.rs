@@ -107,6 +107,9 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether the points of a pixel's front surface are averaged where points crowd
     /// ([`crate::density::CROWDED_PX`]); else one wins it.
     pub averages: bool,
+    /// Whether differences of exposure between scans are evened out ([`crate::even`]): the spare bytes of colour planes then
+    /// tell scans apart.
+    pub evens: bool,
     /// What lies behind the points.
     pub background: Background,
 }
@@ -158,6 +161,8 @@ pub struct Stages {
     pub gather_ms: f64,
     /// Means of the points that share a pixel.
     pub average_ms: f64,
+    /// Evening out exposures.
+    pub even_ms: f64,
     /// Averaging upwards.
     pub pull_ms: f64,
     /// Filling downwards.

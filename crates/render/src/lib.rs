@@ -16,6 +16,7 @@ pub mod density;
 pub mod edges;
 pub mod ellipse;
 pub mod error;
+pub mod even;
 pub mod ewa;
 pub mod frame;
 pub mod gather;

@@ -15,6 +15,8 @@ pub enum Pass {
     Gather,
     /// Means of the points that share a pixel.
     Average,
+    /// Differences of exposure between scans, taken away.
+    Even,
     /// Averaging upwards.
     Pull,
     /// Filling downwards.
@@ -40,6 +42,7 @@ impl Pass {
             Self::Project => "project",
             Self::Gather => "gather",
             Self::Average => "average",
+            Self::Even => "even",
             Self::Pull => "pull",
             Self::Push => "push",
             Self::Mend => "mend",
@@ -80,6 +83,8 @@ pub struct Asked {
     pub is_dense: bool,
     /// Whether points crowd, see [`crate::density::CROWDED_PX`].
     pub is_crowded: bool,
+    /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
+    pub evens: bool,
 }
 
 /// What a frame takes.
@@ -126,7 +131,10 @@ impl FramePlan {
         let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
         let passes: &[Pass] = match asked.method {
             Method::Points => &[Project, Resolve],
-            Method::PullPush => pull_push(asked.is_crowded, asked.is_dense),
+            Method::PullPush => {
+                let evens = asked.evens && has.colour_plane && asked.colour == ColourBy::Rgb;
+                pull_push(asked.is_crowded, asked.is_dense, evens)
+            }
             Method::Ewa => &[Place, Blend, Shade, Soften],
         };
         let carries_normals = has.normals && has_surface;
@@ -171,7 +179,8 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, nodes);
-        Self::of(&has, &Asked { method, colour, shines: frame.shines, is_dense, is_crowded })
+        let (shines, evens) = (frame.shines, frame.evens);
+        Self::of(&has, &Asked { method, colour, shines, is_dense, is_crowded, evens })
     }
 
     /// Whether the points of a pixel's front surface are averaged.
@@ -181,9 +190,23 @@ impl FramePlan {
 
     /// The same where one point wins a pixel, however many share it.
     pub fn without_averages(self) -> Self {
-        let passes =
-            if self.averages() { pull_push(false, !self.has_pyramid) } else { self.passes };
-        Self { passes, ..self }
+        if !self.averages() {
+            return self;
+        }
+        Self { passes: pull_push(false, !self.has_pyramid, self.evens()), ..self }
+    }
+
+    /// Whether differences of exposure between scans are evened out.
+    pub fn evens(&self) -> bool {
+        self.passes.contains(&Pass::Even)
+    }
+
+    /// The same with exposures as they are.
+    pub fn without_evening(self) -> Self {
+        if !self.evens() {
+            return self;
+        }
+        Self { passes: pull_push(self.averages(), !self.has_pyramid, false), ..self }
     }
 
     /// Whether colours and normals are read point by point to be averaged.
@@ -242,6 +265,9 @@ impl FramePlan {
                 variant("average/add", &self.average_constants()),
                 variant("average/finish", &[normals]),
             ],
+            Pass::Even => {
+                ["even/slot", "even/add", "even/apply"].map(|step| variant(step, &[])).into()
+            }
             Pass::Place => {
                 let [normals, colour] = self.colour_constants();
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
@@ -259,14 +285,18 @@ impl FramePlan {
     }
 }
 
-/// The passes of pull-push where points crowd and where they are dense.
-fn pull_push(is_crowded: bool, is_dense: bool) -> &'static [Pass] {
-    use Pass::{Average, Gather, Mend, Project, Pull, Push, Shade, Soften};
-    match (is_crowded, is_dense) {
-        (true, true) => &[Project, Gather, Average, Mend, Shade, Soften],
-        (false, true) => &[Project, Gather, Mend, Shade, Soften],
-        (true, false) => &[Project, Gather, Average, Pull, Push, Mend, Shade, Soften],
-        (false, false) => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
+/// The passes of pull-push where points crowd, where they are dense, and where exposures are evened out.
+fn pull_push(is_crowded: bool, is_dense: bool, evens: bool) -> &'static [Pass] {
+    use Pass::{Average, Even, Gather, Mend, Project, Pull, Push, Shade, Soften};
+    match (is_crowded, is_dense, evens) {
+        (true, true, false) => &[Project, Gather, Average, Mend, Shade, Soften],
+        (false, true, false) => &[Project, Gather, Mend, Shade, Soften],
+        (true, false, false) => &[Project, Gather, Average, Pull, Push, Mend, Shade, Soften],
+        (false, false, false) => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
+        (true, true, true) => &[Project, Gather, Average, Even, Mend, Shade, Soften],
+        (false, true, true) => &[Project, Gather, Even, Mend, Shade, Soften],
+        (true, false, true) => &[Project, Gather, Average, Even, Pull, Push, Mend, Shade, Soften],
+        (false, false, true) => &[Project, Gather, Even, Pull, Push, Mend, Shade, Soften],
     }
 }
 
@@ -279,6 +309,7 @@ impl Stages {
             Pass::Place => &mut self.place_ms,
             Pass::Blend => &mut self.blend_ms,
             Pass::Average => &mut self.average_ms,
+            Pass::Even => &mut self.even_ms,
             Pass::Pull => &mut self.pull_ms,
             Pass::Push => &mut self.push_ms,
             Pass::Mend => &mut self.mend_ms,
@@ -289,100 +320,4 @@ impl Stages {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::colour::{Codebook, Palette};
-
-    const ALL: SceneHas = SceneHas {
-        normals: true,
-        oriented_normals: true,
-        colour_plane: true,
-        hidden_points: false,
-        clip_lines: false,
-    };
-    const ASKED: Asked = Asked {
-        method: Method::PullPush,
-        colour: ColourBy::Rgb,
-        shines: true,
-        is_dense: false,
-        is_crowded: false,
-    };
-
-    #[test]
-    fn without_normals_none_is_read_carried_or_tested() {
-        let plan = FramePlan::of(&SceneHas { normals: false, ..ALL }, &ASKED);
-        assert!(!plan.reads_normals && !plan.carries_normals && !plan.culls_back_faces);
-        let constants = plan.variants().into_iter().flat_map(|v| v.constants);
-        let flags = ["NORMALS", "CULLS_BACK_FACES"];
-        assert!(constants.into_iter().all(|(name, value)| !flags.contains(&name) || value == 0));
-    }
-
-    #[test]
-    fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
-        let points = Asked { method: Method::Points, ..ASKED };
-        let has = SceneHas { oriented_normals: false, ..ALL };
-        let reads = |colour| {
-            let plan = FramePlan::of(&has, &Asked { colour, ..points });
-            assert!(!plan.carries_normals && !plan.has_pyramid && !plan.shines);
-            (plan.reads_colours, plan.reads_normals, plan.fetches)
-        };
-        assert_eq!(reads(ColourBy::Rgb), (true, false, [false, true, false]));
-        assert_eq!(reads(ColourBy::Plain), (false, false, [false; 3]));
-        assert_eq!(reads(ColourBy::Normal), (false, true, [false, false, true]));
-        let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
-        assert_eq!(reads(codes), (true, false, [false, true, false]));
-        assert_eq!(FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
-    }
-
-    #[test]
-    fn only_splats_of_a_scene_with_clip_lines_and_normals_are_clipped() {
-        let ewa = Asked { method: Method::Ewa, ..ASKED };
-        let has = SceneHas { clip_lines: true, ..ALL };
-        let clips = |has: &SceneHas, asked: &Asked| {
-            let plan = FramePlan::of(has, asked);
-            let variants = plan.variants().into_iter().flat_map(|v| v.constants);
-            assert_eq!(plan.clips, variants.into_iter().any(|c| c == ("CLIPS", 1)));
-            plan.clips
-        };
-        assert!(clips(&has, &ewa));
-        assert!(!clips(&ALL, &ewa) && !clips(&has, &ASKED));
-        assert!(!clips(&SceneHas { normals: false, ..has }, &ewa));
-    }
-
-    #[test]
-    fn dense_views_are_neither_pulled_nor_pushed() {
-        let plan = FramePlan::of(&ALL, &Asked { is_dense: true, ..ASKED });
-        assert!(!plan.has_pyramid);
-        assert!(!plan.passes.contains(&Pass::Pull) && !plan.passes.contains(&Pass::Push));
-        assert!(FramePlan::of(&ALL, &ASKED).has_pyramid);
-    }
-
-    #[test]
-    fn points_are_averaged_where_they_crowd_and_nowhere_else() {
-        let crowded = Asked { is_crowded: true, ..ASKED };
-        let plan = FramePlan::of(&ALL, &crowded);
-        assert!(plan.averages() && plan.averages_read() == [true; 2]);
-        assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
-        let dense = FramePlan::of(&ALL, &Asked { is_dense: true, ..crowded });
-        assert!(dense.averages() && !dense.has_pyramid);
-        assert!(!dense.without_averages().has_pyramid);
-        for plan in [FramePlan::of(&ALL, &ASKED), plan.without_averages()] {
-            assert!(!plan.averages() && plan.has_pyramid && plan.averages_read() == [false; 2]);
-        }
-        for method in [Method::Points, Method::Ewa] {
-            assert!(!FramePlan::of(&ALL, &Asked { method, ..crowded }).averages());
-        }
-    }
-
-    #[test]
-    fn a_plan_names_a_pipeline_for_every_pass() {
-        let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &ASKED);
-        let variants = plan.variants();
-        assert!(variants.len() > plan.passes.len());
-        assert_eq!(variants[0].constants, [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1)]);
-        let shade = variants.iter().find(|v| v.shader == "shade").map(|v| v.constants.clone());
-        assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1)]));
-        let matt = FramePlan::of(&ALL, &Asked { shines: false, ..ASKED });
-        assert!(matt.variants().iter().any(|v| v.constants.contains(&("SHINES", 0))));
-    }
-}
+mod tests;

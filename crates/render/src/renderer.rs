@@ -5,6 +5,7 @@ use crate::average::Averages;
 use crate::camera::Camera;
 use crate::edges::edges;
 use crate::error::RenderError;
+use crate::even::Evening;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
@@ -31,6 +32,7 @@ const STEP_PX: f32 = 2.0;
 pub struct Renderer {
     target: Vec<AtomicU64>,
     averages: Averages,
+    evening: Evening,
     pyramid: Pyramid,
     scratch: ReliefScratch,
     /// EWA splatting, and how it is done.
@@ -77,8 +79,12 @@ impl Renderer {
         pyramid.fit(width, height, lookup.has_normals());
         pyramid.lens = Lens::new(&camera);
         let valid = gather(&lookup, &self.target, &mut pyramid.levels[0]);
-        if FramePlan::new(frame).averages() {
+        let plan = FramePlan::new(frame);
+        if plan.averages() {
             self.averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]);
+        }
+        if plan.evens() {
+            self.evening.run(&lookup, &self.target, &mut pyramid.levels[0]);
         }
         Ok(valid)
     }
@@ -108,7 +114,7 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, averages, pyramid, scratch, sources, ewa } = self;
+        let Self { target, averages, evening, pyramid, scratch, sources, ewa } = self;
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
@@ -128,6 +134,7 @@ impl Renderer {
                     stats.pixels_projected = gather(&lookup, target, &mut pyramid.levels[0]);
                 }
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
+                Pass::Even => evening.run(&lookup, target, &mut pyramid.levels[0]),
                 Pass::Place => {
                     let counts = ewa.place(frame, &camera, &list, &lookup, &plan);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);

@@ -129,6 +129,17 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let heap_draws = heap.draws(true, true, true);
     let heaped = heap.frame(&tiny, &heap_draws);
     assert!(FramePlan::new(&heaped).averages());
+    let mut scans = speckled();
+    let mut dice = Dice(13);
+    for colour in scans.nodes.iter_mut().flat_map(|n| n.colour.as_chunks_mut::<4>().0) {
+        // A third of them are half as bright.
+        colour[3] = 20 + (dice.bits() % 3) as u8;
+        let share = 2 - u8::from(colour[3] == 20);
+        (0..3).for_each(|i| colour[i] = (colour[i] / 4 + 150) / 2 * share);
+    }
+    let [scans_with, scans_without] = [true, false].map(|normals| scans.draws(true, true, normals));
+    let evened = Frame { evens: true, averages: false, ..scans.frame(&small, &scans_with) };
+    assert!(FramePlan::new(&evened).evens() && !FramePlan::new(&surface).evens());
     let heights = ColourMap { low: 0.0, high: 2.0, palette: Palette::Viridis };
     let mut frames = vec![
         ("surface", surface),
@@ -138,6 +149,12 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("crowded from both sides", Frame { cull_back_faces: false, ..crowded }),
         ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
         ("more points than sums hold", heaped),
+        ("exposures evened out", evened),
+        ("exposures of averages evened out", Frame { averages: true, ..evened }),
+        (
+            "exposures evened out without normals, another size",
+            Frame { evens: true, ..scans.frame(&wide, &scans_without) },
+        ),
         ("surface without highlights", Frame { shines: false, ..surface }),
         ("surface of a part of the points", filtered),
         ("a part of the points", Frame { method: Method::Points, ..filtered }),

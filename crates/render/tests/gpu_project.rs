@@ -253,6 +253,7 @@ fn any_bits_are_a_harmless_picture() {
             shines: true,
             skips_push: true,
             averages: true,
+            evens: false,
             background: Background::default(),
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {

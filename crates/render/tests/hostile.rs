@@ -86,6 +86,7 @@ proptest! {
             shines: true,
             skips_push: true,
             averages: true,
+            evens: false,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();

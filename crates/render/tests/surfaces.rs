@@ -314,6 +314,7 @@ fn radii_follow_the_finest_drawn_cell() {
         shines: true,
         skips_push: true,
         averages: true,
+        evens: false,
         background: Background::default(),
     };
     let mut pyramid = Pyramid::default();

@@ -47,6 +47,10 @@ pub struct Args {
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
+    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan or scan_id tells
+    /// them apart.
+    #[arg(long)]
+    pub even_exposure: bool,
     /// Drawing memory.
     #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,

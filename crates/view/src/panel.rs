@@ -12,6 +12,7 @@ use eframe::egui::{
     ScrollArea, Slider, Ui,
 };
 use esker_engine::Method;
+use esker_engine::colour::SCANS;
 use esker_engine::quantity::{grouped, readable_bytes};
 
 /// Points budgets that the slider offers.
@@ -195,6 +196,9 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
     }
     filters::show(ui, wanted);
     ui.checkbox(&mut wanted.shines, "highlights");
+    if wanted.evens || facts.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
+        ui.checkbox(&mut wanted.evens, "even out exposures");
+    }
     ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
     ui.checkbox(is_coarser_moving, "coarser while moving");
 }

@@ -15,6 +15,8 @@ pub struct Settings {
     pub filter: Filter,
     /// Whether surfaces have highlights.
     pub shines: bool,
+    /// Whether differences of exposure between scans are evened out.
+    pub evens: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -35,6 +37,7 @@ impl Default for Settings {
             colour_by: options.colour_by,
             filter: options.filter,
             shines: options.shines,
+            evens: options.evens,
             points_budget: options.points_budget,
             target_spacing_px: options.target_spacing_px,
             budget_gpu_bytes: options.budget_gpu_bytes,
@@ -55,6 +58,7 @@ impl Settings {
             colour_by: self.colour_by.clone(),
             filter: self.filter.clone(),
             shines: self.shines,
+            evens: self.evens,
             points_budget: self.points_budget,
             target_spacing_px: self.target_spacing_px,
             occlusion: self.occlusion,

@@ -194,10 +194,11 @@ pub type Passes = Vec<(&'static str, f64)>;
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
     type Pass = (&'static str, fn(&Stages) -> f64);
-    const PASSES: [Pass; 11] = [
+    const PASSES: [Pass; 12] = [
         ("project", |s| s.project_ms),
         ("gather", |s| s.gather_ms),
         ("average", |s| s.average_ms),
+        ("even", |s| s.even_ms),
         ("pull", |s| s.pull_ms),
         ("push", |s| s.push_ms),
         ("mend", |s| s.mend_ms),

@@ -98,6 +98,14 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
             without: (base.clone(), same),
         });
     }
+    if file.has(PlaneKind::Colour) && colour::scans(file).is_ok() {
+        let coloured = Picture { colour_by: Some("rgb".into()), ..base.clone() };
+        all.push(Omission {
+            name: "evening of exposures",
+            with: (Picture { evens: true, ..coloured.clone() }, same),
+            without: (coloured, same),
+        });
+    }
     if file.has(PlaneKind::Normal) {
         let points = Picture { method: Method::Points, ..base.clone() };
         all.push(Omission {

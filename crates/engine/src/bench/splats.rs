@@ -120,6 +120,7 @@ impl Wall {
             shines: true,
             skips_push: false,
             averages: true,
+            evens: false,
             background: Background::default(),
         }
     }

@@ -110,7 +110,7 @@ pub fn measure(path: &std::path::Path, request: &Request, task: &dyn Task) -> Re
     };
     let mut options = request.settings.options(request);
     // What is too small is told before a driver is looked at.
-    Shares::of(options.budget_ram_bytes, &file, options.size, options.runs)?;
+    Shares::of(&file, &options)?;
     let (device, drawer) = request.with.choose(None)?;
     // One device for all sessions of the run; its driver's own memory is nobody's budget.
     if device.is_none() {

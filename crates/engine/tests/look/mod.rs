@@ -20,7 +20,7 @@ use std::time::Duration;
 const SIZE: [u32; 2] = [128, 96];
 
 /// A generated scan with all attributes of LAS and normals, in small nodes; built once for all tests.
-fn terrain() -> &'static Path {
+pub fn terrain() -> &'static Path {
     static TERRAIN: OnceLock<PathBuf> = OnceLock::new();
     TERRAIN.get_or_init(|| {
         let name = format!("{}-terrain.esker", env!("CARGO_CRATE_NAME"));
@@ -33,7 +33,7 @@ fn terrain() -> &'static Path {
     })
 }
 
-fn request() -> Request {
+pub fn request() -> Request {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
     Request { size: SIZE, with, ..Request::default() }
 }
@@ -115,20 +115,20 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
 }
 
 /// The camera of a scene, to be kept whatever a filter leaves.
-fn camera_of(scene: &Scene) -> esker_engine::camera::Camera {
+pub fn camera_of(scene: &Scene) -> esker_engine::camera::Camera {
     let (eye, forward) = (scene.view.eye, scene.view.forward());
     let mut camera = esker_engine::camera::Camera::default();
     (camera.eye, camera.target) = (Some(eye), Some(eye + forward));
     camera
 }
 
-fn session(file: &Arc<Forest>, options: Options) -> Session {
+pub fn session(file: &Arc<Forest>, options: Options) -> Session {
     let options = Options { backend: Backend::Cpu, occlusion: false, size: SIZE, ..options };
     Session::open(file.clone(), options).unwrap()
 }
 
 /// Share of the pixels that are off by more than 8 of 255 in any channel.
-fn off(a: &Picture, b: &Picture) -> f64 {
+pub fn off(a: &Picture, b: &Picture) -> f64 {
     let differs = |(a, b): (&[u8], &[u8])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 8);
     let pairs = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
     pairs.filter(|&pair| differs(pair)).count() as f64 / (a.rgba.len() / 4) as f64

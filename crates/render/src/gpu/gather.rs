@@ -3,6 +3,7 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
+use super::even::Even;
 use super::lookup::{GpuLookup, Won};
 use super::pyramid::GpuPyramid;
 use super::shader::sources;
@@ -14,11 +15,16 @@ use wgpu::ComputePass;
 pub struct Gather {
     /// By whether pixels carry normals, and what gives them their colour.
     kernels: Variants<2>,
+    /// What is told of the points' scans, where that is asked.
+    pub even: Even,
 }
 
 impl Default for Gather {
     fn default() -> Self {
-        Self { kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "COLOUR"]) }
+        Self {
+            kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "COLOUR"]),
+            even: Even::default(),
+        }
     }
 }
 
@@ -38,6 +44,7 @@ impl Gather {
     ) -> Result<(), GpuError> {
         let Some(level) = pyramid.levels.first() else { return Ok(()) };
         lookup.fetch(gpu, pass, won, plan, [&level.front, &level.tint])?;
+        self.even.take(gpu, pass, won, &level.tint);
         let kernel = self.kernels.get(gpu, plan.colour_constants().map(|(_, value)| value))?;
         let buffers = [
             (0, won.uniform),
@@ -60,6 +67,6 @@ impl Gather {
     /// # Errors
     /// Where a changed shader does not build; its kernel is as it was.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        self.kernels.reload(gpu)
+        Ok(self.kernels.reload(gpu)? | self.even.reload(gpu)?)
     }
 }

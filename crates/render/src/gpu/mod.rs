@@ -7,6 +7,7 @@ pub mod cut;
 pub mod device;
 pub mod dispatch;
 pub mod error;
+pub mod even;
 pub mod ewa;
 pub mod feedback;
 pub mod frame;

@@ -5,6 +5,7 @@ use super::average::Average;
 use super::cut::GpuCut;
 use super::device::{Counted, Gpu, ProjectPath};
 use super::error::GpuError;
+use super::even::Even;
 use super::ewa::{self, GpuEwa, Room};
 use super::feedback::Feedback;
 use super::frame::FrameUniform;
@@ -119,7 +120,11 @@ impl GpuRenderer {
         if !Average::fits(&self.gpu, pixels, &plan) {
             plan = plan.without_averages();
         }
+        if !Even::fits(&self.gpu, camera.size) {
+            plan = plan.without_evening();
+        }
         self.average.fit(&self.gpu, pixels, &plan)?;
+        self.gather.even.fit(&self.gpu, camera.size, &plan)?;
         self.fit(camera.size, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
@@ -250,6 +255,11 @@ impl GpuRenderer {
                 {
                     self.average
                         .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
+                }
+                if plan.evens()
+                    && let Some(level) = pyramid.levels.first()
+                {
+                    self.gather.even.encode(gpu, encoder, uniform, level, timing);
                 }
                 self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
             }

@@ -105,6 +105,7 @@ impl Scene {
             shines: true,
             skips_push: true,
             averages: true,
+            evens: false,
             background: Background::default(),
         }
     }

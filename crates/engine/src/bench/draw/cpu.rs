@@ -114,6 +114,7 @@ pub fn frame_of<'a, P>(
         shines: true,
         skips_push: true,
         averages: true,
+        evens: false,
         background: Background::default(),
     }
 }

@@ -194,7 +194,7 @@ fn rows_of(
             "height": size[1],
             "backend": backend,
             "method": method,
-            "project_ms": median(|s| s.project_ms + s.gather_ms + s.average_ms + s.place_ms),
+            "project_ms": median(|s| s.project_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
             "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
             "shade_ms": median(|s| s.shade_ms + s.soften_ms),
             "total_ms": total_ms,

@@ -1,0 +1,72 @@
+//! Evening of exposures: what it takes beside colours is read where it is asked, and nowhere else.
+
+use super::look::{camera_of, off, request, session, terrain};
+use esker_engine::render::{Request, Scene, draw};
+use esker_engine::session::Options;
+use esker_format::{Forest, PlaneKind};
+use esker_points::task::Silent;
+use std::sync::Arc;
+use std::time::Duration;
+
+fn asked(evens: bool) -> Request {
+    Request { colour_by: Some("rgb".into()), evens, ..request() }
+}
+
+#[test]
+fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
+    let file = Forest::open(terrain()).unwrap();
+    let [plain, evened] = [false, true].map(|evens| Scene::read(&file, &asked(evens), &Silent));
+    let (plain, evened) = (plain.unwrap(), evened.unwrap());
+    assert!(evened.plan.evens() && !plain.plan.evens());
+    assert!(evened.read_bytes > plain.read_bytes);
+    let bytes = |scene: &Scene| scene.planes.iter().map(|p| p.bytes()).sum::<u64>();
+    assert_eq!(bytes(&evened), bytes(&plain), "no byte more is kept");
+    let kind = PlaneKind::Attribute(file.schema().find("point_source_id").unwrap() as u16);
+    let mut scans = [0; 256];
+    for (i, drawn) in evened.selection.drawn.iter().enumerate() {
+        let ids = file.read_planes(drawn.node, &[kind]).unwrap();
+        let ids = ids.get(kind).unwrap().as_chunks::<2>().0;
+        let [with, without] = [&evened, &plain]
+            .map(|scene| scene.planes[i].get(PlaneKind::Colour).unwrap().as_chunks::<4>().0);
+        for ((with, without), id) in with.iter().zip(without).zip(ids) {
+            assert_eq!(with[..3], without[..3]);
+            assert_eq!(u16::from(with[3]), u16::from_le_bytes(*id) % 251);
+            scans[usize::from(with[3])] += 1;
+        }
+    }
+    assert!(scans.into_iter().filter(|&points| points > 100).count() > 1, "{scans:?}");
+    // Neither points alone nor other colours are evened out.
+    let elevation = Request { colour_by: Some("elevation".into()), ..asked(true) };
+    let scene = Scene::choose(&file, &elevation).unwrap();
+    assert!(!scene.plan.evens() && scene.look.evens);
+}
+
+#[test]
+fn a_session_evens_out_what_a_picture_does() {
+    let file = Arc::new(Forest::open(terrain()).unwrap());
+    let scene = Scene::choose(&file, &asked(true)).unwrap();
+    let camera = camera_of(&scene);
+    let [plain, expected] = [false, true]
+        .map(|evens| draw(&file, &Request { camera, ..asked(evens) }, &Silent).unwrap().0);
+    assert!(plain.rgba != expected.rgba);
+    let options = Options { colour_by: Some("rgb".into()), evens: true, ..Options::default() };
+    let mut session = session(&file, options);
+    session.settle(&scene.view, Duration::from_secs(60)).unwrap();
+    assert!(session.frame(&scene.view).unwrap().cut.complete);
+    let off = off(&session.picture().unwrap(), &expected);
+    assert!(off <= 0.001, "{off} of the pixels differ");
+}
+
+#[test]
+fn where_nothing_tells_scans_apart_exposures_are_not_evened_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scan, out) = (folder.path().join("a.ply"), folder.path().join("a.esker"));
+    let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n";
+    let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+    std::fs::write(&scan, format!("{head}{colours}0 0 0 9 9 9\n1 1 1 9 9 9\n")).unwrap();
+    esker_build::build(&[scan], &out, &esker_build::Options::default(), &Silent).unwrap();
+    let file = Forest::open(&out).unwrap();
+    let error = Scene::choose(&file, &asked(true)).err().unwrap().to_string();
+    assert!(error.contains("point_source_id or scan or scan_id"), "{error}");
+    assert!(Scene::choose(&file, &asked(false)).is_ok());
+}

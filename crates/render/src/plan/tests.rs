@@ -1,0 +1,126 @@
+//! Claims about plans: what is in them where it is asked, and in none else.
+
+use super::*;
+use crate::colour::{Codebook, Palette};
+
+const ALL: SceneHas = SceneHas {
+    normals: true,
+    oriented_normals: true,
+    colour_plane: true,
+    hidden_points: false,
+    clip_lines: false,
+};
+const ASKED: Asked = Asked {
+    method: Method::PullPush,
+    colour: ColourBy::Rgb,
+    shines: true,
+    is_dense: false,
+    is_crowded: false,
+    evens: false,
+};
+
+#[test]
+fn without_normals_none_is_read_carried_or_tested() {
+    let plan = FramePlan::of(&SceneHas { normals: false, ..ALL }, &ASKED);
+    assert!(!plan.reads_normals && !plan.carries_normals && !plan.culls_back_faces);
+    let constants = plan.variants().into_iter().flat_map(|v| v.constants);
+    let flags = ["NORMALS", "CULLS_BACK_FACES"];
+    assert!(constants.into_iter().all(|(name, value)| !flags.contains(&name) || value == 0));
+}
+
+#[test]
+fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
+    let points = Asked { method: Method::Points, ..ASKED };
+    let has = SceneHas { oriented_normals: false, ..ALL };
+    let reads = |colour| {
+        let plan = FramePlan::of(&has, &Asked { colour, ..points });
+        assert!(!plan.carries_normals && !plan.has_pyramid && !plan.shines);
+        (plan.reads_colours, plan.reads_normals, plan.fetches)
+    };
+    assert_eq!(reads(ColourBy::Rgb), (true, false, [false, true, false]));
+    assert_eq!(reads(ColourBy::Plain), (false, false, [false; 3]));
+    assert_eq!(reads(ColourBy::Normal), (false, true, [false, false, true]));
+    let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
+    assert_eq!(reads(codes), (true, false, [false, true, false]));
+    assert_eq!(FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
+}
+
+#[test]
+fn only_splats_of_a_scene_with_clip_lines_and_normals_are_clipped() {
+    let ewa = Asked { method: Method::Ewa, ..ASKED };
+    let has = SceneHas { clip_lines: true, ..ALL };
+    let clips = |has: &SceneHas, asked: &Asked| {
+        let plan = FramePlan::of(has, asked);
+        let variants = plan.variants().into_iter().flat_map(|v| v.constants);
+        assert_eq!(plan.clips, variants.into_iter().any(|c| c == ("CLIPS", 1)));
+        plan.clips
+    };
+    assert!(clips(&has, &ewa));
+    assert!(!clips(&ALL, &ewa) && !clips(&has, &ASKED));
+    assert!(!clips(&SceneHas { normals: false, ..has }, &ewa));
+}
+
+#[test]
+fn dense_views_are_neither_pulled_nor_pushed() {
+    let plan = FramePlan::of(&ALL, &Asked { is_dense: true, ..ASKED });
+    assert!(!plan.has_pyramid);
+    assert!(!plan.passes.contains(&Pass::Pull) && !plan.passes.contains(&Pass::Push));
+    assert!(FramePlan::of(&ALL, &ASKED).has_pyramid);
+}
+
+#[test]
+fn points_are_averaged_where_they_crowd_and_nowhere_else() {
+    let crowded = Asked { is_crowded: true, ..ASKED };
+    let plan = FramePlan::of(&ALL, &crowded);
+    assert!(plan.averages() && plan.averages_read() == [true; 2]);
+    assert!(plan.variants().iter().any(|v| v.shader == "average/add"));
+    let dense = FramePlan::of(&ALL, &Asked { is_dense: true, ..crowded });
+    assert!(dense.averages() && !dense.has_pyramid);
+    assert!(!dense.without_averages().has_pyramid);
+    for plan in [FramePlan::of(&ALL, &ASKED), plan.without_averages()] {
+        assert!(!plan.averages() && plan.has_pyramid && plan.averages_read() == [false; 2]);
+    }
+    for method in [Method::Points, Method::Ewa] {
+        assert!(!FramePlan::of(&ALL, &Asked { method, ..crowded }).averages());
+    }
+}
+
+#[test]
+fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
+    let asked = Asked { evens: true, ..ASKED };
+    let plan = FramePlan::of(&ALL, &asked);
+    let shaders = |plan: &FramePlan| {
+        let variants = plan.variants().into_iter().map(|v| v.shader);
+        variants.filter(|s| s.starts_with("even/")).count()
+    };
+    assert!(plan.evens() && shaders(&plan) == 3);
+    let crowded = FramePlan::of(&ALL, &Asked { is_crowded: true, ..asked });
+    assert!(crowded.averages() && crowded.evens() && crowded.without_averages() == plan);
+    assert_eq!(
+        crowded.without_evening(),
+        FramePlan::of(&ALL, &Asked { is_crowded: true, ..ASKED })
+    );
+    let others = [
+        FramePlan::of(&ALL, &ASKED),
+        FramePlan::of(&ALL, &Asked { colour: ColourBy::Plain, ..asked }),
+        FramePlan::of(&SceneHas { colour_plane: false, ..ALL }, &asked),
+        FramePlan::of(&ALL, &Asked { method: Method::Points, ..asked }),
+        FramePlan::of(&ALL, &Asked { method: Method::Ewa, ..asked }),
+        plan.without_evening(),
+    ];
+    for plan in others {
+        assert!(!plan.evens() && shaders(&plan) == 0, "{plan:?}");
+    }
+}
+
+#[test]
+fn a_plan_names_a_pipeline_for_every_pass() {
+    let plan = FramePlan::of(&SceneHas { hidden_points: true, ..ALL }, &ASKED);
+    let variants = plan.variants();
+    assert!(variants.len() > plan.passes.len());
+    assert_eq!(variants[0].constants, [("CULLS_BACK_FACES", 1), ("HIDES_POINTS", 1)]);
+    let shade = variants.iter().find(|v| v.shader == "shade").map(|v| v.constants.clone());
+    assert_eq!(shade, Some(vec![("NORMALS", 1), ("SHINES", 1)]));
+    let matt = FramePlan::of(&ALL, &Asked { shines: false, ..ASKED });
+    assert!(matt.variants().iter().any(|v| v.constants.contains(&("SHINES", 0))));
+}
