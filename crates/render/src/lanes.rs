@@ -48,6 +48,35 @@ impl Pixels {
         self.scatter::<NORMALS>(to, row);
     }
 
+    /// Writes the lanes to every second of eight pixels of a row from `first` on: those to the left, or those to the
+    /// right. False where the row has not so many.
+    #[inline(always)]
+    pub fn write_half<const NORMALS: bool>(
+        &self,
+        row: &mut RowMut<'_>,
+        first: usize,
+        right: usize,
+    ) -> bool {
+        let run = first..first + 2 * LANES;
+        if run.end > row.front.len() {
+            return false;
+        }
+        let put = |plane: &mut [Vec4], values: [Lane; 4]| {
+            for (to, value) in plane[run.clone()].chunks_exact_mut(2).zip(turned(values)) {
+                to[right & 1] = value;
+            }
+        };
+        put(row.front, self.front);
+        put(row.tint, self.tint);
+        if NORMALS {
+            put(row.normal, self.normal);
+        }
+        for (k, to) in row.depth[run.clone()].chunks_exact_mut(2).enumerate() {
+            to[right & 1] = self.depth[k];
+        }
+        true
+    }
+
     /// Writes the lanes to these pixels of a row, one each; what is beyond the row is left out.
     #[inline(always)]
     pub fn scatter<const NORMALS: bool>(&self, to: [usize; LANES], row: &mut RowMut<'_>) {
@@ -124,6 +153,13 @@ pub fn only(mask: Mask, value: Lane) -> Lane {
 #[inline(always)]
 pub fn valid(least: Lane) -> Mask {
     least.cmplt(Vec4::INFINITY)
+}
+
+/// Whether none of the pixels with these `front`s is valid.
+#[inline(always)]
+pub fn is_empty(fronts: &[Vec4]) -> bool {
+    let least = fronts.iter().fold(Vec4::INFINITY, |least, front| least.min(*front));
+    least.x == f32::INFINITY
 }
 
 /// The numbers from `first` on.

@@ -9,7 +9,9 @@
 //! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared at the middle of
 //! the valid ones, and averaged at the middle of those taken.
 
-use crate::lanes::{LANES, Lane, Mask, Pixels, counting, halves, halves_of_values, only, valid};
+use crate::lanes::{
+    LANES, Lane, Mask, Pixels, counting, halves, halves_of_values, is_empty, only, valid,
+};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
 use crate::tangent::{Lens, factor, turn};
 use fearless_simd::{Level as Simd, dispatch};
@@ -63,12 +65,6 @@ fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
     let start = y * finer.width;
     let run = start + 2 * first..start + finer.width.min(2 * (first + LANES));
     if y < finer.height { run } else { 0..0 }
-}
-
-#[inline(always)]
-fn is_empty(fronts: &[Vec4]) -> bool {
-    let least = fronts.iter().fold(Vec4::INFINITY, |least, front| least.min(*front));
-    least.x == f32::INFINITY
 }
 
 /// The pixels of a run, those to the left and those to the right.

@@ -17,7 +17,7 @@
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::covers_at;
-use crate::lanes::{LANES, Line, Pixels, Run, counting, halves, has_pixels};
+use crate::lanes::{LANES, Line, Pixels, Run, counting, halves, has_pixels, is_empty};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
 use crate::values::Values;
@@ -103,8 +103,7 @@ fn push_block<S: Simd, const NORMALS: bool>(
     first: usize,
     row: &mut RowMut<'_>,
 ) {
-    let below = 2 * first..row.front.len().min(2 * (first + LANES));
-    let own = halves(&row.front[below], INVALID);
+    let own = &row.front[2 * first..row.front.len().min(2 * (first + LANES))];
     let half = 0.5 * edge_px;
     let beside = join(simd, Vec4::splat(-half), Vec4::splat(half));
     let (above, below) = if row.y & 1 == 1 { (half, half * -3.0) } else { (-half, half * 3.0) };
@@ -120,8 +119,16 @@ fn push_block<S: Simd, const NORMALS: bool>(
     let left = counting(((2 * first) as f32 + 0.5) * edge_px, 2.0 * edge_px);
     let right = counting(((2 * first + 1) as f32 + 0.5) * edge_px, 2.0 * edge_px);
     let centre = [join(simd, left, right), simd.splat_f32x8((row.y as f32 + 0.5) * edge_px)];
+    let infinite = simd.splat_f32x8(f32::INFINITY);
+    if is_empty(own) {
+        // Most blocks have no pixel of their own.
+        let block = Block { least: infinite, centre, place: centre };
+        let asking = infinite.cmpeq(infinite);
+        return block.fill::<NORMALS>(lens, &near, asking, row, 2 * first);
+    }
+    let own = halves(own, INVALID);
     let least = join(simd, own[0][0], own[1][0]);
-    let is_valid = least.cmplt(simd.splat_f32x8(f32::INFINITY));
+    let is_valid = least.cmplt(infinite);
     let place = [
         centre[0] - only(is_valid, join(simd, own[0][2], own[1][2])),
         centre[1] - only(is_valid, join(simd, own[0][3], own[1][3])),
@@ -313,6 +320,7 @@ impl<S: Simd> Block<S> {
                 normal[i] = part(mean_of(near, Line::NORMAL + i, &weights));
             }
         }
+        let is_all = is_new.all_true();
         // Every second pixel, then the others.
         let is_new: [i32; 2 * LANES] = near[0].simd.as_array_mask32x8(is_new);
         for odd in 0..2 {
@@ -322,6 +330,9 @@ impl<S: Simd> Block<S> {
                 depth: depth[odd],
                 normal: [normal[0][odd], normal[1][odd], normal[2][odd], normal[3][odd]],
             };
+            if is_all && out.write_half::<NORMALS>(row, first, odd) {
+                continue;
+            }
             let mut to = [usize::MAX; LANES];
             for (k, to) in to.iter_mut().enumerate() {
                 if is_new[odd * LANES + k] != 0 {
