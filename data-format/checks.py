@@ -101,6 +101,11 @@ def check_points(esker, index, planes, p, classes, values, require):
         clean = (words[:, 1] >> 28 == 0) & (words[:, 3] >> 29 == 0)
         require(clean.all(), "clip lines: bits that mean nothing are not zero")
         require((lines[0] != 0)[words[:, 1:].any(axis=1)].all(), "clip lines: a second without a first")
+    if (6, None) in planes:
+        shapes = planes[6, None]
+        discs = shapes[shapes[:, 3] == 0]
+        require(not discs.any(), "tangents: a disc's bytes are not zero")
+        require((shapes[:, :2] != 128).all(), "tangents: an axis is out of range")
     if esker.meta["normals"] == "source":
         code = octahedral([values[a] for a in esker.normals])
         stored = planes[5, None].copy().view("<i2")

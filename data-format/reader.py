@@ -25,10 +25,13 @@ TYPES = {
     "u8": "u1", "i8": "i1", "u16": "<u2", "i16": "<i2", "u32": "<u4",
     "i32": "<i4", "u64": "<u8", "i64": "<i8", "f32": "<f4", "f64": "<f8",
 }  # fmt: skip
-POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLIP, CLASS, REMAINDER, ATTRIBUTE = 1, 2, 3, 4, 5, 7, 8, 9, 10
+POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL = 1, 2, 3, 4, 5
+TANGENT, CLIP, CLASS, REMAINDER, ATTRIBUTE = 6, 7, 8, 9, 10
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
 SIDES = 8  # a kind of column
 CLIP_LINES = (CLIP, None, False, 16)
+TANGENTS = (TANGENT, None, True, 4)
+GAINED = TANGENTS, CLIP_LINES  # section 11
 NODE = np.dtype([
     ("corner", "<u4", 3), ("cell_log2", "u1"), ("shape", "u1"), ("child_count", "u1"),
     ("level_count", "u1"), ("parent", "<u4"), ("first_child", "<u4"), ("levels", "u1", (16, 3)),
@@ -191,9 +194,12 @@ class Esker:
                 planes.append((ATTRIBUTE, a, False, dtype.itemsize))
         members = "kind", "attribute", "hot", "value_bytes"
         self.planes = [tuple(p[m] for m in members) for p in self.meta["planes"]]
-        known = [p for p in self.planes if p[0] in KNOWN or p == CLIP_LINES]
-        if CLIP_LINES in known:
-            planes.insert(planes.index((RESIDUAL, None, True, 0)) + 1, CLIP_LINES)
+        known = [p for p in self.planes if p[0] in KNOWN or p in GAINED]
+        for plane in reversed(GAINED):
+            if plane in known:
+                planes.insert(planes.index((RESIDUAL, None, True, 0)) + 1, plane)
+        tangents = TANGENTS in known
+        require(not tangents or origin != "none", "tangents of a file without normals")
         require(known == planes, "the planes are not those that the attributes ask for")
         hot = [p[2] for p in self.planes]
         require(hot == sorted(hot, reverse=True), "a hot plane stands behind a cold one")
@@ -249,7 +255,7 @@ class Esker:
             require(not any(page[end:offset]), "padding between planes is not zero")
             data, end = page[offset : offset + length], offset + length
             require(zlib.crc32(data) == crc, f"plane of kind {kind}: its CRC does not match")
-            if kind not in KNOWN and (kind, attribute, hot, value_bytes) != CLIP_LINES:
+            if kind not in KNOWN and (kind, attribute, hot, value_bytes) not in GAINED:
                 continue
             if kind == RESIDUAL:
                 value_bytes = 0 if shift == 0 else 4 if shift <= 10 else 6

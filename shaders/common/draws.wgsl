@@ -45,6 +45,10 @@ struct Draw {
     clip_word: u32,
     // Points that the plane of clip lines has.
     clip_points: u32,
+    tangent_page: u32,
+    tangent_word: u32,
+    // Points that the plane of shapes has.
+    tangent_points: u32,
 }
 
 // Kinds of colour planes: bytes red, green, blue and one unused; or one value of a type.

@@ -16,6 +16,8 @@ override NORMALS: bool = false;
 override HIDES_POINTS: bool = false;
 // Whether splats are clipped.
 override CLIPS: bool = false;
+// Whether splats have shapes of their own.
+override TANGENTS: bool = false;
 
 const REACH_MAX: f32 = 0.7;
 const CONDITION_MAX: f32 = 1e6;
@@ -23,6 +25,12 @@ const MEND_REACH: f32 = 0.02;
 const BACK: f32 = 1.0;
 const AMPLITUDE_MIN: f32 = 1e-12;
 const SINE_MIN: f32 = 1e-6;
+// Square of the sine between a long axis and the normal under which it tells no direction.
+const AXIS_SINE_MIN: f32 = 1e-4;
+// As in crates/points/src/tangents.rs.
+const SHAPE_ROOM: f32 = 1.1;
+const SHAPE_LEAST: f32 = 0.7;
+const SHAPE_COARSER: f32 = 2.0;
 const MARGIN: f32 = 0.01;
 // Half the side of an octagon around a circle.
 const HALF: f32 = 0.41422;
@@ -38,7 +46,7 @@ const HALF: f32 = 0.41422;
 // Least and one past the greatest pixel, x in the first word and y in the second, 16 bits each.
 @group(0) @binding(8) var<storage, read_write> boxes: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read_write> cursors: array<atomic<u32>>;
-// Two rows a point: in as the words of the file, out as lines over the pixels from the picture's middle, with
+// Two rows a point: in as the words of lines in the file, and that of its shape; out as lines over the pixels from the picture's middle, with
 // what is kept in the first one's last word.
 @group(0) @binding(10) var<storage, read_write> clips: array<vec4<u32>>;
 
@@ -268,6 +276,14 @@ fn is_cut_away(i: u32, box: vec4<u32>) -> bool {
     return select(first || second, first && second, row.w == KEPT_EITHER);
 }
 
+// The direction of the first two bytes (crates/points/src/tangents.rs).
+fn axis_of(code: u32) -> vec3<f32> {
+    let bits = bitcast<i32>(code);
+    let uv = max(vec2<f32>(vec2<i32>(extractBits(bits, 0u, 8u), extractBits(bits, 8u, 8u))) / 127.0, vec2<f32>(-1.0));
+    let xy = vec2<f32>(uv.x + uv.y, uv.x - uv.y) * 0.5;
+    return normalize(vec3<f32>(xy, 1.0 - abs(xy.x) - abs(xy.y)));
+}
+
 fn place(i: u32) -> Placed {
     let words = geometry[i];
     let own = paint[i];
@@ -281,6 +297,12 @@ fn place(i: u32) -> Placed {
     let code = radius_code_of(words.xy);
     let stored = radius_within(spacing_of(draw, lattice) * lookup.radius_factors[code / 4u][code % 4u]);
     var radius = stored * batch.radius_factor;
+    var factor = batch.radius_factor;
+    // Before the room is taken.
+    var shape = 0u;
+    if TANGENTS {
+        shape = clips[2u * i + 1u].x;
+    }
 
     let none = Placed(Splat(), vec4<u32>(0u));
     var world = vec3<f32>(0.0);
@@ -293,6 +315,7 @@ fn place(i: u32) -> Placed {
         make_lines(i, (*d).box_min + ((offset >> dropped) << dropped), p, normal);
         if clips[2u * i].w != KEPT_WHOLE {
             radius *= CLIP_WIDER;
+            factor *= CLIP_WIDER;
         }
     }
     let looks_away = dot(normal, p) > 0.0;
@@ -306,8 +329,25 @@ fn place(i: u32) -> Placed {
     let sign = select(1.0, -1.0, (bitcast<u32>(normal.z) >> 31u) == 1u);
     let s = -1.0 / (sign + normal.z);
     let t = normal.x * normal.y * s;
-    let a = vec3<f32>(1.0 + sign * normal.x * normal.x * s, sign * t, -sign * normal.x) * radius;
-    let b = vec3<f32>(t, sign + normal.y * normal.y * s, -normal.y) * radius;
+    var a = vec3<f32>(1.0 + sign * normal.x * normal.x * s, sign * t, -sign * normal.x) * radius;
+    var b = vec3<f32>(t, sign + normal.y * normal.y * s, -normal.y) * radius;
+    if TANGENTS {
+        // As crates/render/src/ewa/shape.rs.
+        let apart = (*d).spacing * lookup.radius_factors[(shape >> 18u) & 63u][(shape >> 16u) & 3u];
+        let aspect = exp2(f32(shape >> 24u) / 128.0);
+        let room = apart * factor * SHAPE_ROOM;
+        let over = radius * aspect / room;
+        let coarser = clamp(over - SHAPE_COARSER, 0.0, 1.0);
+        let own = radius * min(max(mix(SHAPE_LEAST, 1.0, coarser), 1.0 / over), 1.0);
+        let long = max(own, min(room, own * aspect));
+        let along = in_view(axis_of(shape));
+        let flat = along - normal * dot(along, normal);
+        if aspect > 1.0 && dot(flat, flat) > AXIS_SINE_MIN {
+            let u = normalize(flat);
+            a = u * long;
+            b = cross(normal, u) * (own * (own / long));
+        }
+    }
 
     let extent = sqrt(a.z * a.z + b.z * b.z);
     let farthest = p.z + extent;

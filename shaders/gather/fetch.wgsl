@@ -14,6 +14,8 @@ override COLOURS: bool = true;
 override NORMALS: bool = true;
 // Whether it is clip lines that are wanted, and nothing else: they go to every other row of `paint`.
 override CLIPS: bool = false;
+// Whether it is the shapes of splats: they go to the first words of the rows between.
+override TANGENTS: bool = false;
 
 struct Pages {
     numbers: vec3<u32>,
@@ -64,6 +66,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         fetch_clips(pixel, chunk.draw, index);
         return;
     }
+    if TANGENTS {
+        fetch_tangents(pixel, chunk.draw, index);
+        return;
+    }
     if pages.is_first == 1u {
         paint[pixel] = vec4<u32>(chunk.draw, 0u, 0u, NO_NORMAL);
     }
@@ -93,6 +99,16 @@ fn fetch_clips(pixel: u32, draw: u32, index: u32) {
     let at = draws[draw].clip_word + index * 4u;
     paint[pixel * 2u] =
         vec4<u32>(word(slot, at), word(slot, at + 1u), word(slot, at + 2u), word(slot, at + 3u));
+}
+
+fn fetch_tangents(pixel: u32, draw: u32, index: u32) {
+    if pages.is_first == 1u {
+        paint[pixel * 2u + 1u] = vec4<u32>(0u);
+    }
+    let slot = slot_of(draws[draw].tangent_page);
+    if slot != ELSEWHERE && index < draws[draw].tangent_points {
+        paint[pixel * 2u + 1u].x = word(slot, draws[draw].tangent_word + index);
+    }
 }
 
 fn fetch_position(pixel: u32, draw: u32, index: u32) {

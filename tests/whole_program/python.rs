@@ -29,14 +29,16 @@ fn read(python: &str, file: &Path) -> Outcome {
 fn agrees(python: &str) {
     let folder = Folder::new();
     let out = folder.file("out.esker");
-    let built = build(&[sample()], &out, &[]);
-    let info = esker(["info", out.to_str().unwrap(), "--json"]).json();
-    let verified = verify(&out, &[sample()]).json();
-    let theirs = read(python, &out).json();
-    assert_eq!(theirs["points"], info["points"]);
-    assert_eq!(theirs["points"], verified["points"]);
-    assert_eq!(theirs["nodes"], info["nodes"]);
-    assert_eq!(theirs["multiset_hash"], built["multiset_hash"], "{theirs}");
+    for more in [&[][..], &["--tangents"]] {
+        let built = build(&[sample()], &out, more);
+        let info = esker(["info", out.to_str().unwrap(), "--json"]).json();
+        let verified = verify(&out, &[sample()]).json();
+        let theirs = read(python, &out).json();
+        assert_eq!(theirs["points"], info["points"]);
+        assert_eq!(theirs["points"], verified["points"]);
+        assert_eq!(theirs["nodes"], info["nodes"]);
+        assert_eq!(theirs["multiset_hash"], built["multiset_hash"], "{theirs}");
+    }
     // Damage that the program tells, it tells too.
     let mut bytes = std::fs::read(&out).unwrap();
     let middle = bytes.len() / 2;

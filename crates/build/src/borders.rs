@@ -9,6 +9,7 @@ use crate::partition::Bucket;
 use crate::row::{RowLayout, position};
 use crate::scratch::{Extent, Scratch};
 use crate::sharp::{Edge, detect};
+use crate::tangents::shapes;
 use esker_points::{Cell, Grain, quant};
 use rayon::prelude::*;
 
@@ -24,6 +25,8 @@ pub struct Borders {
     rows: RowLayout,
     /// Whether edges are looked for too.
     finds_edges: bool,
+    /// Whether the shapes of splats are told.
+    pub finds_shapes: bool,
     /// Cells, and the positions near their faces.
     cells: Vec<(Cell, Vec<Extent>)>,
 }
@@ -56,7 +59,7 @@ pub fn spacing(
 impl Borders {
     /// Of rows that have room for normals.
     pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
-        Self { bounds, rows, finds_edges, cells: Vec::new() }
+        Self { bounds, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
     }
 
     /// What was put aside, a chunk's cell each.
@@ -122,6 +125,14 @@ impl Borders {
         } else {
             (estimate(&own, &halo, &self.bounds), Vec::new())
         };
+        if self.finds_shapes {
+            let edge = |i: usize| edges.get(i).copied().flatten();
+            let normal = |(i, &code)| edge(i).map_or(code, |edge| edge.normal);
+            let normals: Vec<[i16; 2]> = codes.iter().enumerate().map(normal).collect();
+            let shapes = shapes(&own, &halo, &self.bounds, &normals);
+            let shaped = rows.par_chunks_exact_mut(stride).zip(&shapes).with_min_len(TASK_ROWS);
+            shaped.for_each(|(row, shape)| self.rows.set_shape(row, shape));
+        }
         rows.par_chunks_exact_mut(stride).zip(codes).enumerate().with_min_len(TASK_ROWS).for_each(
             |(i, (row, code))| match edges.get(i).copied().flatten() {
                 Some(edge) => self.set_edge(row, &edge),

@@ -58,6 +58,8 @@ pub struct Options {
     pub normals: NormalsMode,
     /// Whether edges are found, at which splats are clipped; normals are estimated for it.
     pub sharp_features: bool,
+    /// Whether the shapes of splats are told and kept; normals are estimated for it.
+    pub tangents: bool,
 }
 
 impl Default for Options {
@@ -73,6 +75,7 @@ impl Default for Options {
             onto: Onto::default(),
             normals: NormalsMode::default(),
             sharp_features: false,
+            tangents: false,
         }
     }
 }
@@ -210,6 +213,7 @@ fn build_into(
     let mut intake = Intake::new(sources, options.colour_depth.is_some());
     intake.estimates_normals = options.normals == NormalsMode::Estimate;
     intake.finds_edges = options.sharp_features;
+    intake.finds_shapes = options.tangents;
     intake.lattice = options.onto.lattice;
     if !store.journal.is_resumed() {
         let needs = Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max);
@@ -238,7 +242,7 @@ fn build_into(
     let pages = pages.with_codec(options.compress).with_normals(normals);
     let context = Context {
         rows: plan.rows(),
-        pages: pages.with_clip_lines(clips.is_some()),
+        pages: pages.with_clip_lines(clips.is_some()).with_tangents(options.tangents),
         clips,
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
@@ -250,7 +254,9 @@ fn build_into(
     if normals.is_estimated() && !buckets.is_empty() {
         let spacing = store.spacing(&buckets, context.rows.bytes())?;
         let bounds = Bounds::new(plan.lattice.scale, spacing);
-        store.borders = Some(Borders::new(bounds, context.rows.clone(), options.sharp_features));
+        let mut borders = Borders::new(bounds, context.rows.clone(), options.sharp_features);
+        borders.finds_shapes = options.tangents;
+        store.borders = Some(borders);
     }
     let root = Raiser {
         chunk_rows_max,
@@ -279,6 +285,7 @@ fn build_into(
     let mut metadata = metadata(&intake, &plan, &reports, options);
     metadata.normals = normals;
     metadata.has_clip_lines = has_clip_lines;
+    metadata.has_tangents = options.tangents;
     metadata.bounds = bounds;
     peak.sample();
     task.check()?;
@@ -321,6 +328,9 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
         return say(
             "sharp features are found while normals are estimated; add --normals estimate".into()
         );
+    }
+    if options.tangents && options.normals != NormalsMode::Estimate {
+        return say("tangents are told while normals are estimated; add --normals estimate".into());
     }
     if options.ignore_crs {
         return Ok(());
@@ -376,6 +386,7 @@ fn metadata(
         node_capacity: options.node_capacity,
         normals: Normals::None,
         has_clip_lines: false,
+        has_tangents: false,
         codec: options.compress,
         sources: match &options.onto.merged {
             None => reports.iter().enumerate().map(record).collect(),

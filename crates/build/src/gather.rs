@@ -26,6 +26,7 @@ impl Context {
             classes: Vec::new(),
             normals: Vec::new(),
             clip_lines: Vec::new(),
+            tangents: Vec::new(),
             columns: ranges.iter().map(|r| Vec::with_capacity(own.len() * r.len())).collect(),
         };
         let mut block = vec![0; BLOCK_ROWS * rows.stride];

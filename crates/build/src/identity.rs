@@ -28,6 +28,7 @@ impl Identity {
             ("--compress".into(), options.compress.name().into()),
             ("--normals".into(), format!("{:?}", options.normals).to_lowercase()),
             ("--sharp-features".into(), options.sharp_features.to_string()),
+            ("--tangents".into(), options.tangents.to_string()),
             ("--ignore-crs".into(), options.ignore_crs.to_string()),
             ("the lattice that is built onto".into(), format!("{:?}", options.onto.lattice)),
             ("the forest appended to".into(), format!("{:?}", options.onto.forest)),

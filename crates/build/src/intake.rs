@@ -41,6 +41,8 @@ pub struct Intake {
     pub estimates_normals: bool,
     /// Whether rows have room for clip lines.
     pub finds_edges: bool,
+    /// Whether rows have room for shapes.
+    pub finds_shapes: bool,
 }
 
 /// What was chosen for all inputs.
@@ -57,6 +59,8 @@ pub struct Plan {
     pub estimates_normals: bool,
     /// Whether rows have room for clip lines.
     pub finds_edges: bool,
+    /// Whether rows have room for shapes.
+    pub finds_shapes: bool,
     /// For each source, the file's attribute for each of its own.
     to_file: Vec<Vec<usize>>,
 }
@@ -122,7 +126,8 @@ impl Plan {
     pub fn rows(&self) -> RowLayout {
         let rows = RowLayout::new(&self.schema, &self.classes);
         let rows = if self.estimates_normals { rows.with_normals() } else { rows };
-        if self.finds_edges { rows.with_clip_lines() } else { rows }
+        let rows = if self.finds_edges { rows.with_clip_lines() } else { rows };
+        if self.finds_shapes { rows.with_tangents() } else { rows }
     }
 
     /// Bytes of a row.
@@ -151,6 +156,7 @@ impl Intake {
             lattice: None,
             estimates_normals: false,
             finds_edges: false,
+            finds_shapes: false,
         }
     }
 
@@ -193,8 +199,17 @@ impl Intake {
         if classes.is_empty() {
             classes.push(PointClass { present: Vec::new(), colour_depth: ColourDepth::Sixteen });
         }
-        let Self { estimates_normals, finds_edges, .. } = *self;
-        Ok(Plan { lattice, schema, classes, class_of, estimates_normals, finds_edges, to_file })
+        let Self { estimates_normals, finds_edges, finds_shapes, .. } = *self;
+        Ok(Plan {
+            lattice,
+            schema,
+            classes,
+            class_of,
+            estimates_normals,
+            finds_edges,
+            finds_shapes,
+            to_file,
+        })
     }
 
     fn check_scale(&self, lattice: &Lattice) -> Result<(), BuildError> {

@@ -45,6 +45,7 @@ mod store;
 mod stored;
 mod subtree;
 mod taking;
+mod tangents;
 mod thin;
 mod tree;
 mod turn;

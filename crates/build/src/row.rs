@@ -3,8 +3,12 @@
 //! where there are several; where normals are estimated, room for one. Comparing rows bytewise after the coordinates breaks ties.
 
 use esker_points::clip::CLIP_BYTES;
+use esker_points::tangents::{Shape, axis_code, axis_of};
 use esker_points::{Batch, ClipWords, MultisetHash, PointClass, Schema};
 use std::ops::Range;
+
+/// Bytes of a row's room for a splat's shape: the code of its axis, two lengths.
+const SHAPE_BYTES: usize = 2 + 8;
 
 /// Rows made before they are used: they stay in the first-level cache meanwhile.
 const BLOCK_ROWS: usize = 256;
@@ -17,6 +21,7 @@ pub struct RowLayout {
     class_at: Option<usize>,
     normal_at: Option<usize>,
     clip_at: Option<usize>,
+    shape_at: Option<usize>,
     bytes: usize,
     classes: Vec<ClassLayout>,
 }
@@ -67,7 +72,15 @@ impl RowLayout {
         };
         let bytes = at + if class_at.is_some() { 2 } else { 0 };
         let classes = classes.iter().map(class_layout).collect();
-        Self { classes, attributes, class_at, normal_at: None, clip_at: None, bytes }
+        Self {
+            classes,
+            attributes,
+            class_at,
+            normal_at: None,
+            clip_at: None,
+            shape_at: None,
+            bytes,
+        }
     }
 
     /// The same with room for an estimated normal; until it is, for the direction to the scanner, or up.
@@ -94,6 +107,32 @@ impl RowLayout {
     pub fn set_clip_lines(&self, row: &mut [u8], words: ClipWords) {
         if let Some(at) = self.clip_at {
             row[at..at + CLIP_BYTES].copy_from_slice(&words.map(u32::to_le_bytes).concat());
+        }
+    }
+
+    /// The same with room for a splat's shape; round until it is told.
+    pub fn with_tangents(mut self) -> Self {
+        self.shape_at = Some(self.bytes);
+        self.bytes += SHAPE_BYTES;
+        self
+    }
+
+    /// A splat's shape, where there is room for it.
+    pub fn shape(&self, row: &[u8]) -> Option<Shape> {
+        let at = self.shape_at?;
+        let [x, y, rest @ ..] = row.get(at..at + SHAPE_BYTES)?.first_chunk::<SHAPE_BYTES>()?;
+        let lengths = rest.as_chunks::<4>().0;
+        let [apart, aspect] = [0, 1].map(|i| f32::from_le_bytes(lengths[i]));
+        Some(Shape { along: axis_of([*x, *y].map(u8::cast_signed)), apart, aspect })
+    }
+
+    /// Puts a shape there.
+    pub fn set_shape(&self, row: &mut [u8], shape: &Shape) {
+        if let Some(at) = self.shape_at {
+            let axis = axis_code(shape.along).map(i8::cast_unsigned);
+            row[at..at + 2].copy_from_slice(&axis);
+            let lengths = [shape.apart, shape.aspect].map(f32::to_le_bytes).concat();
+            row[at + 2..at + SHAPE_BYTES].copy_from_slice(&lengths);
         }
     }
 

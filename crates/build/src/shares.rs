@@ -11,6 +11,8 @@ const NORMALS_BYTES: f64 = 80.0;
 
 /// The same while edges are found, more.
 const EDGES_BYTES: f64 = 240.0;
+/// The same while shapes are told, more.
+const SHAPES_BYTES: f64 = 48.0;
 
 /// How the memory is shared out. What does not fit goes to scratch: nodes don't depend on it, only where
 /// their pages stand in the file.
@@ -49,7 +51,8 @@ impl Shares {
     fn rows_of(&self, copies: f64, options: &Options, row_bytes: usize) -> u64 {
         let estimating = if options.normals == NormalsMode::Estimate { NORMALS_BYTES } else { 0.0 };
         let finding = if options.sharp_features { EDGES_BYTES } else { 0.0 };
-        let each = row_bytes as f64 * copies + 8.0 + 24.0 + estimating + finding;
+        let shaping = if options.tangents { SHAPES_BYTES } else { 0.0 };
+        let each = row_bytes as f64 * copies + 8.0 + 24.0 + estimating + finding + shaping;
         (self.chunk_bytes_max as f64 / each) as u64
     }
 }

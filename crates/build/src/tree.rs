@@ -15,6 +15,7 @@ use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
 use esker_format::{Histograms, NodeStatistics, PageLayout, Ranges, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
+use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{Cell, Node, morton, quant};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -346,6 +347,13 @@ impl Context {
         let bounds = set_box(&mut node, &points.positions);
         if let Some(clips) = &self.clips {
             points.clip_lines = clips.words(rows, &own, &self.rows, &node);
+        }
+        if self.pages.has_tangents() {
+            let code = |&i: &u32| {
+                let shape = self.rows.shape(rows.row(i));
+                shape.map_or([0; TANGENT_BYTES], |shape| shape.code(node.spacing))
+            };
+            points.tangents = own.iter().map(code).collect();
         }
         let step =
             self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);

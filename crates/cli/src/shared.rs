@@ -44,6 +44,10 @@ pub struct BuildHow {
     /// Find sharp edges, at which --method ewa ends its splats; normals are estimated for it.
     #[arg(long)]
     pub sharp_features: bool,
+    /// Keep the shapes of splats (4 bytes a point), by which --method ewa closes the gaps between scan lines; normals are
+    /// estimated for it.
+    #[arg(long)]
+    pub tangents: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -65,10 +69,11 @@ impl BuildHow {
             colour_depth: self.colour_bits.map(Into::into),
             compress: self.compress.into(),
             normals: match self.normals {
-                NormalsArg::Keep if self.sharp_features => NormalsMode::Estimate,
+                NormalsArg::Keep if self.sharp_features || self.tangents => NormalsMode::Estimate,
                 normals => normals.into(),
             },
             sharp_features: self.sharp_features,
+            tangents: self.tangents,
             ignore_crs: self.ignore_crs,
             ..default
         }

@@ -84,6 +84,7 @@ impl Look {
             colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
             hidden_points: self.shown.hides_any(),
             clip_lines: file.has(PlaneKind::ClipLines),
+            tangents: file.has(PlaneKind::Tangents),
         };
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens, .. } = *self;
@@ -94,7 +95,8 @@ impl Look {
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
-        Needs { colour, normals: plan.reads_normals, clip_lines: plan.clips }
+        let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
+        Needs { colour, normals, clip_lines, tangents }
     }
 
     /// The frame of these nodes.
@@ -134,6 +136,7 @@ pub fn draw_node<'a, P: Default>(
         colour,
         normal: plane(PlaneKind::Normal),
         clip: plane(PlaneKind::ClipLines),
+        tangents: plane(PlaneKind::Tangents),
     }
 }
 

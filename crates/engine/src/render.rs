@@ -295,6 +295,7 @@ fn planes_of(plan: &FramePlan, look: &Look) -> Vec<PlaneKind> {
     let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual];
     kinds.extend(plan.reads_normals.then_some(PlaneKind::Normal));
     kinds.extend(plan.clips.then_some(PlaneKind::ClipLines));
+    kinds.extend(plan.tangents.then_some(PlaneKind::Tangents));
     let colour = look.colouring.plane.filter(|_| plan.reads_colours);
     kinds.extend(colour.map(|(kind, _)| kind));
     kinds

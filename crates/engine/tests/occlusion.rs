@@ -58,6 +58,7 @@ impl Scan {
                 colour: ColourPlane::None,
                 normal: None,
                 clip: None,
+                tangents: None,
             }
         };
         drawn.iter().enumerate().map(draw).collect()

@@ -9,6 +9,8 @@ mod flicker;
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 mod look;
+#[path = "look/shapes.rs"]
+mod shapes;
 #[path = "look/splats.rs"]
 mod splats;
 

@@ -3,7 +3,7 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
-use crate::layout::{CLIP_LINES, NO_ATTRIBUTE, PlaneKind, PlaneSpec};
+use crate::layout::{CLIP_LINES, NO_ATTRIBUTE, PlaneKind, PlaneSpec, TANGENTS};
 use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
 use crate::normals::Normals;
 use esker_points::lattice::GridKind;
@@ -146,6 +146,7 @@ impl MetadataJson {
             node_capacity: self.node_capacity,
             normals,
             has_clip_lines: self.planes.iter().any(|p| plane_spec(p) == CLIP_LINES),
+            has_tangents: self.planes.iter().any(|p| plane_spec(p) == TANGENTS),
             codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
@@ -164,16 +165,16 @@ fn plane_json(plane: &PlaneSpec) -> PlaneJson {
     }
 }
 
-/// A plane of the kind of clip lines that is not as this version writes it is of an unknown kind.
+/// A plane of the kind of clip lines or tangents that is not as this version writes it is of an unknown kind.
 fn plane_spec(p: &PlaneJson) -> PlaneSpec {
     let kind = PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE));
     let plane = PlaneSpec { kind, hot: p.hot, value_bytes: p.value_bytes };
-    match kind {
-        PlaneKind::ClipLines if plane != CLIP_LINES => {
-            PlaneSpec { kind: PlaneKind::Unknown(p.kind), ..plane }
-        }
-        _ => plane,
-    }
+    let is_other = match kind {
+        PlaneKind::ClipLines => plane != CLIP_LINES,
+        PlaneKind::Tangents => plane != TANGENTS,
+        _ => false,
+    };
+    if is_other { PlaneSpec { kind: PlaneKind::Unknown(p.kind), ..plane } } else { plane }
 }
 
 fn tree_json(tree: &TreeRef) -> TreeJson {

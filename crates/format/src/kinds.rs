@@ -16,7 +16,7 @@ pub enum PlaneKind {
     Intensity,
     /// Hot: two `i16` of [`esker_points::quant::oct_encode`].
     Normal,
-    /// Reserved: tangents of splats.
+    /// Hot: shapes of splats, [`esker_points::tangents`]; only where the file has them.
     Tangents,
     /// [`esker_points::ClipWords`]; only where the file has clip lines.
     ClipLines,
@@ -50,7 +50,7 @@ impl PlaneKind {
 
     /// Whether this version writes such planes. Others are skipped.
     pub fn is_written(self) -> bool {
-        !matches!(self, Self::Unknown(_) | Self::Tangents)
+        !matches!(self, Self::Unknown(_))
     }
 
     /// A word for it.

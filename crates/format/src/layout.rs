@@ -9,6 +9,7 @@ use crate::normals::Normals;
 use esker_points::attribute::names;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
+use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -29,6 +30,10 @@ const VALUE_BYTES_MAX: u32 = 1 << 16;
 /// The plane of clip lines: cold, since most nodes have none, and then it is one value.
 pub(crate) const CLIP_LINES: PlaneSpec =
     PlaneSpec { kind: PlaneKind::ClipLines, hot: false, value_bytes: CLIP_BYTES as u32 };
+
+/// The plane of tangents: hot, since a renderer that draws them needs all of it.
+pub(crate) const TANGENTS: PlaneSpec =
+    PlaneSpec { kind: PlaneKind::Tangents, hot: true, value_bytes: TANGENT_BYTES as u32 };
 
 /// Where a class of points has its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +68,7 @@ pub struct PageLayout {
     homes: Vec<Home>,
     normals: Normals,
     has_clip_lines: bool,
+    has_tangents: bool,
     codec: Codec,
 }
 
@@ -98,6 +104,7 @@ impl PageLayout {
             homes,
             normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
             has_clip_lines: false,
+            has_tangents: false,
             codec: Codec::default(),
         };
         layout.set_planes(layout.derive_planes());
@@ -114,6 +121,13 @@ impl PageLayout {
     /// The same with a plane of clip lines, or none.
     pub fn with_clip_lines(mut self, has_clip_lines: bool) -> Self {
         self.has_clip_lines = has_clip_lines;
+        self.set_planes(self.derive_planes());
+        self
+    }
+
+    /// The same with a plane of tangents, or none.
+    pub fn with_tangents(mut self, has_tangents: bool) -> Self {
+        self.has_tangents = has_tangents;
         self.set_planes(self.derive_planes());
         self
     }
@@ -144,6 +158,9 @@ impl PageLayout {
             planes.push(hot(PlaneKind::Normal, 4));
         }
         planes.push(hot(PlaneKind::Residual, 0));
+        if self.has_tangents {
+            planes.push(TANGENTS);
+        }
         if self.has_clip_lines {
             planes.push(CLIP_LINES);
         }
@@ -194,6 +211,11 @@ impl PageLayout {
     /// Whether there is a plane of clip lines. [`crate::PagePoints`] have a column of it.
     pub fn has_clip_lines(&self) -> bool {
         self.has_clip_lines
+    }
+
+    /// Whether there is a plane of tangents. [`crate::PagePoints`] have a column of it.
+    pub fn has_tangents(&self) -> bool {
+        self.has_tangents
     }
 
     /// The attributes of the file.

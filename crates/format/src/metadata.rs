@@ -35,6 +35,8 @@ pub struct Metadata {
     pub normals: Normals,
     /// Whether there is a plane of clip lines.
     pub has_clip_lines: bool,
+    /// Whether there is a plane of tangents.
+    pub has_tangents: bool,
     /// How cold planes were compressed.
     pub codec: Codec,
     /// Where the points come from, in the order given.
@@ -109,6 +111,7 @@ impl Metadata {
             .with_codec(self.codec)
             .with_normals(self.normals)
             .with_clip_lines(self.has_clip_lines)
+            .with_tangents(self.has_tangents)
     }
 
     /// The greatest of the sources' rounding errors.

@@ -10,6 +10,7 @@ use crate::points::PagePoints;
 use esker_points::ColourDepth;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::tangents::TANGENT_BYTES;
 
 /// The whole page of a node: directory and planes, padded with zeros to a multiple of 64 bytes. Cold planes
 /// are compressed by the layout's codec.
@@ -127,6 +128,10 @@ impl Page<'_> {
             let lines = plane(PlaneKind::ClipLines)?;
             let words = lines.as_chunks::<CLIP_BYTES>().0.iter();
             points.clip_lines = words.map(|w| [0, 4, 8, 12].map(|at| u32_at(w, at))).collect();
+        }
+        if self.layout.has_tangents() {
+            let tangents = plane(PlaneKind::Tangents)?;
+            points.tangents = tangents.as_chunks::<TANGENT_BYTES>().0.to_vec();
         }
         self.columns(&mut points)?;
         Ok(points)

@@ -40,8 +40,9 @@ impl Values<'_> {
             PlaneKind::ClipLines => {
                 out.extend(points.clip_lines.iter().flatten().flat_map(|w| w.to_le_bytes()));
             }
+            PlaneKind::Tangents => out.extend(points.tangents.iter().flatten()),
             // What this version cannot make is left zero.
-            PlaneKind::Tangents | PlaneKind::Unknown(_) => {
+            PlaneKind::Unknown(_) => {
                 out.resize(out.len() + points.len() * plane.value_bytes as usize, 0);
             }
         }

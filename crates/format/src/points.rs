@@ -1,6 +1,7 @@
 //! A node's points as columns, and their multiset hash.
 
 use crate::layout::PageLayout;
+use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{ClipWords, MultisetHash};
 
 /// Records that are put together at a time.
@@ -21,6 +22,8 @@ pub struct PagePoints {
     /// Clip lines of splats, see [`esker_points::clip`], as they are stored; empty where the layout has none. They
     /// are no part of the hash.
     pub clip_lines: Vec<ClipWords>,
+    /// Shapes of splats, see [`esker_points::tangents`]; empty where the layout has none. They are no part of the hash.
+    pub tangents: Vec<[u8; TANGENT_BYTES]>,
     /// One column an attribute of the file's schema, raw little-endian values; zero bytes where a
     /// point's class does not have the attribute.
     pub columns: Vec<Vec<u8>>,
@@ -50,6 +53,7 @@ impl PagePoints {
         self.radius_codes.len() == n
             && self.normals.len() == if layout.normals().is_estimated() { n } else { 0 }
             && self.clip_lines.len() == if layout.has_clip_lines() { n } else { 0 }
+            && self.tangents.len() == if layout.has_tangents() { n } else { 0 }
             && self.classes.len() == if layout.classes().len() > 1 { n } else { 0 }
             && self.classes.iter().all(|&c| usize::from(c) < classes_max)
             && self.columns.len() == attributes.len()

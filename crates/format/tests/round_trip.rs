@@ -16,7 +16,7 @@ proptest! {
     fn points_come_back_to_the_bit(
         (schema, classes) in tree::schemas(), count in 0usize..300, spread in 0u32..=32,
         seed: u64, capacity in 20usize..100, codec in tree::codecs(), normals in tree::normals(),
-        clipped in prop::option::of(0usize..50),
+        clipped in prop::option::of(0usize..50), has_tangents: bool,
     ) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.esker");
@@ -28,7 +28,10 @@ proptest! {
         }
         // Most points have no clip lines, and most nodes none with any.
         let has_clip_lines = clipped.is_some();
-        let metadata = Metadata { has_clip_lines, ..metadata };
+        let metadata = Metadata { has_clip_lines, has_tangents, ..metadata };
+        if has_tangents {
+            points.tangents = (0..count).map(|i| [i as u8, 7, seed as u8, 255]).collect();
+        }
         if let Some(clipped) = clipped {
             let words = |i: usize| if i % 50 < clipped / 2 { [i as u32, 7, seed as u32, 0] } else { [0; 4] };
             points.clip_lines = (0..count).map(words).collect();
@@ -37,6 +40,7 @@ proptest! {
         let file = EskerFile::open(&path).unwrap();
         prop_assert_eq!(file.table(), &table);
         prop_assert_eq!(file.layout().has(PlaneKind::ClipLines), has_clip_lines);
+        prop_assert_eq!(file.layout().has(PlaneKind::Tangents), has_tangents);
         let (_, own) = tree::plant(&points, &metadata.lattice, capacity);
         for (index, own) in own.iter().enumerate() {
             let page = file.read_page(index as u32).unwrap();

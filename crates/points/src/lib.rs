@@ -15,6 +15,7 @@ pub mod node;
 pub mod quant;
 pub mod schema;
 pub mod strata;
+pub mod tangents;
 pub mod task;
 
 pub use attribute::{AttrType, Attribute};

@@ -32,6 +32,8 @@ pub struct DrawNode<'a, P = &'a [u8]> {
     pub normal: Option<P>,
     /// Clip lines of splats, [`esker_points::clip::CLIP_BYTES`] a point.
     pub clip: Option<P>,
+    /// Shapes of splats, [`esker_points::tangents::TANGENT_BYTES`] a point; discs without them.
+    pub tangents: Option<P>,
 }
 
 /// The plane that a node's colours come from.

@@ -68,6 +68,8 @@ pub struct SceneHas {
     pub hidden_points: bool,
     /// Clip lines of splats, in some node at least.
     pub clip_lines: bool,
+    /// Shapes of splats, in some node at least.
+    pub tangents: bool,
 }
 
 /// What is asked of a frame.
@@ -104,6 +106,8 @@ pub struct FramePlan {
     pub hides_points: bool,
     /// Whether splats are clipped at lines, whose plane is read.
     pub clips: bool,
+    /// Whether splats have their own shapes, whose plane is read.
+    pub tangents: bool,
     /// Whether the highlight is lit, which needs the direction to the eye.
     pub shines: bool,
     /// Whether pixels find a surface above level 0 of the pyramid.
@@ -149,6 +153,8 @@ impl FramePlan {
             hides_points: has.hidden_points,
             // The kept side of a line is told by the splat's normal.
             clips: has.clip_lines && carries_normals && asked.method == Method::Ewa,
+            // They lie in the plane of the normal.
+            tangents: has.tangents && carries_normals && asked.method == Method::Ewa,
             shines: asked.shines && has_surface,
             has_pyramid,
             colour: asked.colour.number(),
@@ -169,6 +175,7 @@ impl FramePlan {
             colour_plane: frame.draws.iter().any(|d| !matches!(d.colour, ColourPlane::None)),
             hidden_points: frame.hides_points,
             clip_lines: frame.draws.iter().any(|d| d.clip.is_some()),
+            tangents: frame.draws.iter().any(|d| d.tangents.is_some()),
         };
         let (method, colour) = (frame.method, frame.colour);
         let nodes = || frame.draws.iter().map(|draw| (draw.entry, draw.node));
@@ -243,6 +250,7 @@ impl FramePlan {
     pub fn variants(&self) -> Vec<Variant> {
         let normals = ("NORMALS", u32::from(self.carries_normals));
         let clips = ("CLIPS", u32::from(self.clips));
+        let tangents = ("TANGENTS", u32::from(self.tangents));
         let variant = |shader, constants: &[(&'static str, u32)]| Variant {
             shader,
             constants: constants.to_vec(),
@@ -273,7 +281,7 @@ impl FramePlan {
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
                 vec![
                     variant("gather/fetch", &self.fetch_constants()),
-                    variant("ewa/place", &[normals, colour, hides, clips]),
+                    variant("ewa/place", &[normals, colour, hides, clips, tangents]),
                 ]
             }
             Pass::Blend => {

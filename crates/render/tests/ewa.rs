@@ -19,3 +19,5 @@ mod numerics;
 mod passes;
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]
 mod scene;
+#[path = "ewa/shape.rs"]
+mod shape;

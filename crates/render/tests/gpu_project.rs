@@ -236,6 +236,7 @@ fn any_bits_are_a_harmless_picture() {
                 colour: ColourPlane::Rgba(&planes[2][..]),
                 normal: (round % 3 > 0).then_some(&planes[3][..]),
                 clip: None,
+                tangents: None,
             })
             .collect();
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };

@@ -74,6 +74,7 @@ proptest! {
                 |ty| ColourPlane::Scalar { bytes: &colours[..], ty: types[ty] }),
             normal: normal.as_deref(),
             clip: clips.then_some(&colours[..]),
+            tangents: clips.then_some(&colours[..]),
         };
         let lattice = Lattice { scale: [scale; 3], offset: [0.0; 3], shift: [0; 3] };
         let target = DVec3::splat(32_768.0) * scale.clamp(1e-200, 1e200);

@@ -109,6 +109,7 @@ fn exact_points_fall_within_a_hundredth_of_a_pixel_however_close_the_view() {
                         colour: ColourPlane::None,
                         normal: None,
                         clip: None,
+                        tangents: None,
                     };
                     // The eye itself is rounded to f64; at 10^7 m that is 2 nm.
                     let eye_error = eye.abs().max_element() * f64::EPSILON * 2.0;
@@ -143,6 +144,7 @@ fn hot_points_alone_are_off_by_at_most_half_a_hot_step() {
             colour: ColourPlane::None,
             normal: None,
             clip: None,
+            tangents: None,
         };
         // Half a step an axis, seen at most along its diagonal and at the picture's corner.
         let half = f64::from((1u32 << node.hot_shift) - 1) * 0.5e-3 * 3f64.sqrt();

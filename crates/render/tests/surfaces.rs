@@ -299,6 +299,7 @@ fn radii_follow_the_finest_drawn_cell() {
         colour: ColourPlane::None,
         normal: None,
         clip: None,
+        tangents: None,
     }];
     let middle = DVec3::new(32.0, 0.0, 0.0);
     let view = View::look_at(middle - DVec3::Y * 60.0, middle, DVec3::Z, 1.0, 64, 64);

@@ -63,4 +63,6 @@ pub struct Needs {
     pub normals: bool,
     /// Whether splats are clipped at their lines.
     pub clip_lines: bool,
+    /// Whether splats have shapes of their own.
+    pub tangents: bool,
 }

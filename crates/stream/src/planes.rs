@@ -29,7 +29,9 @@ impl Planes {
         let mut base = vec![PlaneKind::Position];
         let normals = needs.normals.then_some(PlaneKind::Normal);
         let clip_lines = needs.clip_lines.then_some(PlaneKind::ClipLines);
-        for kind in needs.colour.into_iter().chain(normals).chain(clip_lines) {
+        let tangents = needs.tangents.then_some(PlaneKind::Tangents);
+        let kinds = needs.colour.into_iter().chain(normals).chain(clip_lines).chain(tangents);
+        for kind in kinds {
             // The residual is asked for node by node.
             let counts = kind.is_written() && kind != PlaneKind::Residual;
             if counts && self.forest.has(kind) && !base.contains(&kind) {

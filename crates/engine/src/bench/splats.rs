@@ -102,6 +102,7 @@ impl Wall {
                     colour: ColourPlane::None,
                     normal: Some(plane(true, first * 4, count * 4)),
                     clip: None,
+                    tangents: None,
                 }
             })
             .collect()

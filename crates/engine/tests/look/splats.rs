@@ -6,11 +6,14 @@ use super::look::read_png;
 use esker_engine::backend::{Backend, DrawWith};
 use esker_engine::camera::Camera;
 use esker_engine::render::{Request, Scene, draw};
+use esker_engine::session::{Options, Session};
 use esker_engine::{Method, NormalsMode, Picture, picture};
 use esker_format::{EskerFile, Forest, PlaneKind, verify};
 use esker_points::task::Silent;
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Builds a model; `found` where its lines are to be found from its positions alone.
 fn built(model: &str, found: bool, test: impl FnOnce(&Forest)) {
@@ -23,7 +26,7 @@ fn built(model: &str, found: bool, test: impl FnOnce(&Forest)) {
     test(&Forest::open(&out).unwrap());
 }
 
-fn request(camera: &str, size: [u32; 2]) -> Request {
+pub fn request(camera: &str, size: [u32; 2]) -> Request {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
     let (camera, method) = (Camera::parse(camera).unwrap(), Method::Ewa);
     Request { size, with, camera, method, target_spacing_px: 0.0, ..Request::default() }
@@ -114,6 +117,39 @@ fn edges_are_found_from_positions_alone() {
             let share = wrong(file, camera, 1.0);
             assert!(share < 1e-3, "{camera}: {share}");
         }
+    });
+}
+
+#[test]
+fn a_session_draws_clip_lines_as_a_picture_does() {
+    built("synthetic:csg:6400", false, |file| {
+        let asked = request("direction=-0.8,1.3,-0.9;fovy=30", [160, 120]);
+        let view = Scene::choose(file, &asked).unwrap().view;
+        let (expected, _) = draw(file, &asked, &Silent).unwrap();
+        let clipped = |method| {
+            let file = Arc::new(Forest::open(file.path()).unwrap());
+            let backend = Backend::Cpu;
+            let size = [160, 120];
+            let target_spacing_px = 0.0;
+            let options = Options {
+                backend,
+                method,
+                size,
+                target_spacing_px,
+                occlusion: false,
+                ..Options::default()
+            };
+            let mut session = Session::open(file, options).unwrap();
+            let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
+            let slots = cut.nodes.iter().filter_map(|n| n.slot(PlaneKind::ClipLines)).count();
+            session.frame(&view).unwrap();
+            (slots, session.picture().unwrap())
+        };
+        let (slots, streamed) = clipped(Method::Ewa);
+        assert!(slots > 0, "the plane is streamed");
+        assert_eq!(clipped(Method::PullPush).0, 0, "and not where nothing is clipped");
+        let flip = mean_flip(&streamed.rgba, &expected.rgba, 160);
+        assert!(flip < 0.002, "{flip}");
     });
 }
 

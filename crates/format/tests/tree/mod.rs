@@ -47,6 +47,7 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         bounds: None,
         node_capacity: 64,
         has_clip_lines: false,
+        has_tangents: false,
         codec: Codec::Fast,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],
@@ -72,6 +73,10 @@ pub fn take(points: &PagePoints, layout: &PageLayout, indices: &[usize]) -> Page
             .clip_lines
             .first()
             .map_or(vec![], |_| indices.iter().map(|&i| points.clip_lines[i]).collect()),
+        tangents: points
+            .tangents
+            .first()
+            .map_or(vec![], |_| indices.iter().map(|&i| points.tangents[i]).collect()),
         columns: sizes
             .zip(&points.columns)
             .map(|(s, c)| indices.iter().flat_map(|&i| c[i * s..][..s].to_vec()).collect())

@@ -15,6 +15,7 @@ pub mod mapping;
 pub mod place;
 pub mod planes;
 pub mod real;
+pub mod shape;
 pub mod splat;
 pub mod sums;
 pub mod tiles;
@@ -62,6 +63,7 @@ impl Default for Options {
 pub struct Ewa {
     /// How splats are drawn.
     pub options: Options,
+    shapes: shape::Codes,
     /// What is shaded of the last picture.
     pub planes: Planes,
     runs: Vec<Run>,
@@ -99,6 +101,7 @@ impl Ewa {
         let has_normals = plan.carries_normals;
         let grain = Grain::new(frame.lattice.scale);
         let clipping = plan.clips.then_some(Clipping { camera, grain });
+        let shapes = &self.shapes;
         let placing = Placing {
             frame,
             camera,
@@ -107,6 +110,7 @@ impl Ewa {
             lens,
             radius_factor,
             has_normals,
+            shapes,
             clipping,
         };
         placing.place(Tiles::new(width, height), &mut self.runs);

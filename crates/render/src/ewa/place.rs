@@ -4,6 +4,7 @@
 
 use super::clip::{Clipping, Lines, WIDER};
 use super::real::dot;
+use super::shape::{Codes, Shapes, WIDEST};
 use super::splat::{Disc, Ellipses, Lens, Placed, across};
 use super::tiles::{RUN_POINTS, Run, Tiles};
 use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
@@ -35,6 +36,8 @@ pub struct Placing<'a> {
     pub radius_factor: f32,
     /// Whether the cloud has normals.
     pub has_normals: bool,
+    /// What the codes of shapes stand for.
+    pub shapes: &'a Codes,
     /// How splats are clipped, where they are.
     pub clipping: Option<Clipping<'a>>,
 }
@@ -63,16 +66,19 @@ impl Placing<'_> {
             run.clear(tiles);
             let points = first..(first + RUN_POINTS).min(self.list.len(draw));
             let clips = self.clipping.is_some() && self.frame.draws[draw].clip.is_some();
-            match (self.has_normals, clips) {
-                (true, true) => self.place_run::<true, true>(draw, points, run),
-                (true, false) => self.place_run::<true, false>(draw, points, run),
-                (false, _) => self.place_run::<false, false>(draw, points, run),
+            let shapes = self.frame.draws[draw].tangents.is_some();
+            match (self.has_normals, clips, shapes) {
+                (true, true, true) => self.place_run::<true, true, true>(draw, points, run),
+                (true, true, false) => self.place_run::<true, true, false>(draw, points, run),
+                (true, false, true) => self.place_run::<true, false, true>(draw, points, run),
+                (true, false, false) => self.place_run::<true, false, false>(draw, points, run),
+                (false, ..) => self.place_run::<false, false, false>(draw, points, run),
             }
             run.sort();
         });
     }
 
-    fn place_run<const NORMALS: bool, const CLIPS: bool>(
+    fn place_run<const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
         draw: usize,
         points: std::ops::Range<usize>,
@@ -99,14 +105,14 @@ impl Placing<'_> {
                 }
             }
             for first in (0..block.count).step_by(LANES) {
-                self.place_four::<NORMALS, CLIPS>(draw, &block, first, run);
+                self.place_four::<NORMALS, CLIPS, SHAPES>(draw, &block, first, run);
             }
         }
     }
 
     /// Places four points of a block.
     #[inline(always)]
-    fn place_four<const NORMALS: bool, const CLIPS: bool>(
+    fn place_four<const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
         draw: usize,
         block: &Block,
@@ -118,7 +124,8 @@ impl Placing<'_> {
         let at = |axis: usize| Vec4::from_slice(&block.steps[axis][first..]) * step[axis];
         let centre = self.in_view([at(0), at(1), at(2)]);
         let mut radius = Vec4::from_slice(&block.radii[first..]);
-        let mut shows = self.may_show(centre, radius).bitmask();
+        let reach = if SHAPES { radius * WIDEST } else { radius };
+        let mut shows = self.may_show(centre, reach).bitmask();
         shows &= (1 << (block.count - first).min(LANES)) - 1;
         if shows == 0 {
             return;
@@ -148,6 +155,7 @@ impl Placing<'_> {
             facing = [or_eye(0), or_eye(1), or_eye(2)];
         }
         let mut lines: [Option<Lines>; LANES] = [None; LANES];
+        let mut factor = Vec4::splat(self.radius_factor);
         if CLIPS {
             for (k, lines) in lines.iter_mut().enumerate().filter(|(k, _)| shows >> k & 1 == 1) {
                 let of = |v: [Lane; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
@@ -155,10 +163,17 @@ impl Placing<'_> {
                 *lines = self.lines(node, index(k), offset, of(centre), of(normal));
                 if lines.is_some() {
                     radius[k] *= WIDER;
+                    factor[k] *= WIDER;
                 }
             }
         }
-        let tangents = across(facing).map(|t| t.map(|c| c * radius));
+        let mut tangents = across(facing).map(|t| t.map(|c| c * radius));
+        if SHAPES && let Some(plane) = node.tangents {
+            let codes = [0, 1, 2, 3].map(|k| Shapes::code(plane, index(k)));
+            let shapes = self.shapes(codes, node.node.spacing);
+            let along = self.in_view(shapes.along);
+            tangents = shapes.tangents(along, facing, radius, factor, tangents);
+        }
         let placed = Ellipses::new(&self.lens, centre, tangents, radius);
         shows &= placed.shows;
         let drawn = placed.drawn();
@@ -213,6 +228,12 @@ impl Placing<'_> {
             return linear([b[0], b[1], b[2]]).to_array();
         }
         self.lookup.colour(draw, index, block.offset(k), depth).to_array()
+    }
+
+    /// The shapes of codes, of points of a node of this spacing.
+    #[inline(always)]
+    fn shapes(&self, codes: [[u8; 4]; LANES], spacing: f32) -> Shapes {
+        Shapes::of(codes, spacing, self.shapes)
     }
 
     /// Directions of the world right, down and away from the eye.

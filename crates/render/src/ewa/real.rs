@@ -96,3 +96,10 @@ impl Real for Lane {
 pub fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
+
+/// The vector product.
+#[inline(always)]
+pub fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    let of = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
+    [of(1, 2), of(2, 0), of(0, 1)]
+}

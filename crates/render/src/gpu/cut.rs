@@ -117,7 +117,20 @@ impl GpuCut {
 
     /// The pages of clip lines.
     pub fn clip_pages<'p>(&self, pool: &'p NodePool) -> Vec<(u32, &'p wgpu::Buffer)> {
-        let numbers: BTreeSet<u32> = self.rows.iter().map(|row| row.clip_page).collect();
+        self.pages_of(pool, |row| row.clip_page)
+    }
+
+    /// The pages of the shapes of splats.
+    pub fn tangent_pages<'p>(&self, pool: &'p NodePool) -> Vec<(u32, &'p wgpu::Buffer)> {
+        self.pages_of(pool, |row| row.tangent_page)
+    }
+
+    fn pages_of<'p>(
+        &self,
+        pool: &'p NodePool,
+        page: impl Fn(&Draw) -> u32,
+    ) -> Vec<(u32, &'p wgpu::Buffer)> {
+        let numbers: BTreeSet<u32> = self.rows.iter().map(page).collect();
         numbers.into_iter().filter_map(|n| Some((n, pool.page(n as usize)?))).collect()
     }
 

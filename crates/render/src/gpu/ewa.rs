@@ -118,9 +118,9 @@ pub struct GpuEwa {
     pub options: Options,
     room: Room,
     list: Kernel,
-    /// By whether there are normals, what gives points their colour, whether a filter hides some, and whether splats are
-    /// clipped.
-    place: Variants<4>,
+    /// By whether there are normals, what gives points their colour, whether a filter hides some, whether splats are
+    /// clipped, and whether they have shapes.
+    place: Variants<5>,
     begin: Kernel,
     fill: Kernel,
     /// By pass, whether there are normals, and whether splats are clipped.
@@ -142,7 +142,7 @@ struct Memory {
     cursors: Counted,
     starts: Counted,
     entries: Counted,
-    /// Two rows a point where splats are clipped, else two.
+    /// Two rows a point where splats are clipped or have shapes, else two.
     clips: Counted,
     /// Takes counts that nobody wants.
     uncounted: Counted,
@@ -187,7 +187,7 @@ impl GpuEwa {
             list: Kernel::new(gpu, sources::EWA_LIST, "main", &[])?,
             place: Variants::new(
                 sources::EWA_PLACE,
-                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS"],
+                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS", "TANGENTS"],
             ),
             begin: Kernel::new(gpu, sources::EWA_SORT, "begin", &[])?,
             fill: Kernel::new(gpu, sources::EWA_SORT, "fill", &[])?,
@@ -220,7 +220,8 @@ impl GpuEwa {
             self.memory = Some(Memory::new(gpu, size, self.room)?);
         }
         if let Some(memory) = &mut self.memory {
-            memory.fit_clips(gpu, target.plan.clips, self.room)?;
+            let wanted = target.plan.clips || target.plan.tangents;
+            memory.fit_clips(gpu, wanted, self.room)?;
         }
         let chunks = target.cut.chunk_count();
         let batches = chunks.div_ceil(self.room.chunks).max(1);
@@ -319,11 +320,16 @@ impl GpuEwa {
             let won = Won { pages: &target.cut.clip_pages(target.pool), ..won };
             lookup.fetch_clips(gpu, pass, &won, [&m.geometry, &m.clips])?;
         }
+        if target.plan.tangents {
+            let won = Won { pages: &target.cut.tangent_pages(target.pool), ..won };
+            lookup.fetch_tangents(gpu, pass, &won, [&m.geometry, &m.clips])?;
+        }
 
         let [normals, colour] = target.plan.colour_constants().map(|(_, value)| value);
         let hides = u32::from(target.plan.hides_points);
         let clips = u32::from(target.plan.clips);
-        let kernel = self.place.get(gpu, [normals, colour, hides, clips])?;
+        let tangents = u32::from(target.plan.tangents);
+        let kernel = self.place.get(gpu, [normals, colour, hides, clips, tangents])?;
         let buffers = [
             (0, target.uniform),
             (1, lookup.uniform()),
@@ -435,7 +441,7 @@ impl Memory {
         })
     }
 
-    /// Has room for the lines of a batch where splats are clipped, and none where they are not.
+    /// Has room for the lines and shapes of a batch where splats have any, and none where they have not.
     fn fit_clips(&mut self, gpu: &Gpu, clips: bool, room: Room) -> Result<(), GpuError> {
         let points = if clips { u64::from(room.points()) } else { 1 };
         if self.clips.size() != points * LINES_BYTES {

@@ -87,7 +87,7 @@ pub struct GpuLookup {
     octree: GpuOctree,
     colour: ColourBy,
     lattice: Option<Lattice>,
-    kernels: Variants<4>,
+    kernels: Variants<5>,
     pages: HashMap<Pages, Counted>,
     /// Bound where a plane or page is not needed.
     nothing: Counted,
@@ -108,7 +108,7 @@ impl GpuLookup {
             lattice: None,
             kernels: Variants::new(
                 sources::GATHER_FETCH,
-                ["GEOMETRY", "COLOURS", "NORMALS", "CLIPS"],
+                ["GEOMETRY", "COLOURS", "NORMALS", "CLIPS", "TANGENTS"],
             ),
             pages: HashMap::new(),
             nothing: gpu.buffer("nothing", 16, BufferUsages::STORAGE)?,
@@ -154,7 +154,7 @@ impl GpuLookup {
         to: [&Buffer; 2],
     ) -> Result<(), GpuError> {
         let [geometry, colours, normals] = plan.fetch_constants().map(|(_, value)| value);
-        self.run(gpu, pass, won, [geometry, colours, normals, 0], to)
+        self.run(gpu, pass, won, [geometry, colours, normals, 0, 0], to)
     }
 
     /// Fetches the clip lines of points into every other row of a buffer; `any` is bound and not touched.
@@ -165,7 +165,18 @@ impl GpuLookup {
         won: &Won<'_>,
         [any, clips]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
-        self.run(gpu, pass, won, [0, 0, 0, 1], [any, clips])
+        self.run(gpu, pass, won, [0, 0, 0, 1, 0], [any, clips])
+    }
+
+    /// Fetches the shapes of points into the first words of the other rows.
+    pub(super) fn fetch_tangents(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        won: &Won<'_>,
+        [any, clips]: [&Buffer; 2],
+    ) -> Result<(), GpuError> {
+        self.run(gpu, pass, won, [0, 0, 0, 0, 1], [any, clips])
     }
 
     fn run(
@@ -173,7 +184,7 @@ impl GpuLookup {
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         won: &Won<'_>,
-        constants: [u32; 4],
+        constants: [u32; 5],
         [geometry, paint]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
         let kernel = self.kernels.get(gpu, constants)?;

@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use esker_points::AttrType;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
+use esker_points::tangents::TANGENT_BYTES;
 
 /// Points of a chunk.
 pub const CHUNK_POINTS: u32 = 4096;
@@ -82,6 +83,14 @@ pub struct Draw {
     pub clip_word: u32,
     /// Points that their plane has, at most those drawn.
     pub clip_points: u32,
+    /// Page of the shapes of splats, or [`NO_PAGE`].
+    pub tangent_page: u32,
+    /// Their first word in it.
+    pub tangent_word: u32,
+    /// Points that their plane has, at most those drawn.
+    pub tangent_points: u32,
+    /// To a whole multiple of 16 bytes.
+    pub unused: u32,
 }
 
 impl Draw {
@@ -112,6 +121,7 @@ impl Draw {
         let (colour_page, colour_word) = place(colour);
         let (normal_page, normal_word) = place(draw.normal);
         let (clip_page, clip_word) = place(draw.clip);
+        let (tangent_page, tangent_word) = place(draw.tangents);
         let drawn = |plane: Option<PlaneAt>, bytes: usize| {
             plane.map_or(0, |p| held(p, bytes)).min(points) as u32
         };
@@ -141,6 +151,10 @@ impl Draw {
             clip_page,
             clip_word,
             clip_points: drawn(draw.clip, CLIP_BYTES),
+            tangent_page,
+            tangent_word,
+            tangent_points: drawn(draw.tangents, TANGENT_BYTES),
+            unused: 0,
         }
     }
 }
@@ -187,7 +201,10 @@ same_layout!(Draw {
     normal_points,
     clip_page,
     clip_word,
-    clip_points
+    clip_points,
+    tangent_page,
+    tangent_word,
+    tangent_points
 });
 same_layout!(Chunk { draw, first, points });
 

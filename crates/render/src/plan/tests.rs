@@ -9,6 +9,7 @@ const ALL: SceneHas = SceneHas {
     colour_plane: true,
     hidden_points: false,
     clip_lines: false,
+    tangents: false,
 };
 const ASKED: Asked = Asked {
     method: Method::PullPush,
@@ -58,6 +59,21 @@ fn only_splats_of_a_scene_with_clip_lines_and_normals_are_clipped() {
     assert!(clips(&has, &ewa));
     assert!(!clips(&ALL, &ewa) && !clips(&has, &ASKED));
     assert!(!clips(&SceneHas { normals: false, ..has }, &ewa));
+}
+
+#[test]
+fn only_splats_of_a_scene_with_tangents_and_normals_have_shapes() {
+    let ewa = Asked { method: Method::Ewa, ..ASKED };
+    let has = SceneHas { tangents: true, ..ALL };
+    let shapes = |has: &SceneHas, asked: &Asked| {
+        let plan = FramePlan::of(has, asked);
+        let variants = plan.variants().into_iter().flat_map(|v| v.constants);
+        assert_eq!(plan.tangents, variants.into_iter().any(|c| c == ("TANGENTS", 1)));
+        plan.tangents
+    };
+    assert!(shapes(&has, &ewa));
+    assert!(!shapes(&ALL, &ewa) && !shapes(&has, &ASKED));
+    assert!(!shapes(&SceneHas { normals: false, ..has }, &ewa));
 }
 
 #[test]

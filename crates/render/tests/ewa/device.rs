@@ -58,12 +58,25 @@ fn every_room_and_view_gives_the_picture_of_the_cpu() {
         (cube.draws(false, true, true), from(DVec3::new(0.7, -0.5, 0.3), DVec3::X * 0.3, 1.6)),
         (l_shaped.draws(true, true, true), ahead),
     ];
+    // Splats with shapes, any bytes, also of those that are clipped.
+    let [mut shaped, mut shaped_cube] =
+        [Scene::new(&points, 1e-5, 0.045, 0.045, 3000), crate::clip::cube(14)];
+    for node in shaped.nodes.iter_mut().chain(&mut shaped_cube.nodes) {
+        let words = (0..node.position.len() / 8).map(|_| dice.bits() as u32);
+        node.tangents = words.flat_map(u32::to_le_bytes).collect();
+    }
+    let with_shapes = [
+        (shaped.draws(true, true, true), views[0]),
+        (shaped_cube.draws(true, true, true), clipped[0].1),
+    ];
     let frames = views.iter().map(|view| splats(scene.frame(view, &draws)));
     let mut frames: Vec<_> = frames.flat_map(|f| [(f, USUAL), (f, LITTLE)]).take(5).collect();
     frames.push((splats(crowd.frame(&ahead, &crowd_draws)), USUAL));
     let scenes = [&cube, &cube, &l_shaped].into_iter().zip(&clipped);
     frames.extend(scenes.map(|(s, (draws, view))| (splats(s.frame(view, draws)), USUAL)));
     frames.push((frames[6].0, LITTLE));
+    let scenes = [&shaped, &shaped_cube].into_iter().zip(&with_shapes);
+    frames.extend(scenes.map(|(s, (draws, view))| (splats(s.frame(view, draws)), USUAL)));
     frames.sort_by_key(|(_, room)| room.chunks);
     let pictures: Vec<_> = frames.iter().map(|(f, _)| render(f).unwrap()).collect();
     let drawn = pictures.iter().filter(|p| p.stats.splats_drawn > 1000).count();

@@ -67,6 +67,7 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
     let residuals: Vec<_> = draws.iter().map(|d| d.residual.map(&mut put)).collect();
     let normals: Vec<_> = draws.iter().map(|d| d.normal.map(&mut put)).collect();
     let clips: Vec<_> = draws.iter().map(|d| d.clip.map(&mut put)).collect();
+    let tangents: Vec<_> = draws.iter().map(|d| d.tangents.map(&mut put)).collect();
     let colours: Vec<_> = draws
         .iter()
         .map(|d| match d.colour {
@@ -87,6 +88,7 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
             colour: colours[i],
             normal: normals[i],
             clip: clips[i],
+            tangents: tangents[i],
         })
         .collect();
     Laid { pool, draws }

@@ -172,6 +172,7 @@ impl Rig {
             },
             normal: d.normal.map(&mut put),
             clip: d.clip.map(&mut put),
+            tangents: d.tangents.map(&mut put),
         });
         let placed: Vec<_> = placed.collect();
         let list = DrawList::new(frame.draws);

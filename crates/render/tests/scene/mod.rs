@@ -25,6 +25,8 @@ pub struct SceneNode {
     pub normal: Vec<u8>,
     /// Empty where no point is clipped.
     pub clip: Vec<u8>,
+    /// Empty where splats are discs.
+    pub tangents: Vec<u8>,
 }
 
 /// Nodes on a lattice.
@@ -129,6 +131,7 @@ impl SceneNode {
             colour: if colour { ColourPlane::Rgba(&self.colour) } else { ColourPlane::None },
             normal: normal.then_some(&self.normal[..]),
             clip: (!self.clip.is_empty()).then_some(&self.clip[..]),
+            tangents: (!self.tangents.is_empty()).then_some(&self.tangents[..]),
         }
     }
 
@@ -151,6 +154,7 @@ impl SceneNode {
             colour: Vec::new(),
             normal: Vec::new(),
             clip: Vec::new(),
+            tangents: Vec::new(),
         };
         let is_clipped = run.iter().any(|(.., clip)| !clip.is_none());
         for (at, point, clip) in run {

@@ -43,6 +43,7 @@ fn metadata(schema: Schema) -> Metadata {
         sources: vec![],
         normals: esker_format::Normals::Source,
         has_clip_lines: false,
+        has_tangents: false,
         codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),
@@ -200,6 +201,7 @@ fn part(schema: &Schema, positions: &[[u32; 3]], own: &[usize]) -> PagePoints {
         classes: vec![],
         normals: vec![],
         clip_lines: vec![],
+        tangents: vec![],
         columns: schema.attributes.iter().map(column).collect(),
     }
 }

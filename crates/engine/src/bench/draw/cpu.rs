@@ -93,6 +93,7 @@ pub fn draw_of<P>(node: &Node, position: P) -> DrawNode<'_, P> {
         colour: ColourPlane::None,
         normal: None,
         clip: None,
+        tangents: None,
     }
 }
 
