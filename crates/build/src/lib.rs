@@ -47,6 +47,7 @@ mod subtree;
 mod taking;
 mod tangents;
 mod thin;
+mod tiles;
 mod tree;
 mod turn;
 

@@ -8,6 +8,7 @@
 use crate::candidates::Candidates;
 use crate::rest::{NONE, Rest, octave};
 use crate::turn::{LAST_TURN, radius_at, turn_at};
+use fearless_simd::{Level, Simd, dispatch};
 
 /// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
 /// of a turn leave no gap in the cell below, but without one of them, for the sake of a point out of turn, the gap
@@ -90,11 +91,12 @@ impl<'a> Thinning<'a> {
     pub fn pick(&mut self, wanted: usize) {
         while self.picked.len() < wanted && !self.is_over {
             self.picked_before = self.picked.len();
-            self.take_turn();
+            dispatch!(Level::new(), simd => self.take_turn(simd));
         }
     }
 
-    fn take_turn(&mut self) {
+    #[inline(always)]
+    fn take_turn<S: Simd>(&mut self, simd: S) {
         if self.octave != Some(octave(self.radius())) {
             if self.is_complete() {
                 // On to the turn at which there is something to pick.
@@ -105,9 +107,9 @@ impl<'a> Thinning<'a> {
                 let farthest = f64::from(farthest2).sqrt() * self.candidates.step;
                 self.turn = self.turn.max(turn_at(farthest));
             }
-            self.settle();
+            self.settle(simd);
         }
-        self.pick_at(self.radius());
+        self.pick_at(simd, self.radius());
         if self.radius() <= 1.0 {
             self.finish();
         }
@@ -125,7 +127,8 @@ impl<'a> Thinning<'a> {
     }
 
     /// Chooses cells, and the points to look at, for the next turns.
-    fn settle(&mut self) {
+    #[inline(always)]
+    fn settle<S: Simd>(&mut self, simd: S) {
         let radius = self.radius();
         let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
@@ -143,7 +146,7 @@ impl<'a> Thinning<'a> {
             let q = &self.candidates.q;
             self.rest.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
             let reach = (radius as i32).saturating_add(1);
-            self.picked.iter().for_each(|&i| self.rest.tell(q[i as usize], reach));
+            self.picked.iter().for_each(|&i| self.rest.tell(simd, q[i as usize], reach));
         }
         self.due.clear();
         if !self.placed.is_empty() {
@@ -165,6 +168,7 @@ impl<'a> Thinning<'a> {
     }
 
     /// Lists the points to look at for turns up to this one.
+    #[inline(always)]
     fn choose_part(&mut self, until: u16) {
         let shared = self.candidates.shared_log2.chunks(SCANNED);
         self.part.clear();
@@ -197,7 +201,8 @@ impl<'a> Thinning<'a> {
     /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a
     /// line that would pack points as tightly as can be and leave gaps of almost twice the radius, so there in an
     /// order that leaves and returns.
-    fn pick_at(&mut self, radius: f64) {
+    #[inline(always)]
+    fn pick_at<S: Simd>(&mut self, simd: S, radius: f64) {
         let radius2 = (radius * radius) as f32;
         let reach = (radius as i32).saturating_add(1);
         if !self.placed.is_empty() {
@@ -205,7 +210,7 @@ impl<'a> Thinning<'a> {
             for k in 0..self.due.len() {
                 let (place, turn) = self.due[k];
                 if turn <= self.turn && self.rest.nearest2(place as usize) >= due2 {
-                    self.take(place as usize, reach);
+                    self.take(simd, place as usize, reach);
                 }
             }
         }
@@ -216,23 +221,24 @@ impl<'a> Thinning<'a> {
                 (0..1 << bits).map(|i: usize| i.wrapping_mul(multiplier) & ((1 << bits) - 1));
             for i in spread {
                 if i < self.rest.len() && self.rest.nearest2(i) >= radius2 {
-                    self.take(i, reach);
+                    self.take(simd, i, reach);
                 }
             }
         } else {
             let mut from = 0;
             while let Some(i) = self.rest.next_from(from, radius2) {
-                self.take(i, reach);
+                self.take(simd, i, reach);
                 from = i + 1;
             }
         }
     }
 
-    fn take(&mut self, i: usize, reach: i32) {
+    #[inline(always)]
+    fn take<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
         let candidate = self.rest.candidate(i);
         self.turns[candidate as usize] = self.turn;
         self.picked.push(candidate);
-        self.rest.tell_around(i, reach);
+        self.rest.tell_around(simd, i, reach);
     }
 
     /// What is left coincides with what is picked: it comes last.
