@@ -1,0 +1,227 @@
+//! Alpha at silhouettes against the share of each pixel that a sphere and a cube cover in truth (64 samples a pixel), and the
+//! width of wires against their own; over densities, with normals and without. What is too much is told apart from what is too
+//! little: discs stick out of a surface, and where samples are sparse its outline has dents.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[allow(dead_code, reason = "shared with other tests, which use more of it")]
+mod scene;
+
+use esker_lod::View;
+use esker_render::{Background, Renderer};
+use glam::{DMat3, DVec2, DVec3};
+use scene::{Dice, Scene, ScenePoint};
+
+const SIDE: usize = 320;
+/// Samples of a pixel's truth, along a side.
+const SAMPLES: usize = 8;
+
+fn view() -> View {
+    View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE as u32, SIDE as u32)
+}
+
+/// Pixels a unit takes at the origin.
+fn pixels_per_unit() -> f64 {
+    view().focal_px() / 20.0
+}
+
+/// Where a place is on the picture, pixels from its middle, y down.
+fn place(at: DVec3) -> DVec2 {
+    let scale = view().focal_px() / (at.y + 20.0);
+    DVec2::new(at.x, -at.z) * scale
+}
+
+/// The alpha of a picture of points.
+fn alpha(points: &[ScenePoint], spacing: f64, normals: bool) -> Vec<f64> {
+    let scene = Scene::new(points, 1e-6, spacing, spacing, 10_000);
+    let view = view();
+    let draws = scene.draws(true, true, normals);
+    let mut frame = scene.frame(&view, &draws);
+    frame.background = Background::Plain([0; 4]);
+    let picture = Renderer::default().render(&frame).unwrap();
+    picture.rgba.as_chunks::<4>().0.iter().map(|p| f64::from(p[3]) / 255.0).collect()
+}
+
+/// The share of each pixel that lies inside, by samples.
+fn truth(inside: impl Fn(DVec2) -> bool) -> Vec<f64> {
+    let share = |i: usize| {
+        let corner = DVec2::new((i % SIDE) as f64, (i / SIDE) as f64) - SIDE as f64 / 2.0;
+        let at = |k: usize| (k as f64 + 0.5) / SAMPLES as f64;
+        let samples = (0..SAMPLES * SAMPLES).map(|k| DVec2::new(at(k % SAMPLES), at(k / SAMPLES)));
+        samples.filter(|&sample| inside(corner + sample)).count() as f64
+    };
+    (0..SIDE * SIDE).map(|i| share(i) / (SAMPLES * SAMPLES) as f64).collect()
+}
+
+/// How far alpha is off, by the length of the outline.
+#[derive(Debug)]
+struct Off {
+    /// Too much and too little, pixels.
+    over: f64,
+    under: f64,
+    /// Root of the mean square over the pixels that the true outline crosses.
+    rms: f64,
+}
+
+fn off(alpha: &[f64], truth: &[f64], length_px: f64) -> Off {
+    let errors = || alpha.iter().zip(truth).map(|(a, t)| a - t);
+    let crossed = |t: &&f64| **t > 0.0 && **t < 1.0;
+    let pixels = truth.iter().filter(crossed).count() as f64;
+    let squares = alpha.iter().zip(truth).filter(|(_, t)| crossed(t)).map(|(a, t)| (a - t).powi(2));
+    Off {
+        over: errors().map(|e| e.max(0.0)).sum::<f64>() / length_px,
+        under: errors().map(|e| (-e).max(0.0)).sum::<f64>() / length_px,
+        rms: (squares.sum::<f64>() / pixels).sqrt(),
+    }
+}
+
+/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
+fn sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
+    let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let jitter = |dice: &mut Dice| (dice.unit() - 0.5) * spacing;
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+            let (s, c) = (i as f64 * golden).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let moved = DVec3::new(r * c + jitter(dice), r * s + jitter(dice), z + jitter(dice));
+            let normal = moved.normalize_or_zero();
+            ScenePoint { at: normal, normal, colour: [220, 180, 120] }
+        })
+        .collect()
+}
+
+/// Half the edge of the cube.
+const HALF: f64 = 0.7;
+
+fn turned() -> DMat3 {
+    DMat3::from_rotation_z(0.5) * DMat3::from_rotation_x(0.6)
+}
+
+/// Points on a turned cube, one in each cell of a grid on each side.
+fn cube(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
+    let side = (2.0 * HALF / spacing).round() as usize;
+    let mut points = Vec::new();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let mut normal = DVec3::ZERO;
+            normal[axis] = sign;
+            for i in 0..side * side {
+                let mut at = normal * HALF;
+                let mut along =
+                    |k: usize| ((k as f64 + dice.unit()) / side as f64 * 2.0 - 1.0) * HALF;
+                at[(axis + 1) % 3] = along(i % side);
+                at[(axis + 2) % 3] = along(i / side);
+                points.push(ScenePoint {
+                    at: turned() * at,
+                    normal: turned() * normal,
+                    colour: [180; 3],
+                });
+            }
+        }
+    }
+    points
+}
+
+/// The outline of the cube: its corners on the picture, around.
+fn cube_outline() -> Vec<DVec2> {
+    let sign = |bits: usize, axis: usize| if bits >> axis & 1 == 1 { HALF } else { -HALF };
+    let corners = (0..8).map(|b| place(turned() * DVec3::new(sign(b, 0), sign(b, 1), sign(b, 2))));
+    let corners: Vec<DVec2> = corners.collect();
+    // Gift wrapping.
+    let mut hull = vec![*corners.iter().min_by(|a, b| a.x.total_cmp(&b.x)).unwrap()];
+    loop {
+        let last = hull[hull.len() - 1];
+        let others = || corners.iter().copied().filter(|c| *c != last);
+        let next =
+            others().find(|&n| others().all(|c| (n - last).perp_dot(c - last) >= 0.0)).unwrap();
+        if next == hull[0] {
+            return hull;
+        }
+        hull.push(next);
+    }
+}
+
+/// Off by so much at most: too much and too little, pixels; and the root of the mean square. By spacing, with normals and
+/// without: those of the sphere, those of the cube.
+type Bounds = (f64, [[[f64; 3]; 2]; 2]);
+const BOUNDS: [Bounds; 5] = [
+    (0.5, [[[0.28, 0.06, 0.24], [0.18, 0.10, 0.22]], [[0.55, 0.04, 0.38], [0.36, 0.07, 0.36]]]),
+    (1.0, [[[0.25, 0.07, 0.24], [0.24, 0.11, 0.25]], [[0.80, 0.03, 0.47], [0.75, 0.04, 0.48]]]),
+    (2.0, [[[0.60, 0.03, 0.39], [0.45, 0.11, 0.37]], [[0.36, 0.30, 0.39], [0.62, 0.05, 0.41]]]),
+    (4.0, [[[0.80, 0.02, 0.46], [1.10, 0.09, 0.52]], [[0.65, 0.12, 0.46], [0.42, 0.27, 0.41]]]),
+    (8.0, [[[1.10, 0.02, 0.56], [2.40, 0.17, 0.60]], [[2.10, 0.06, 0.60], [0.95, 0.42, 0.54]]]),
+];
+
+#[test]
+fn alpha_is_about_the_share_of_a_pixel_that_is_covered() {
+    let radius = view().focal_px() / (20f64.powi(2) - 1.0).sqrt();
+    let circle = truth(|at| at.length() <= radius);
+    let hull = cube_outline();
+    let edges = || hull.iter().zip(hull.iter().cycle().skip(1));
+    let polygon = truth(|at| edges().all(|(a, b)| (b - a).perp_dot(at - a) >= 0.0));
+    let polygon_px = edges().map(|(a, b)| a.distance(*b)).sum::<f64>();
+    for (spacing_px, bounds) in BOUNDS {
+        let spacing = spacing_px / pixels_per_unit();
+        for (normals, [of_sphere, of_cube]) in [true, false].into_iter().zip(bounds) {
+            let round = alpha(&sphere(&mut Dice(3), spacing), spacing, normals);
+            let round = off(&round, &circle, radius * std::f64::consts::TAU);
+            let flat = alpha(&cube(&mut Dice(4), spacing), spacing, normals);
+            let flat = off(&flat, &polygon, polygon_px);
+            for (what, off, bound) in [("sphere", round, of_sphere), ("cube", flat, of_cube)] {
+                let what = format!("{what}, spacing {spacing_px} px, normals {normals}: {off:.2?}");
+                eprintln!("{what}");
+                let Off { over, under, rms } = off;
+                assert!(over < bound[0] && under < bound[1] && rms < bound[2], "{what}");
+            }
+        }
+    }
+}
+
+/// A wire of this width, upright but for a slope, seen from the front: points all over its surface.
+fn wire(dice: &mut Dice, width_px: f64, spacing_px: f64) -> Vec<ScenePoint> {
+    let per_px = 1.0 / pixels_per_unit();
+    let radius = width_px / 2.0 * per_px;
+    let length = 250.0 * per_px;
+    let around = std::f64::consts::TAU * radius;
+    let count = (length * around.max(spacing_px * per_px) / (spacing_px * per_px).powi(2)) as usize;
+    (0..count)
+        .map(|i| {
+            let along = ((i as f64 + dice.unit()) / count as f64 - 0.5) * length;
+            let (s, c) = (dice.unit() * std::f64::consts::TAU).sin_cos();
+            let normal = DVec3::new(c, s, 0.0);
+            let axis = DVec3::new(along * 0.2, 0.0, along);
+            ScenePoint { at: axis + normal * radius, normal, colour: [200; 3] }
+        })
+        .collect()
+}
+
+/// Spacings of wires' samples, pixels.
+const SPACINGS_PX: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+/// Widths of wires, how wide they are drawn at most on average, by spacing, and at least anywhere.
+const WIRES: [(f64, [f64; 4], f64); 5] = [
+    (0.5, [1.15, 1.25, 1.30, 1.30], 0.5),
+    (1.0, [1.70, 1.70, 1.65, 1.55], 0.6),
+    (2.0, [2.30, 2.45, 2.95, 2.25], 1.1),
+    (4.0, [4.20, 4.30, 4.60, 4.75], 3.2),
+    (8.0, [8.10, 8.15, 9.40, 9.30], 6.9),
+];
+
+#[test]
+fn wires_without_normals_neither_swell_nor_vanish() {
+    for (width_px, most, narrowest) in WIRES {
+        for (spacing_px, most) in SPACINGS_PX.into_iter().zip(most) {
+            let points = wire(&mut Dice(9), width_px, spacing_px);
+            let alpha = alpha(&points, spacing_px / pixels_per_unit(), false);
+            // Widths along rows, of which the wire's slope takes a little.
+            let width = |y: usize| alpha[y * SIDE..][..SIDE].iter().sum::<f64>() / 1.04f64.sqrt();
+            let widths: Vec<f64> = (60..260).map(width).collect();
+            let mean = widths.iter().sum::<f64>() / widths.len() as f64;
+            let least = widths.iter().copied().fold(f64::INFINITY, f64::min);
+            let what =
+                format!("{width_px} px, spacing {spacing_px} px: {mean:.2}, least {least:.2}");
+            eprintln!("{what}");
+            assert!(mean < most && least > narrowest, "{what}");
+        }
+    }
+}
