@@ -60,42 +60,92 @@ pub fn spacing(turns: &[u16], drawn: usize, total: usize, dimension: u32) -> f64
 /// is at most 2. Coincident points and strays get 0, which the node's spacing replaces.
 pub fn radii(q: impl Iterator<Item = [i32; 3]>, dimension: u32) -> Vec<f32> {
     let shared = shared_log2(q);
-    let mut out = vec![0.0; shared.len()];
-    let mut open = vec![(0..shared.len(), (0, 0.0))];
-    while let Some((run, above)) = open.pop() {
-        spread(&shared, run, above, dimension, &mut out, &mut open);
+    let mut cells =
+        Cells { dimension, open: Vec::new(), small: Vec::new(), out: vec![0.0; shared.len()] };
+    for (i, &log2) in shared.iter().enumerate() {
+        if i > 0 {
+            cells.step(log2, i);
+        }
+        cells.small.push(i..i + 1);
     }
-    out
+    while let Some((log2, start)) = cells.open.pop() {
+        cells.close(log2, start..shared.len());
+    }
+    cells.out
 }
 
-/// The points of the cell above, and the radius that they would have.
-type Above = (usize, f32);
-
-/// Gives the points of a cell their radius, or opens the cells in it.
-fn spread(
-    shared: &[u8],
-    run: Range<usize>,
-    above: Above,
+/// Octree cells along the curve: each is closed where the next point lies outside.
+struct Cells {
     dimension: u32,
-    out: &mut [f32],
-    open: &mut Vec<(Range<usize>, Above)>,
-) {
-    let points = run.len();
-    if points < LOCAL_POINTS && points < shared.len() {
-        let is_stray = points * STRAY_SHARE < above.0;
-        return out[run].fill(if is_stray { 0.0 } else { above.1 });
+    /// The log2 of the edge, and the first point, of the cells that are not closed, each within the one before.
+    open: Vec<(u8, usize)>,
+    /// Cells with few points, and single points, whose radius follows from a cell around them.
+    small: Vec<Range<usize>>,
+    out: Vec<f32>,
+}
+
+impl Cells {
+    /// Goes on to point `i`, whose smallest cell shared with the one before has this edge's log2.
+    #[inline]
+    fn step(&mut self, log2: u8, i: usize) {
+        let mut start = i - 1;
+        while let Some(&(inner, first)) = self.open.last()
+            && inner < log2
+        {
+            self.open.pop();
+            self.close(inner, first..i);
+            start = first;
+        }
+        if self.open.last().is_none_or(|&(outer, _)| outer > log2) {
+            self.open.push((log2, start));
+        }
     }
-    let inside = shared.get(run.start + 1..run.end).unwrap_or_default();
-    let log2 = inside.iter().copied().max().unwrap_or(0);
-    let edge = if log2 == 0 { 0.0 } else { (1u64 << log2) as f32 };
-    let spacing = if dimension <= 1 { edge / points as f32 } else { edge / (points as f32).sqrt() };
-    if log2 == 0 {
-        return out[run].fill(spacing);
+
+    /// Gives the few points in parts of a cell their radius, if the cell has enough points to tell, or is the whole.
+    fn close(&mut self, log2: u8, run: Range<usize>) {
+        let points = run.len();
+        if points < LOCAL_POINTS && points < self.out.len() {
+            while self.small.last().is_some_and(|part| part.start >= run.start) {
+                self.small.pop();
+            }
+            return self.small.push(run);
+        }
+        let edge = if log2 == 0 { 0.0 } else { (1u64 << log2) as f32 };
+        let across = if self.dimension <= 1 { points as f32 } else { (points as f32).sqrt() };
+        let spacing = edge / across;
+        while let Some(part) = self.small.pop_if(|part| part.start >= run.start) {
+            let is_stray = part.len() * STRAY_SHARE < points;
+            self.out[part].fill(if is_stray { 0.0 } else { spacing });
+        }
     }
-    let mut start = run.start;
-    let parts = inside.iter().enumerate().filter(|(_, l)| **l == log2);
-    for end in parts.map(|(i, _)| run.start + 1 + i).chain([run.end]) {
-        open.push((start..end, (points, spacing)));
-        start = end;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use esker_points::morton;
+    use proptest::prelude::*;
+
+    /// The radius of a point by the definition: from the smallest cell around it that has enough points.
+    fn plain(q: &[[i32; 3]], i: usize) -> f32 {
+        let count = |log2: u32| {
+            q.iter().filter(|p| (0..3).all(|a| p[a] >> log2 == q[i][a] >> log2)).count()
+        };
+        let log2 = (0..31).find(|&log2| count(log2) >= LOCAL_POINTS.min(q.len())).unwrap_or(31);
+        let inside = (0..log2).rev().map(count).find(|&n| n < count(log2)).unwrap_or(count(log2));
+        let edge = if log2 == 0 { 0.0 } else { (1u64 << log2) as f32 };
+        if inside * STRAY_SHARE < count(log2) { 0.0 } else { edge / (count(log2) as f32).sqrt() }
+    }
+
+    proptest! {
+        #[test]
+        fn radii_follow_from_the_smallest_cells_with_enough_points(points in prop::collection::vec([0u32..600, 0u32..600, 0u32..40], 1..300), shift in 0u32..6) {
+            let mut points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
+            points.sort_unstable_by_key(|&p| morton::encode3(p));
+            let q: Vec<[i32; 3]> = points.iter().map(|p| p.map(|c| c as i32)).collect();
+            let found = radii(q.iter().copied(), 2);
+            let plain: Vec<f32> = (0..q.len()).map(|i| plain(&q, i)).collect();
+            prop_assert_eq!(found, plain);
+        }
     }
 }
