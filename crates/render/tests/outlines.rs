@@ -7,7 +7,7 @@ mod scene;
 use esker_lod::View;
 use esker_render::{Background, Picture, Renderer};
 use glam::{DVec2, DVec3};
-use scene::{Dice, Scene, ScenePoint};
+use scene::{Dice, Scene, ScenePoint, even_sphere};
 
 const SIDE: u32 = 320;
 
@@ -22,23 +22,6 @@ fn draw(points: &[ScenePoint], spacing: f64, normals: bool) -> Picture {
 
 fn view() -> View {
     View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, SIDE, SIDE)
-}
-
-/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
-fn sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
-    let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    let jitter = |dice: &mut Dice| (dice.unit() - 0.5) * spacing;
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
-            let (s, c) = (i as f64 * golden).sin_cos();
-            let r = (1.0 - z * z).sqrt();
-            let moved = DVec3::new(r * c + jitter(dice), r * s + jitter(dice), z + jitter(dice));
-            let normal = moved.normalize_or_zero();
-            ScenePoint { at: normal, normal, colour: [220, 180, 120] }
-        })
-        .collect()
 }
 
 /// Where the picture's alpha falls to one half along rays from its middle: distance in pixels for each of
@@ -102,7 +85,7 @@ fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
     for spacing_px in [1.0, 2.0, 4.0, 8.0] {
         for normals in [true, false] {
             let spacing = spacing_px / pixels_per_unit();
-            let picture = draw(&sphere(&mut Dice(3), spacing), spacing, normals);
+            let picture = draw(&even_sphere(&mut Dice(3), spacing), spacing, normals);
             let off: Vec<f64> = outline(&picture, 720).iter().map(|r| r - radius_px).collect();
             let mean = off.iter().sum::<f64>() / 720.0;
             let rough = (off.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / 720.0).sqrt();
@@ -119,7 +102,7 @@ fn the_outline_of_a_sphere_is_about_a_pixel_from_the_true_circle() {
 fn a_rim_is_no_brighter_than_what_is_inside_of_it() {
     for spacing_px in [1.5, 3.0, 6.0] {
         let spacing = spacing_px / pixels_per_unit();
-        let picture = draw(&sphere(&mut Dice(4), spacing), spacing, false);
+        let picture = draw(&even_sphere(&mut Dice(4), spacing), spacing, false);
         let ends = outline(&picture, 360);
         // Mean light between two distances from the outline, in twelve sectors.
         let ring = |sector: usize, from: f64, to: f64| {
@@ -223,7 +206,7 @@ fn any_number_of_threads_draws_the_same_picture() {
     let dice = &mut Dice(6);
     let far = DVec2::splat(f64::from(SIDE) * 0.6);
     let mut points = wall(dice, 2.0, -far, far, 5.0);
-    points.extend(sphere(dice, spacing));
+    points.extend(even_sphere(dice, spacing));
     for normals in [true, false] {
         let drawn = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

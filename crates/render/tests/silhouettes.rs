@@ -9,7 +9,7 @@ mod scene;
 use esker_lod::View;
 use esker_render::{Background, Renderer};
 use glam::{DMat3, DVec2, DVec3};
-use scene::{Dice, Scene, ScenePoint};
+use scene::{Dice, Scene, ScenePoint, even_sphere};
 
 const SIDE: usize = 320;
 /// Samples of a pixel's truth, along a side.
@@ -72,23 +72,6 @@ fn off(alpha: &[f64], truth: &[f64], length_px: f64) -> Off {
         under: errors().map(|e| (-e).max(0.0)).sum::<f64>() / length_px,
         rms: (squares.sum::<f64>() / pixels).sqrt(),
     }
-}
-
-/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
-fn sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
-    let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    let jitter = |dice: &mut Dice| (dice.unit() - 0.5) * spacing;
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
-            let (s, c) = (i as f64 * golden).sin_cos();
-            let r = (1.0 - z * z).sqrt();
-            let moved = DVec3::new(r * c + jitter(dice), r * s + jitter(dice), z + jitter(dice));
-            let normal = moved.normalize_or_zero();
-            ScenePoint { at: normal, normal, colour: [220, 180, 120] }
-        })
-        .collect()
 }
 
 /// Half the edge of the cube.
@@ -164,7 +147,7 @@ fn alpha_is_about_the_share_of_a_pixel_that_is_covered() {
     for (spacing_px, bounds) in BOUNDS {
         let spacing = spacing_px / pixels_per_unit();
         for (normals, [of_sphere, of_cube]) in [true, false].into_iter().zip(bounds) {
-            let round = alpha(&sphere(&mut Dice(3), spacing), spacing, normals);
+            let round = alpha(&even_sphere(&mut Dice(3), spacing), spacing, normals);
             let round = off(&round, &circle, radius * std::f64::consts::TAU);
             let flat = alpha(&cube(&mut Dice(4), spacing), spacing, normals);
             let flat = off(&flat, &polygon, polygon_px);

@@ -176,6 +176,24 @@ impl SceneNode {
     }
 }
 
+/// Points on a sphere as even as the builder's: of a spiral, each moved at random by up to half a spacing.
+#[allow(dead_code, reason = "not every user of this module asks where a sphere ends")]
+pub fn even_sphere(dice: &mut Dice, spacing: f64) -> Vec<ScenePoint> {
+    let count = (4.0 * std::f64::consts::PI / spacing.powi(2)) as usize;
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let jitter = |dice: &mut Dice| (dice.unit() - 0.5) * spacing;
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+            let (s, c) = (i as f64 * golden).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let moved = DVec3::new(r * c + jitter(dice), r * s + jitter(dice), z + jitter(dice));
+            let normal = moved.normalize_or_zero();
+            ScenePoint { at: normal, normal, colour: [220, 180, 120] }
+        })
+        .collect()
+}
+
 /// A sphere, evenly random.
 pub fn sphere(
     dice: &mut Dice,
