@@ -1,8 +1,13 @@
 //! Drawing memory of the CPU renderer: one range of addresses from 0 to the budget in pages that come
 //! into being when they are first written, so that the resident set grows with use. The streamer gives
 //! out its slots; only the render thread writes and reads.
+//!
+//! Pages are asked of the system in huge parts, where it has them: of each part that is written first the render
+//! thread waits for zeros, and 512 small parts make it wait several times as long as one huge one.
 
+use anyhow::{Context, Result};
 use esker_stream::Slot;
+use memmap2::MmapMut;
 
 /// Bytes of a page at most: what every GPU binds at once.
 pub const PAGE_BYTES_MAX: u64 = 128 << 20;
@@ -12,8 +17,8 @@ pub const PAGE_BYTES_MAX: u64 = 128 << 20;
 pub struct DrawingMemory {
     bytes: u64,
     page_bytes: u64,
-    /// As far as they were written to; a page that nothing was written to is empty.
-    pages: Vec<Vec<u8>>,
+    /// As far as they were written to; `None` for one that nothing was written to.
+    pages: Vec<Option<MmapMut>>,
 }
 
 impl DrawingMemory {
@@ -37,28 +42,42 @@ impl DrawingMemory {
     }
 
     /// Copies bytes to `offset` in a slot. What does not fit the slot is not written.
-    pub fn write(&mut self, slot: Slot, offset: u64, bytes: &[u8]) {
+    ///
+    /// # Errors
+    /// Where the system has no memory for the page.
+    pub fn write(&mut self, slot: Slot, offset: u64, bytes: &[u8]) -> Result<()> {
         let within = offset.checked_add(bytes.len() as u64).is_some_and(|end| end <= slot.bytes);
         debug_assert!(within, "{} bytes at {offset} of {slot:?}", bytes.len());
-        let Some((page, start)) = self.place(slot).filter(|_| within) else { return };
+        let Some((page, start)) = self.place(slot).filter(|_| within) else { return Ok(()) };
         let page_start = page as u64 * self.page_bytes;
         if self.pages.len() <= page {
-            self.pages.resize_with(page + 1, Vec::new);
+            self.pages.resize_with(page + 1, || None);
         }
-        let page = &mut self.pages[page];
-        if page.is_empty() {
-            // Zeroed memory of this size comes from the system untouched: it takes room when written.
-            *page = vec![0; self.page_bytes.min(self.bytes - page_start) as usize];
-        }
+        let page = match &mut self.pages[page] {
+            Some(page) => page,
+            none => none.insert(zeros(self.page_bytes.min(self.bytes - page_start))?),
+        };
         page[start + offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        Ok(())
     }
 
     /// The bytes of a slot; none where nothing near it was written.
     pub fn read(&self, slot: Slot) -> &[u8] {
         let Some((page, start)) = self.place(slot) else { return &[] };
-        let page = self.pages.get(page);
+        let page = self.pages.get(page).and_then(Option::as_ref);
         page.and_then(|p| p.get(start..start + slot.bytes as usize)).unwrap_or_default()
     }
+}
+
+/// So many zeros, which take room when they are written to.
+fn zeros(bytes: u64) -> Result<MmapMut> {
+    let page = MmapMut::map_anon(bytes as usize).with_context(|| {
+        format!("the system has no {bytes} bytes for points to be drawn; lower --budget-gpu")
+    })?;
+    // A hint: where the system has no huge pages, it is slower.
+    #[cfg(target_os = "linux")]
+    let _ = page.advise(memmap2::Advice::HugePage);
+    Ok(page)
 }
 
 #[cfg(test)]
@@ -75,11 +94,11 @@ mod tests {
         assert_eq!((memory.page_bytes(), memory.pages.len()), (PAGE_BYTES_MAX, 0));
         let last = slot(PAGE_BYTES_MAX * 2 + 256, 6);
         assert_eq!(memory.read(last), b"");
-        memory.write(last, 3, b"def");
-        memory.write(last, 0, b"abc");
+        memory.write(last, 3, b"def").unwrap();
+        memory.write(last, 0, b"abc").unwrap();
         assert_eq!(memory.read(last), b"abcdef");
-        assert!(memory.pages[0].is_empty() && memory.pages[1].is_empty(), "only what is used");
-        assert_eq!(memory.pages[2].len(), 512, "never more than the budget");
+        assert!(memory.pages[..2].iter().all(Option::is_none), "only what is used");
+        assert_eq!(memory.pages[2].as_ref().unwrap().len(), 512, "never more than the budget");
     }
 
     #[test]
@@ -91,9 +110,9 @@ mod tests {
             slot(u64::MAX, 2),
             slot(0, u64::MAX),
         ] {
-            memory.write(wrong, 0, b"x");
+            memory.write(wrong, 0, b"x").unwrap();
             assert_eq!(memory.read(wrong), b"", "{wrong:?}");
         }
-        assert!(memory.pages.iter().all(Vec::is_empty));
+        assert!(memory.pages.iter().all(Option::is_none));
     }
 }

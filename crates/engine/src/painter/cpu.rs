@@ -61,7 +61,7 @@ impl Painter for CpuPainter {
         for (run, transfers) in &self.landed {
             for t in transfers {
                 let bytes = run.bytes(t);
-                self.memory.write(t.slot, t.slot_offset, bytes);
+                self.memory.write(t.slot, t.slot_offset, bytes)?;
                 uploaded_bytes += bytes.len() as u64;
             }
         }
