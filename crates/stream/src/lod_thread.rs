@@ -38,6 +38,8 @@ enum Cause {
     None,
     Following,
     Loading,
+    /// All that was asked for has come: waiting brings nothing more.
+    Loaded,
     Looking,
 }
 
@@ -49,12 +51,12 @@ struct Past {
 }
 
 impl Past {
-    /// When the next pass may begin: at most half of a core is spent on looking around, a third on
-    /// loading.
+    /// When the next pass may begin: at most half of a core is spent on looking around, a third while
+    /// loading goes on.
     fn rested(&self, cause: Cause) -> Instant {
         match cause {
-            Cause::Looking => self.ended + self.took,
-            _ => self.ended + PAUSE.max(self.took * 2),
+            Cause::Loading => self.ended + PAUSE.max(self.took * 2),
+            _ => self.ended + self.took,
         }
     }
 }
@@ -112,8 +114,9 @@ impl LodThread {
         while self.wake.try_recv().is_ok() {}
         let mut cause = self.take_views();
         while let Ok(id) = self.uploaded.try_recv() {
-            cause = cause.max(Cause::Loading);
             self.status.nodes_loaded += u64::from(self.chooser.arrive(id));
+            let is_last = self.chooser.asked.is_empty();
+            cause = cause.max(if is_last { Cause::Loaded } else { Cause::Loading });
         }
         while let Ok(report) = self.reports.try_recv() {
             cause = cause.max(self.take_report(report));
