@@ -2,7 +2,9 @@
 //! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
 //! sRGB on both ends.
 
-use glam::{Vec3, Vec4};
+use crate::values::EIGHT;
+use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
+use glam::Vec3;
 use std::sync::LazyLock;
 
 /// What gives points their colour.
@@ -214,14 +216,15 @@ impl Encoder {
             .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
     }
 
-    /// Where in the table four intensities are.
+    /// Where in the table eight intensities are.
     #[inline(always)]
-    pub(crate) fn entries(c: Vec4) -> [u32; 4] {
+    pub(crate) fn entries<S: Simd>(c: f32x8<S>) -> [u32; EIGHT] {
         // A number this large has no bits left for fractions: adding it rounds.
         const ROUNDS: f32 = (1 << 23) as f32;
-        let last = ENCODE_ENTRIES as f32;
-        let at = (c * last).max(Vec4::ZERO).min(Vec4::splat(last)) + ROUNDS;
-        at.to_array().map(|at| at.to_bits() - ROUNDS.to_bits())
+        let at = (c * ENCODE_ENTRIES as f32).max(0.0).min(ENCODE_ENTRIES as f32) + ROUNDS;
+        let simd = at.witness();
+        let first = simd.splat_u32x8(ROUNDS.to_bits());
+        simd.as_array_u32x8(simd.sub_u32x8(simd.reinterpret_u32_f32x8(at), first))
     }
 
     /// The byte of an entry.

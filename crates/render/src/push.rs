@@ -20,7 +20,7 @@ use crate::ellipse::covers_at;
 use crate::lanes::{LANES, Line, Pixels, Run, counting, halves, has_pixels, is_empty};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
-use crate::values::Values;
+use crate::values::{Values, join, only};
 use fearless_simd::{Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8};
 use glam::Vec4;
 
@@ -140,26 +140,11 @@ fn push_block<S: Simd, const NORMALS: bool>(
     }
 }
 
-/// Values of every second pixel, then those of the others.
-#[inline(always)]
-fn join<S: Simd>(simd: S, even: Vec4, odd: Vec4) -> f32x8<S> {
-    simd.combine_f32x4(
-        simd.load_array_f32x4(even.to_array()),
-        simd.load_array_f32x4(odd.to_array()),
-    )
-}
-
 /// The values of every second pixel, and those of the others.
 #[inline(always)]
 fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
     let (even, odd) = values.witness().split_f32x8(values);
     [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
-}
-
-/// `value` where a mask says yes, else zero.
-#[inline(always)]
-fn only<V: Values>(mask: V::Mask, value: V) -> V {
-    V::select(mask, value, value.like(0.0))
 }
 
 /// The coarser pixels that lie on one side of finer ones.

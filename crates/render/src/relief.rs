@@ -6,8 +6,8 @@
 //! differs from the middle by more than a surface can is another surface, and takes no part. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
-use crate::lanes::{LANES, Lane};
-use glam::{Vec3, Vec4};
+use crate::values::{EIGHT, Values, dot, only};
+use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
 /// Steepest slope (depth over width) that still counts as one surface.
@@ -90,7 +90,7 @@ impl<'a> DepthImage<'a> {
             let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
             let taps = [view(0), view(1), view(2), view(3), view(4)];
             let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
-            mean(taps, self.near(step), out);
+            dispatch!(Level::new(), _ => mean(taps, self.near(step), out));
         });
     }
 
@@ -101,7 +101,8 @@ impl<'a> DepthImage<'a> {
             let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
             let down =
                 |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
-            mean([up(2), up(1), self.row(y), down(1), down(2)], self.near(step), out);
+            let taps = [up(2), up(1), self.row(y), down(1), down(2)];
+            dispatch!(Level::new(), _ => mean(taps, self.near(step), out));
         });
     }
 
@@ -128,6 +129,7 @@ impl<'a> DepthImage<'a> {
 
 /// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the
 /// middle.
+#[inline(always)]
 fn mean(taps: [&[f32]; 5], near: f32, out: &mut [f32]) {
     let n = out.len();
     let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
@@ -156,103 +158,135 @@ pub struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// The normal in view space at a pixel that has a depth: towards the eye, unit length.
+    /// The normals in view space at eight pixels: towards the eye, unit length. What is told of pixels without depth
+    /// means nothing.
     ///
     /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
     /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
-    #[inline]
-    pub fn normal(&self, x: usize) -> Vec3 {
-        let d = self.here[x];
-        let u = x as f32 + 0.5 - self.centre_px[0];
+    #[inline(always)]
+    pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
+        let place = first + REACH;
+        let d = eight(simd, self.here, place);
+        let left = eight(simd, self.here, place - 1);
+        let right = eight(simd, self.here, place + 1);
+        let above = eight(simd, self.above, place);
+        let below = eight(simd, self.below, place);
+        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
         let v = self.centre_px[1] - self.y as f32 - 0.5;
-        let limit = self.near * d;
-        let left = if x > 0 { self.here[x - 1] } else { f32::INFINITY };
-        let right = self.here.get(x + 1).copied().unwrap_or(f32::INFINITY);
-        let du = slope(d - left, right - d, limit);
-        let dv = slope(d - self.below[x], self.above[x] - d, limit);
-        Vec3::new(du, dv, (d + u * du + v * dv) / self.focal_px).normalize_or(Vec3::Z)
+        let limit = d * self.near;
+        let du = slopes(d - left, right - d, limit);
+        let dv = slopes(d - below, above - d, limit);
+        let normal = [du, dv, (d + u * du + dv * v) / self.focal_px];
+        let per_length = 1.0 / dot(normal, normal).sqrt();
+        let (zero, one) = (d.like(0.0), d.like(1.0));
+        let has_length = zero.cmplt(per_length) & per_length.cmplt(d.like(f32::INFINITY));
+        [
+            only(has_length, normal[0] * per_length),
+            only(has_length, normal[1] * per_length),
+            f32x8::select(has_length, normal[2] * per_length, one),
+        ]
     }
 
-    /// How far a pixel lies behind its surroundings, 0 to 1; slopes up to `flat` do not count.
-    #[inline]
-    pub fn behind(&self, x: usize, flat: f32) -> f32 {
-        let here = self.here[x];
+    /// How far each of eight pixels lies behind its surroundings, 0 to 1; slopes up to `flat` do not count. What is
+    /// told of pixels without depth means nothing.
+    #[inline(always)]
+    pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
+        const RIGHT: usize = 2 * REACH;
+        let [above, middle, below] = self.far;
+        let here = eight(simd, middle, first + REACH);
         let per_slope = self.focal_px / (here * REACH as f32);
-        let dark = |d: f32| ((here - d) * per_slope - flat).clamp(0.0, BEHIND_MAX);
-        let mut sum = dark(self.far[0][x]) + dark(self.far[2][x]);
-        for row in self.far {
-            sum += x.checked_sub(REACH).map_or(0.0, |x| dark(row[x]));
-            sum += row.get(x + REACH).map_or(0.0, |&d| dark(d));
+        let around = [
+            eight(simd, above, first + REACH),
+            eight(simd, below, first + REACH),
+            eight(simd, above, first),
+            eight(simd, above, first + RIGHT),
+            eight(simd, middle, first),
+            eight(simd, middle, first + RIGHT),
+            eight(simd, below, first),
+            eight(simd, below, first + RIGHT),
+        ];
+        let mut sum = simd.splat_f32x8(0.0);
+        for other in around {
+            let slope = (here - other) * per_slope - flat;
+            sum = sum + slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
         }
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
 
-    /// How far each of four pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
+    /// How far each of eight pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
     /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is told of pixels
     /// without depth means nothing.
     #[inline(always)]
-    pub fn sunken(&self, first: usize, flat: f32) -> Lane {
-        let [above, middle, below] = self.far;
-        let width = self.here.len();
-        if first >= REACH && first + LANES + REACH <= width {
-            let at = |row: &[f32], at: usize| Vec4::from_slice(&row[at..at + LANES]);
-            let (left, right) = (first - REACH, first + REACH);
-            return self.behind_middles(
-                at(self.here, first),
-                [at(above, first), at(middle, left), at(above, left), at(above, right)],
-                [at(below, first), at(middle, right), at(below, right), at(below, left)],
-                flat,
-            );
-        }
-        // Beyond the picture there is nothing.
-        let at = |row: &[f32], shift: usize| {
-            let mut four = [f32::INFINITY; LANES];
-            for (k, depth) in four.iter_mut().enumerate() {
-                let x = (first + k + shift).checked_sub(REACH);
-                *depth = x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY);
-            }
-            Vec4::from_array(four)
-        };
+    pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
-        self.behind_middles(
-            at(self.here, REACH),
-            [at(above, REACH), at(middle, 0), at(above, 0), at(above, RIGHT)],
-            [at(below, REACH), at(middle, RIGHT), at(below, RIGHT), at(below, 0)],
-            flat,
-        )
-    }
-
-    #[inline(always)]
-    fn behind_middles(&self, here: Lane, before: [Lane; 4], after: [Lane; 4], flat: f32) -> Lane {
+        let [above, middle, below] = self.far;
+        let here = eight(simd, middle, first + REACH);
+        let sides = [
+            [eight(simd, above, first + REACH), eight(simd, below, first + REACH)],
+            [eight(simd, middle, first), eight(simd, middle, first + RIGHT)],
+            [eight(simd, above, first), eight(simd, below, first + RIGHT)],
+            [eight(simd, above, first + RIGHT), eight(simd, below, first)],
+        ];
         let per_slope = self.focal_px / (here * REACH as f32);
-        let mut sum = Vec4::ZERO;
-        for (before, after) in before.into_iter().zip(after) {
+        let mut sum = simd.splat_f32x8(0.0);
+        for [before, after] in sides {
             let slope = (here - (before + after) * 0.5) * per_slope - flat;
-            sum += slope.max(Vec4::ZERO).min(Vec4::splat(BEHIND_MAX));
+            sum = sum + slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
         }
         sum * (1.0 / (4.0 * BEHIND_MAX))
     }
 }
 
-/// Change of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
-/// the surface.
-#[inline]
-fn slope(before: f32, after: f32, limit: f32) -> f32 {
-    match (before.abs() < limit, after.abs() < limit) {
-        (true, true) => (before + after) * 0.5,
-        (true, false) => before,
-        (false, true) => after,
-        // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
-        (false, false) => {
-            let nearer = if before.abs() < after.abs() { before } else { after };
-            if nearer.is_finite() { nearer.clamp(-limit, limit) } else { 0.0 }
-        }
+/// Eight depths of a row from [`REACH`] before a place on; infinite beyond the picture.
+#[inline(always)]
+fn eight<S: Simd>(simd: S, row: &[f32], place: usize) -> f32x8<S> {
+    let inner = place.checked_sub(REACH).and_then(|at| row.get(at..)?.first_chunk());
+    match inner {
+        Some(eight) => simd.load_array_ref_f32x8(eight),
+        None => simd.load_array_f32x8(at_end(row, place)),
     }
+}
+
+/// The same where not all of them are in the picture.
+#[inline(never)]
+fn at_end(row: &[f32], place: usize) -> [f32; EIGHT] {
+    let mut eight = [f32::INFINITY; EIGHT];
+    for (k, depth) in eight.iter_mut().enumerate() {
+        let x = (place + k).checked_sub(REACH);
+        *depth = x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY);
+    }
+    eight
+}
+
+/// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
+/// the surface.
+#[inline(always)]
+fn slopes<S: Simd>(before: f32x8<S>, after: f32x8<S>, limit: f32x8<S>) -> f32x8<S> {
+    let (before_size, after_size) = (Values::abs(before), Values::abs(after));
+    let stays = [before_size.cmplt(limit), after_size.cmplt(limit)];
+    // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+    let nearer = f32x8::select(before_size.cmplt(after_size), before, after);
+    let is_finite = Values::abs(nearer).cmplt(limit.like(f32::INFINITY));
+    let alone = only(is_finite, nearer.max(-limit).min(limit));
+    let one = f32x8::select(stays[0], before, f32x8::select(stays[1], after, alone));
+    f32x8::select(stays[0] & stays[1], (before + after) * 0.5, one)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
+
+    /// The normal at a pixel, and how far it lies behind its surroundings.
+    fn shape(row: &Surroundings<'_>, x: usize) -> (Vec3, f32) {
+        let (first, lane) = (x / EIGHT * EIGHT, x % EIGHT);
+        dispatch!(Level::new(), simd => {
+            let normal = row.normals(simd, first);
+            let normal = Vec3::new(normal[0][lane], normal[1][lane], normal[2][lane]);
+            (normal, row.behind(simd, first, 0.5)[lane])
+        })
+    }
 
     /// Depth of a plane through (0, 0, -`distance`) with this normal.
     fn plane(normal: Vec3, distance: f32, side: usize, focal_px: f32) -> Vec<f32> {
@@ -282,7 +316,7 @@ mod tests {
             let nothing = [f32::INFINITY; 40];
             for image in [image, image.smoothed(&mut scratch)] {
                 for (x, y) in [(20, 20), (8, 30), (0, 0), (39, 10)] {
-                    let got = image.surroundings(y, &nothing).normal(x);
+                    let (got, _) = shape(&image.surroundings(y, &nothing), x);
                     assert!(got.dot(n) > 0.995, "{got} for {n} at {x}, {y}");
                 }
             }
@@ -302,9 +336,9 @@ mod tests {
         let mut scratch = ReliefScratch::default();
         assert!(image.smoothed(&mut scratch).depth == depth);
         let row = image.surroundings(10, &depth[..20]);
-        assert_eq!(row.normal(9).truncate(), glam::Vec2::ZERO);
-        assert_eq!(row.behind(9, 0.5), 0.0);
-        assert!(row.behind(10, 0.5) > 0.2);
-        assert_eq!(row.behind(15, 0.5), 0.0);
+        let (normal, behind) = shape(&row, 9);
+        assert_eq!((normal.truncate(), behind), (glam::Vec2::ZERO, 0.0));
+        assert!(shape(&row, 10).1 > 0.2);
+        assert_eq!(shape(&row, 15).1, 0.0);
     }
 }

@@ -9,13 +9,13 @@
 use crate::camera::Camera;
 use crate::colour::Encoder;
 use crate::frame::{Background, Picture};
-use crate::lanes::{LANES, Lane, Mask, counting, only, valid};
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
 use crate::surface::Surface;
-use fearless_simd::{Level as Simd, dispatch};
-use glam::{Vec3, Vec4};
+use crate::values::{EIGHT, Values, dot, only};
+use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8, mask32x8};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Direction to the key light, view space, unit length.
@@ -92,7 +92,7 @@ fn shade_as<const SHINES: bool, S: Surface>(
             encoder,
             out: row.as_chunks_mut().0,
         };
-        dispatch!(Simd::new(), _ => row.shade::<SHINES>(&around));
+        dispatch!(Level::new(), simd => row.shade::<_, SHINES>(simd, &around));
         (row.covered, row.creases)
     });
     let found: Vec<_> = found.collect();
@@ -115,122 +115,135 @@ struct Row<'a, S> {
     out: &'a mut [[u8; 4]],
 }
 
-/// How four pixels are lit.
-struct Light {
+/// How eight pixels are lit.
+struct Light<S: Simd> {
     /// What a colour is multiplied by.
-    factor: Lane,
+    factor: f32x8<S>,
     /// What is added to it.
-    shine: Lane,
+    shine: f32x8<S>,
 }
 
-impl<S: Surface> Row<'_, S> {
+impl<T: Surface> Row<'_, T> {
     #[inline(always)]
-    fn shade<const SHINES: bool>(&mut self, around: &Surroundings<'_>) {
+    fn shade<S: Simd, const SHINES: bool>(&mut self, simd: S, around: &Surroundings<'_>) {
         let [width, _] = self.surface.size();
         let depths = &self.depth[self.y * width..][..width];
-        for (first, depth) in (0..).step_by(LANES).zip(depths.chunks(LANES)) {
-            let is_valid = valid(match depth.first_chunk() {
-                Some(&four) => Vec4::from_array(four),
-                None => filled(depth),
-            });
-            if !is_valid.any() {
-                self.out[first..first + depth.len()].fill(self.backdrop);
+        let nothing = simd.splat_f32x8(f32::INFINITY);
+        for (first, run) in (0..).step_by(EIGHT).zip(depths.chunks(EIGHT)) {
+            let depth = match run.first_chunk() {
+                Some(eight) => simd.load_array_ref_f32x8(eight),
+                None => simd.load_array_f32x8(filled(run)),
+            };
+            let is_valid = depth.cmplt(nothing);
+            if !is_valid.any_true() {
+                self.out[first..first + run.len()].fill(self.backdrop);
                 continue;
             }
-            let light = if !self.surface.has_normals() {
-                let (mut normal, mut dark) = ([Vec4::ZERO; 3], Vec4::ZERO);
-                for k in (0..depth.len()).filter(|&k| is_valid.test(k)) {
-                    let found = around.normal(first + k);
-                    (0..3).for_each(|i| normal[i][k] = found[i]);
-                    dark[k] = around.behind(first + k, DOME.1);
-                }
-                self.light::<SHINES>(first, normal, dark * DOME.0)
+            let light = if self.surface.has_normals() {
+                let normal = self.normals(simd, first, is_valid);
+                let dark = around.sunken(simd, first, EDGE.1) * EDGE.0;
+                self.light::<S, SHINES>(simd, first, normal, dark)
             } else {
-                let normal = self.normals(first, is_valid);
-                self.light::<SHINES>(first, normal, around.sunken(first, EDGE.1) * EDGE.0)
+                let normal = around.normals(simd, first);
+                let dark = around.behind(simd, first, DOME.1) * DOME.0;
+                self.light::<S, SHINES>(simd, first, normal, dark)
             };
-            self.paint(first, is_valid, &light);
+            self.paint(simd, first, is_valid, &light);
         }
     }
 
-    /// The interpolated normals of four pixels, unit length; notes creases beside them.
+    /// The interpolated normals of eight pixels, unit length; notes creases beside them.
     #[inline(always)]
-    fn normals(&mut self, x: usize, is_valid: Mask) -> [Lane; 3] {
+    fn normals<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>) -> [f32x8<S>; 3] {
         let [width, _] = self.surface.size();
-        let end = width - x;
-        let here = self.surface.normals(x, self.y);
-        let beside = [self.surface.normals(x + 1, self.y), self.surface.normals(x, self.y + 1)];
-        let may_bend = are_creases(here, beside[0]) | are_creases(here, beside[1]);
-        let may_bend = (may_bend & is_valid).bitmask();
-        if may_bend != 0 {
-            for k in (0..LANES.min(end)).filter(|k| may_bend >> k & 1 == 1) {
+        let here = self.surface.normals(simd, x, self.y);
+        let right = self.surface.normals(simd, x + 1, self.y);
+        let below = self.surface.normals(simd, x, self.y + 1);
+        let may_bend = (are_creases(here, right) | are_creases(here, below)) & is_valid;
+        if may_bend.any_true() {
+            for k in lanes_of(may_bend) {
                 if self.is_bent(x + k) {
                     self.creases.push(self.y * width + x + k);
                 }
             }
         }
-        let squared = dot(here, here);
-        let per_length = 1.0 / squared.sqrt();
+        let per_length = 1.0 / dot(here, here).sqrt();
         let mut normal = [here[0] * per_length, here[1] * per_length, here[2] * per_length];
         // As `Vec3::try_normalize` has it; points without a normal are few.
-        let has_length = valid(per_length) & per_length.cmpgt(Vec4::ZERO);
-        let lacking = (is_valid & !has_length).bitmask();
-        for k in (0..LANES.min(end)).filter(|k| lacking >> k & 1 == 1) {
-            let found = self.surface.normal_around(x + k, self.y);
-            (0..3).for_each(|i| normal[i][k] = found[i]);
+        let has_length = per_length.cmplt(per_length.like(f32::INFINITY))
+            & per_length.like(0.0).cmplt(per_length);
+        let is_lacking = is_valid & !has_length;
+        if is_lacking.any_true() {
+            for k in lanes_of(is_lacking) {
+                let found = self.surface.normal_around(x + k, self.y);
+                (0..3).for_each(|i| normal[i][k] = found[i]);
+            }
         }
         normal
     }
 
-    /// Phong lighting of four pixels, darkened.
+    /// Phong lighting of eight pixels, darkened.
     #[inline(always)]
-    fn light<const SHINES: bool>(&self, x: usize, normal: [Lane; 3], dark: Lane) -> Light {
-        let key = [Vec4::splat(KEY.x), Vec4::splat(KEY.y), Vec4::splat(KEY.z)];
+    fn light<S: Simd, const SHINES: bool>(
+        &self,
+        simd: S,
+        x: usize,
+        normal: [f32x8<S>; 3],
+        dark: f32x8<S>,
+    ) -> Light<S> {
+        let zero = simd.splat_f32x8(0.0);
         // Without highlights the eye's soft light comes along the axis.
-        let mut to_eye = [Vec4::ZERO, Vec4::ZERO, Vec4::ONE];
+        let mut to_eye = [zero, zero, simd.splat_f32x8(1.0)];
         if SHINES {
-            let right = counting(x as f32 + 0.5 - self.camera.centre_px[0], 1.0);
+            let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+            let right = columns + (x as f32 + 0.5 - self.camera.centre_px[0]);
             let up = self.camera.centre_px[1] - self.y as f32 - 0.5;
-            let ray = [-right, Vec4::splat(-up), Vec4::splat(self.camera.focal_px)];
+            let focal = simd.splat_f32x8(self.camera.focal_px);
+            let ray = [-right, simd.splat_f32x8(-up), focal];
             let per_length = 1.0 / dot(ray, ray).sqrt();
             to_eye = [ray[0] * per_length, ray[1] * per_length, ray[2] * per_length];
         }
         // A pixel without a normal, nor any above it, faces the eye.
-        let is_none = dot(normal, normal).cmpeq(Vec4::ZERO);
-        let or_eye = |i: usize| Vec4::select(is_none, to_eye[i], normal[i]);
-        let normal = [or_eye(0), or_eye(1), or_eye(2)];
-        let facing = dot(normal, key);
-        let ambient = (normal[1] * 0.5 + 0.5) * (SKY_SHARE - GROUND_SHARE) + GROUND_SHARE;
+        let is_none = dot(normal, normal).cmpeq(zero);
+        let [nx, ny, nz] = normal;
+        let normal = [
+            f32x8::select(is_none, to_eye[0], nx),
+            f32x8::select(is_none, to_eye[1], ny),
+            f32x8::select(is_none, to_eye[2], nz),
+        ];
+        let [nx, ny, nz] = normal;
+        let facing = nx * KEY.x + ny * KEY.y + nz * KEY.z;
+        let ambient = (ny * 0.5 + 0.5) * (SKY_SHARE - GROUND_SHARE) + GROUND_SHARE;
         let towards = dot(normal, to_eye);
-        let diffuse = facing.max(Vec4::ZERO) * KEY_SHARE + towards.max(Vec4::ZERO) * EYE_SHARE;
+        let diffuse = facing.max(zero) * KEY_SHARE + towards.max(zero) * EYE_SHARE;
         let bright = darken(dark);
-        let mut shine = Vec4::ZERO;
+        let mut shine = zero;
         if SHINES {
-            let mirror = |i: usize| normal[i] * (facing * 2.0) - key[i];
-            let mirrored = [mirror(0), mirror(1), mirror(2)];
+            let twice = facing * 2.0;
+            let mirrored = [nx * twice - KEY.x, ny * twice - KEY.y, nz * twice - KEY.z];
             // To the power of 24.
-            let s1 = dot(mirrored, to_eye).max(Vec4::ZERO);
+            let s1 = dot(mirrored, to_eye).max(zero);
             let s2 = s1 * s1;
             let s4 = s2 * s2;
             let s8 = s4 * s4;
-            shine = only(facing.cmpgt(Vec4::ZERO), s8 * s8 * s8) * SHINE * bright;
+            shine = only(zero.cmplt(facing), s8 * s8 * s8) * SHINE * bright;
         }
         Light { factor: (ambient + diffuse) * bright, shine }
     }
 
-    /// Writes four pixels; the backdrop where there is no surface.
+    /// Writes eight pixels; the backdrop where there is no surface.
     #[inline(always)]
-    fn paint(&mut self, x: usize, is_valid: Mask, light: &Light) {
+    fn paint<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>, light: &Light<S>) {
         let encoder = self.encoder;
-        let count = LANES.min(self.surface.size()[0] - x);
-        let [r, g, b] = self.surface.tints(x, self.y);
-        let entries = |c: Lane| Encoder::entries(c * light.factor + light.shine);
-        let (r, g, b) = (entries(r), entries(g), entries(b));
-        let bits = is_valid.bitmask();
-        self.covered += u64::from(bits.count_ones());
-        for (k, out) in self.out[x..x + count].iter_mut().enumerate() {
+        let [r, g, b] = self.surface.tints(simd, x, self.y);
+        let r = Encoder::entries(r * light.factor + light.shine);
+        let g = Encoder::entries(g * light.factor + light.shine);
+        let b = Encoder::entries(b * light.factor + light.shine);
+        for (k, out) in self.out[x..].iter_mut().take(EIGHT).enumerate() {
+            let is_valid = is_valid[k] != 0;
             let lit = [encoder.byte(r[k]), encoder.byte(g[k]), encoder.byte(b[k]), 255];
-            *out = if bits >> k & 1 == 1 { lit } else { self.backdrop };
+            *out = if is_valid { lit } else { self.backdrop };
+            self.covered += u64::from(is_valid);
         }
     }
 
@@ -249,17 +262,18 @@ impl<S: Surface> Row<'_, S> {
     }
 }
 
-/// Depths of fewer than four pixels; infinite where there is none.
+/// Depths of fewer than eight pixels; infinite where there is none.
 #[inline(never)]
-fn filled(depth: &[f32]) -> Lane {
-    let mut four = [f32::INFINITY; LANES];
-    four[..depth.len()].copy_from_slice(depth);
-    Vec4::from_array(four)
+fn filled(depth: &[f32]) -> [f32; EIGHT] {
+    let mut eight = [f32::INFINITY; EIGHT];
+    eight[..depth.len()].copy_from_slice(depth);
+    eight
 }
 
+/// The pixels that a mask names.
 #[inline(always)]
-fn dot(a: [Lane; 3], b: [Lane; 3]) -> Lane {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+fn lanes_of<S: Simd>(mask: mask32x8<S>) -> impl Iterator<Item = usize> {
+    (0..EIGHT).filter(move |&k| mask[k] != 0)
 }
 
 /// Mean radius over a sample of the pixels covered.
@@ -276,6 +290,6 @@ fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
 
 /// About `exp(-x)` for x from 0; several times as fast.
 #[inline(always)]
-fn darken(x: Lane) -> Lane {
+fn darken<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     1.0 / (x * (x * 0.5 + 1.0) + 1.0)
 }

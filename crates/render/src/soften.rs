@@ -8,7 +8,7 @@
 //! wide or less, of which too little would be left.
 
 use crate::colour::{Encoder, linear};
-use crate::lanes::{Lane, Mask};
+use crate::values::{Values, dot};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -37,12 +37,11 @@ pub fn is_crease(a: Vec3, b: Vec3) -> bool {
     dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
 }
 
-/// The same of four.
+/// The same of several.
 #[inline(always)]
-pub fn are_creases(a: [Lane; 3], b: [Lane; 3]) -> Mask {
-    let dot = |a: [Lane; 3], b: [Lane; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+pub fn are_creases<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);
-    (along * along.max(Vec4::ZERO)).cmplt(dot(a, a) * CREASE * dot(b, b))
+    (along * along.max(along.like(0.0))).cmplt(dot(a, a) * CREASE * dot(b, b))
 }
 
 /// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie at a step of

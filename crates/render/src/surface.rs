@@ -1,8 +1,10 @@
 //! What is shaded: the colours and normals of a picture's pixels, wherever a method leaves them. Pull and push work on
 //! level 0 of a pyramid, a pixel's values side by side; splats are summed up plane by plane ([`crate::ewa::planes`]).
 
-use crate::lanes::{LANES, Lane, four};
+use crate::lanes::{LANES, four};
 use crate::pyramid::Pyramid;
+use crate::values::{EIGHT, join};
+use fearless_simd::{Simd, f32x8};
 use glam::{Vec3, Vec4};
 
 /// Pixels with a colour, and a normal where the cloud has them. Which of them show anything the depth image tells; what the
@@ -12,10 +14,10 @@ pub trait Surface: Sync {
     fn size(&self) -> [usize; 2];
     /// Whether pixels have normals.
     fn has_normals(&self) -> bool;
-    /// Colours, linear light, of four pixels of a row from a column on; any where the row has no more.
-    fn tints(&self, x: usize, y: usize) -> [Lane; 3];
-    /// Normals in view space (right, up, back), not of unit length, of four pixels likewise; zeros below the picture.
-    fn normals(&self, x: usize, y: usize) -> [Lane; 3];
+    /// Colours, linear light, of eight pixels of a row from a column on; any where the row has no more.
+    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3];
+    /// Normals in view space (right, up, back), not of unit length, of eight pixels likewise; zeros below the picture.
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3];
     /// The normal of a pixel.
     fn normal(&self, x: usize, y: usize) -> Vec3;
     /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
@@ -34,18 +36,15 @@ impl Surface for Pyramid {
     }
 
     #[inline(always)]
-    fn tints(&self, x: usize, y: usize) -> [Lane; 3] {
+    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
         let base = &self.levels[0];
-        let pixel = y * base.width + x;
-        let [r, g, b, _] = some(&base.tint, pixel);
-        [r, g, b]
+        eight(simd, &base.tint, y * base.width + x)
     }
 
     #[inline(always)]
-    fn normals(&self, x: usize, y: usize) -> [Lane; 3] {
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
         let base = &self.levels[0];
-        let [x, y, z, _] = some(&base.normal, y * base.width + x);
-        [x, y, z]
+        eight(simd, &base.normal, y * base.width + x)
     }
 
     #[inline]
@@ -70,9 +69,15 @@ impl Surface for Pyramid {
     }
 }
 
-/// The pixels of a plane from one on, attribute by attribute; zeros behind its end.
+/// The first three attributes of eight pixels of a plane from one on; zeros behind its end.
 #[inline(always)]
-fn some(plane: &[Vec4], pixel: usize) -> [Lane; 4] {
+fn eight<S: Simd>(simd: S, plane: &[Vec4], pixel: usize) -> [f32x8<S>; 3] {
     let run = plane.get(pixel..).unwrap_or(&[]);
-    four(&run[..run.len().min(LANES)], Vec4::ZERO)
+    let (first, second) = run[..run.len().min(EIGHT)].split_at(run.len().min(LANES));
+    let (first, second) = (four(first, Vec4::ZERO), four(second, Vec4::ZERO));
+    [
+        join(simd, first[0], second[0]),
+        join(simd, first[1], second[1]),
+        join(simd, first[2], second[2]),
+    ]
 }

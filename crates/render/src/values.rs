@@ -5,6 +5,30 @@ use fearless_simd::{Select, Simd, SimdBase, f32x8, mask32x8};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
+/// Pixels of a row that go together where a processor may have registers of as many.
+pub const EIGHT: usize = 8;
+
+/// Four values, and four more.
+#[inline(always)]
+pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
+    simd.combine_f32x4(
+        simd.load_array_f32x4(first.to_array()),
+        simd.load_array_f32x4(second.to_array()),
+    )
+}
+
+/// `value` where the mask says yes, else zero.
+#[inline(always)]
+pub fn only<V: Values>(mask: V::Mask, value: V) -> V {
+    V::select(mask, value, value.like(0.0))
+}
+
+/// Sum of products.
+#[inline(always)]
+pub fn dot<V: Values>(a: [V; 3], b: [V; 3]) -> V {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 /// A register of floats. Of a number and none, `min` and `max` are the second.
 pub trait Values:
     Copy
@@ -28,6 +52,8 @@ pub trait Values:
     fn max(self, other: Self) -> Self;
     /// Without signs.
     fn abs(self) -> Self;
+    /// Square roots.
+    fn sqrt(self) -> Self;
     /// Which are equal.
     fn cmpeq(self, other: Self) -> Self::Mask;
     /// Which are less.
@@ -56,6 +82,10 @@ impl Values for Vec4 {
     #[inline(always)]
     fn abs(self) -> Self {
         self.abs()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> BVec4A {
@@ -93,6 +123,10 @@ impl<S: Simd> Values for f32x8<S> {
     #[inline(always)]
     fn abs(self) -> Self {
         self.witness().abs_f32x8(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.witness().sqrt_f32x8(self)
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> mask32x8<S> {

@@ -1,10 +1,11 @@
 //! What splats leave of a picture for shading: means of colours and normals, plane after plane in each row as the sums are
 //! that they come from, so that nothing is turned over on the way.
 
-use super::sums::at_row;
-use crate::lanes::{LANES, Lane};
+use crate::lanes::LANES;
 use crate::surface::Surface;
-use glam::{Vec3, Vec4};
+use crate::values::EIGHT;
+use fearless_simd::{Simd, f32x8};
+use glam::Vec3;
 
 /// Planes of a row: red, green, blue, then the normal (right, up, back), or the radius alone.
 const TINT: usize = 0;
@@ -15,7 +16,7 @@ const SHAPE: usize = 3;
 pub struct Planes {
     size: [usize; 2],
     has_normals: bool,
-    /// Values of a plane's row: those of its pixels, and so many more that four may be taken from any.
+    /// Values of a plane's row: those of its pixels, and so many more that eight may be taken from any.
     stride: usize,
     values: Vec<f32>,
 }
@@ -24,7 +25,7 @@ impl Planes {
     /// Takes the shape for a picture; what the pixels hold is left over from before.
     pub fn fit(&mut self, size: [usize; 2], has_normals: bool) {
         (self.size, self.has_normals) = (size, has_normals);
-        self.stride = size[0].next_multiple_of(LANES) + LANES;
+        self.stride = size[0].next_multiple_of(LANES) + EIGHT;
         self.values.resize(self.row_len() * size[1], 0.0);
     }
 
@@ -48,10 +49,21 @@ impl Planes {
         &mut self.values
     }
 
-    /// A value of four pixels.
+    /// Three values of eight pixels; zeros below the picture.
     #[inline(always)]
-    fn four(&self, plane: usize, x: usize, y: usize) -> Lane {
-        at_row(&self.values, y * self.row_len() + plane * self.stride + x)
+    fn three<S: Simd>(&self, simd: S, plane: usize, x: usize, y: usize) -> [f32x8<S>; 3] {
+        let first = y * self.row_len() + plane * self.stride + x;
+        [
+            self.eight(simd, first),
+            self.eight(simd, first + self.stride),
+            self.eight(simd, first + 2 * self.stride),
+        ]
+    }
+
+    #[inline(always)]
+    fn eight<S: Simd>(&self, simd: S, first: usize) -> f32x8<S> {
+        let values = self.values.get(first..).and_then(<[f32]>::first_chunk);
+        simd.load_array_ref_f32x8(values.unwrap_or(&[0.0; EIGHT]))
     }
 
     fn one(&self, plane: usize, x: usize, y: usize) -> f32 {
@@ -74,16 +86,13 @@ impl Surface for Planes {
     }
 
     #[inline(always)]
-    fn tints(&self, x: usize, y: usize) -> [Lane; 3] {
-        [self.four(TINT, x, y), self.four(TINT + 1, x, y), self.four(TINT + 2, x, y)]
+    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
+        self.three(simd, TINT, x, y)
     }
 
     #[inline(always)]
-    fn normals(&self, x: usize, y: usize) -> [Lane; 3] {
-        if y >= self.size[1] {
-            return [Vec4::ZERO; 3];
-        }
-        [self.four(SHAPE, x, y), self.four(SHAPE + 1, x, y), self.four(SHAPE + 2, x, y)]
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
+        self.three(simd, SHAPE, x, y)
     }
 
     #[inline]

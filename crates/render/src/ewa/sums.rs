@@ -60,12 +60,6 @@ impl Sums {
     }
 }
 
-/// Four values of a run.
-#[inline(always)]
-pub fn at_row(values: &[f32], first: usize) -> Lane {
-    Vec4::from_slice(&values[first..first + LANES])
-}
-
 #[inline(always)]
 fn at(row: &Row, plane: usize, x: usize) -> Lane {
     Vec4::from_slice(&row[plane][x..x + LANES])
