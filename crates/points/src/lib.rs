@@ -12,6 +12,7 @@ pub mod hash;
 pub mod lattice;
 pub mod morton;
 pub mod node;
+pub mod palette;
 pub mod quant;
 pub mod schema;
 pub mod strata;

@@ -6,6 +6,8 @@ pub const HOT_POSITION_BYTES: usize = 8;
 /// The place of the zero byte. Planes of points that are filtered while they are loaded have another value
 /// there for points that are not wanted; no file has.
 pub const HIDDEN_AT: usize = 7;
+/// The place of a colour's number in compact planes, which have it there instead of the zero byte.
+pub const INDEX_AT: usize = 7;
 /// Where the radius code lies in a hot position.
 pub const RADIUS_AT: usize = 6;
 

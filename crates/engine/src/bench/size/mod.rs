@@ -3,7 +3,6 @@
 //! kanzok2015 takes 24 bytes a point; a file of Esker 8, with colour 12, with normals too 16.
 
 pub mod packing;
-pub mod palette;
 
 use crate::bench::path::Path;
 use crate::camera::Camera;
@@ -14,9 +13,9 @@ use anyhow::Result;
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
+use esker_points::palette::{Histogram, Palette};
 use esker_render::{Picture, Renderer};
 use packing::{Colours, Normals, Packing, Positions};
-use palette::{Histogram, Palette};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -101,13 +100,14 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
 
 /// A row for each packing of a view.
 fn of_view(file: &Forest, scene: &Scene, task: &dyn Task) -> Result<Vec<Value>> {
-    let mut histogram = Histogram::default();
+    let histogram = Histogram::default();
     scene
         .planes
         .iter()
-        .filter_map(|p| p.get(PlaneKind::Colour))
-        .for_each(|plane| histogram.add(plane));
-    let palette = Palette::trained(&histogram);
+        .flat_map(|p| p.get(PlaneKind::Colour).unwrap_or_default().as_chunks().0)
+        .filter(|[_, _, _, has]| *has != 0)
+        .for_each(|&[red, green, blue, _]| histogram.add([red, green, blue]));
+    let palette = histogram.palette();
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let mut renderer = Renderer::default();
     let mut reference = None;
@@ -125,7 +125,15 @@ fn of_view(file: &Forest, scene: &Scene, task: &dyn Task) -> Result<Vec<Value>> 
             .collect::<Vec<_>>()
             .into_par_iter()
             .map(|(drawn, planes)| {
-                Packed::new(file, scene, drawn.node, drawn.prefix, planes, &packing, &palette)
+                Packed::new(
+                    file,
+                    scene,
+                    drawn.node,
+                    drawn.prefix,
+                    planes,
+                    &packing,
+                    palette.as_ref(),
+                )
             })
             .collect();
         let picture = draw(file, scene, &octree, &packed, &mut renderer)?;
@@ -179,7 +187,7 @@ impl Packed {
         prefix: usize,
         planes: &Planes,
         packing: &Packing,
-        palette: &Palette,
+        palette: Option<&Palette>,
     ) -> Self {
         let of = |kind| planes.get(kind).map(<[u8]>::to_vec);
         let (mut position, mut colour, mut normal) = (

@@ -1,7 +1,7 @@
 //! Smaller forms of the hot planes, to be judged: each takes planes as they lie in a file and gives the same planes
 //! back with what the smaller form would have lost, so that the renderer draws them as they are.
 
-use super::palette::Palette;
+use esker_points::palette::Palette;
 use esker_points::quant::{HOT_POSITION_BYTES, oct_decode, oct_encode};
 use std::f32::consts::PI;
 
@@ -112,7 +112,7 @@ impl Colours {
     }
 
     /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences.
-    pub fn lose(self, plane: &mut [u8], palette: &Palette) -> f64 {
+    pub fn lose(self, plane: &mut [u8], palette: Option<&Palette>) -> f64 {
         let mut squares = 0u64;
         for rgba in plane.chunks_exact_mut(4).filter(|rgba| rgba[3] != 0 && self != Self::Full) {
             let before = [rgba[0], rgba[1], rgba[2]];
@@ -121,7 +121,9 @@ impl Colours {
                 Self::Packed565 => {
                     [reduced(before[0], 5), reduced(before[1], 6), reduced(before[2], 5)]
                 }
-                Self::Palette => palette.nearest(before),
+                Self::Palette => {
+                    palette.map_or(before, |p| p.colours()[usize::from(p.nearest(before))])
+                }
             };
             rgba[..3].copy_from_slice(&after);
             squares +=
@@ -228,7 +230,7 @@ mod tests {
         #[test]
         fn a_packed_colour_is_off_by_half_a_step(rgb: [u8; 3]) {
             let mut plane = [rgb[0], rgb[1], rgb[2], 255];
-            Colours::Packed565.lose(&mut plane, &Palette::default());
+            Colours::Packed565.lose(&mut plane, None);
             for (i, most) in [31u8, 63, 31].into_iter().enumerate() {
                 prop_assert!(f32::from(plane[i].abs_diff(rgb[i])) <= 255.0 / f32::from(most) / 2.0 + 0.51);
             }
