@@ -106,10 +106,22 @@ def check_points(esker, index, planes, p, classes, values, require):
         discs = shapes[shapes[:, 3] == 0]
         require(not discs.any(), "tangents: a disc's bytes are not zero")
         require((shapes[:, :2] != 128).all(), "tangents: an axis is out of range")
+    if (11, None) in planes:
+        check_compact(esker, planes, require)
     if esker.meta["normals"] == "source":
         code = octahedral([values[a] for a in esker.normals])
         stored = planes[5, None].copy().view("<i2")
         require((stored == code).all(), "normal plane: not that of nx, ny, nz")
+
+
+def check_compact(esker, planes, require):
+    stored, colours = planes[11, None], planes[3, None]
+    require((stored[:, :7] == planes[1, None][:, :7]).all(), "compact plane: other positions")
+    some, which = np.unique(colours, axis=0, return_inverse=True)
+    apart = some[:, None, :3].astype(np.int32) - esker.palette[None]
+    numbers = (apart * apart).sum(axis=2).argmin(axis=1)  # the first of several
+    numbers[some[:, 3] == 0] = 255
+    require((stored[:, 7] == numbers[which.reshape(-1)]).all(), "compact plane: not the nearest colour")
 
 
 def check_contour(node, sides, lattice, p, require):

@@ -26,12 +26,13 @@ TYPES = {
     "i32": "<i4", "u64": "<u8", "i64": "<i8", "f32": "<f4", "f64": "<f8",
 }  # fmt: skip
 POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL = 1, 2, 3, 4, 5
-TANGENT, CLIP, CLASS, REMAINDER, ATTRIBUTE = 6, 7, 8, 9, 10
+TANGENT, CLIP, CLASS, REMAINDER, ATTRIBUTE, COMPACT = 6, 7, 8, 9, 10, 11
 KNOWN = {POSITION, RESIDUAL, COLOUR, INTENSITY, NORMAL, CLASS, REMAINDER, ATTRIBUTE}
 SIDES = 8  # a kind of column
 CLIP_LINES = (CLIP, None, False, 16)
 TANGENTS = (TANGENT, None, True, 4)
-GAINED = TANGENTS, CLIP_LINES  # section 11
+NUMBERED = (COMPACT, None, True, 8)
+GAINED = TANGENTS, NUMBERED, CLIP_LINES  # section 11
 NODE = np.dtype([
     ("corner", "<u4", 3), ("cell_log2", "u1"), ("shape", "u1"), ("child_count", "u1"),
     ("level_count", "u1"), ("parent", "<u4"), ("first_child", "<u4"), ("levels", "u1", (16, 3)),
@@ -194,15 +195,23 @@ class Esker:
                 planes.append((ATTRIBUTE, a, False, dtype.itemsize))
         members = "kind", "attribute", "hot", "value_bytes"
         self.planes = [tuple(p[m] for m in members) for p in self.meta["planes"]]
-        known = [p for p in self.planes if p[0] in KNOWN or p in GAINED]
-        for plane in reversed(GAINED):
+        self.palette = self.read_palette()
+        self.gained = [p for p in GAINED if p != NUMBERED or self.palette is not None]
+        known = [p for p in self.planes if p[0] in KNOWN or p in self.gained]
+        for plane in reversed(self.gained):
             if plane in known:
                 planes.insert(planes.index((RESIDUAL, None, True, 0)) + 1, plane)
         tangents = TANGENTS in known
         require(not tangents or origin != "none", "tangents of a file without normals")
+        require(NUMBERED not in known or any(self.colours), "a compact plane without colours")
         require(known == planes, "the planes are not those that the attributes ask for")
         hot = [p[2] for p in self.planes]
         require(hot == sorted(hot, reverse=True), "a hot plane stands behind a cold one")
+
+    def read_palette(self):  # section 11
+        """The colours that a compact plane numbers; none where they are not what such a plane has."""
+        colours = self.meta.get("palette") or []
+        return np.array(colours, np.int32) if 1 <= len(colours) <= 255 else None
 
     def read_statistics(self):  # section 7
         data = self.section("statistics", self.places[1])
@@ -255,7 +264,7 @@ class Esker:
             require(not any(page[end:offset]), "padding between planes is not zero")
             data, end = page[offset : offset + length], offset + length
             require(zlib.crc32(data) == crc, f"plane of kind {kind}: its CRC does not match")
-            if kind not in KNOWN and (kind, attribute, hot, value_bytes) not in GAINED:
+            if kind not in KNOWN and (kind, attribute, hot, value_bytes) not in self.gained:
                 continue
             if kind == RESIDUAL:
                 value_bytes = 0 if shift == 0 else 4 if shift <= 10 else 6

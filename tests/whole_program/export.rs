@@ -201,6 +201,11 @@ fn sample_comes_back() {
     let folder = Folder::new();
     let built = built_sample(&folder);
     gives_back(&sample(), &built);
+    // A plane more to draw takes nothing from the points.
+    let compact = folder.file("compact.esker");
+    let report = build(&[sample()], &compact, &["--compact"]);
+    assert!(report["palette_misfit"]["mean"].as_f64().is_some_and(|mean| mean < 6.0), "{report}");
+    gives_back(&sample(), &compact);
     // Through another format, the points are still the same.
     let las = folder.file("out.las");
     export(&built, &las, &[]).json();

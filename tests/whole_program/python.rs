@@ -29,7 +29,7 @@ fn read(python: &str, file: &Path) -> Outcome {
 fn agrees(python: &str) {
     let folder = Folder::new();
     let out = folder.file("out.esker");
-    for more in [&[][..], &["--tangents"]] {
+    for more in [&[][..], &["--tangents"], &["--compact"]] {
         let built = build(&[sample()], &out, more);
         let info = esker(["info", out.to_str().unwrap(), "--json"]).json();
         let verified = verify(&out, &[sample()]).json();

@@ -54,7 +54,9 @@ pub fn append_sources(
         one_system_with(old, &sources)?;
     }
     let forest = old.files().map(|file| TreeRef::new(out, file)).collect::<Result<_, _>>()?;
-    let onto = Onto { lattice: Some(*old.lattice()), forest, merged: None };
+    // One palette for all trees: so they are drawn from their compact planes together.
+    let palette = old.palette().cloned();
+    let onto = Onto { lattice: Some(*old.lattice()), palette, forest, merged: None };
     let options = Options { onto, ..options.clone() };
     build_sources(Within::all(sources), out, &options, task)
 }

@@ -29,8 +29,12 @@ impl Identity {
             ("--normals".into(), format!("{:?}", options.normals).to_lowercase()),
             ("--sharp-features".into(), options.sharp_features.to_string()),
             ("--tangents".into(), options.tangents.to_string()),
+            ("--compact".into(), options.compact.to_string()),
             ("--ignore-crs".into(), options.ignore_crs.to_string()),
             ("the lattice that is built onto".into(), format!("{:?}", options.onto.lattice)),
+            ("the palette that is built onto".into(), {
+                format!("{:?}", options.onto.palette.as_ref().map(|p| p.colours()))
+            }),
             ("the forest appended to".into(), format!("{:?}", options.onto.forest)),
             ("what is merged".into(), {
                 let merged = options.onto.merged.as_ref();

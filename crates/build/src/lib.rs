@@ -28,6 +28,7 @@ mod neighbours;
 pub mod normals;
 pub mod onto;
 mod order;
+mod palette;
 mod partition;
 mod proof;
 mod record;

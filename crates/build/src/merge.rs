@@ -62,7 +62,7 @@ pub fn merge(
     }
     let rounding_error_max =
         merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
-    let onto = Onto { lattice: Some(lattice), forest: Vec::new(), merged: Some(merged) };
+    let onto = Onto { lattice: Some(lattice), merged: Some(merged), ..Onto::default() };
     let options = Options { onto, ..options.clone() };
     let report = build_sources(sources, out, &options, task)?;
     Ok(Report { rounding_error_max, ..report })

@@ -3,6 +3,7 @@
 
 use esker_format::{SourceRecord, TreeRef};
 use esker_points::lattice::{Placement, REFUSED};
+use esker_points::palette::Palette;
 use esker_points::{Batch, Lattice, MultisetHash, Task};
 use esker_scan::source::Sink;
 use esker_scan::{ReadReport, ScanError, Source, SourceInfo};
@@ -16,6 +17,8 @@ pub const OFF_LATTICE: &str = "coordinate is outside of the lattice of the file 
 pub struct Onto {
     /// The lattice, in place of one chosen for the inputs.
     pub lattice: Option<Lattice>,
+    /// The palette of a compact plane, in place of one trained on the inputs.
+    pub palette: Option<Palette>,
     /// The files that the new one names.
     pub forest: Vec<TreeRef>,
     /// What is known of points that are merged out of files.

@@ -15,6 +15,8 @@ pub enum Kind {
     Taken,
     /// The typical distance of points is known, which normals are estimated by.
     Spaced,
+    /// The palette of compact planes is known.
+    Trained,
     /// What chunks need of each other to estimate normals is put aside in scratch.
     Aside,
     /// A bucket was parted, and its parts have gone to scratch.

@@ -48,6 +48,10 @@ pub struct BuildHow {
     /// estimated for it.
     #[arg(long)]
     pub tangents: bool,
+    /// Keep positions a second time, with their colours in a palette (8 bytes a point): what is read and resident to draw colours
+    /// falls from 12 bytes a point to 8.
+    #[arg(long)]
+    pub compact: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -74,6 +78,7 @@ impl BuildHow {
             },
             sharp_features: self.sharp_features,
             tangents: self.tangents,
+            compact: self.compact,
             ignore_crs: self.ignore_crs,
             ..default
         }

@@ -6,6 +6,7 @@ use anyhow::Result;
 use esker_build::{Options, Report};
 use esker_format::EskerFile;
 use esker_points::Task;
+use esker_points::palette::Misfit;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -88,6 +89,9 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "nodes": report.nodes,
         "depth": report.depth,
         "rounding_error_max": report.rounding_error_max,
+        "palette_misfit": report.palette_misfit.map(|m| {
+            json!({ "mean": m.mean, "most": m.most, "worst": m.worst })
+        }),
         "notes": report.notes,
     })
 }
@@ -116,6 +120,12 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
         0.0 => "coordinates: exact".into(),
         error => format!("coordinates: rounded by at most {error:.3e}"),
     });
+    if let Some(Misfit { mean, most, worst }) = report.palette_misfit {
+        lines.push(format!(
+            "compact: colours of a palette, off by {mean:.1} of 255 in the mean, {most:.1} at most for 99 % of the points, {worst:.1} for any; \
+             the exact ones are kept beside it"
+        ));
+    }
     lines.push(format!(
         "memory: {} at most, {} resident, {} through scratch",
         readable_bytes(report.peak_anon_bytes),

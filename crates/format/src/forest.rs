@@ -10,6 +10,7 @@ use crate::layout::PlaneKind;
 use crate::metadata::TreeRef;
 use crate::normals::Normals;
 use crate::reader::{EskerFile, Planes};
+use esker_points::palette::Palette;
 use esker_points::{Lattice, Node, NodeName, NodeTable, Schema};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -180,6 +181,13 @@ impl Forest {
     /// Whether any tree has such planes.
     pub fn has(&self, kind: PlaneKind) -> bool {
         self.trees.iter().any(|tree| tree.has(kind))
+    }
+
+    /// The palette of compact planes, where every tree with points has them, and all number the same colours.
+    pub fn palette(&self) -> Option<&Palette> {
+        let mut trees = self.files().filter(|file| file.footer().nodes > 0);
+        let first = trees.next()?.layout().palette()?;
+        trees.all(|file| file.layout().palette() == Some(first)).then_some(first)
     }
 
     /// Whether a point whose normal looks away shows its back, in every tree that has normals.

@@ -3,10 +3,11 @@
 
 use crate::codec::Codec;
 use crate::error::Fault;
-use crate::layout::{CLIP_LINES, NO_ATTRIBUTE, PlaneKind, PlaneSpec, TANGENTS};
+use crate::layout::{CLIP_LINES, COMPACT, NO_ATTRIBUTE, PlaneKind, PlaneSpec, TANGENTS};
 use crate::metadata::{CrsRecord, Metadata, SourceRecord, TreeRef};
 use crate::normals::Normals;
 use esker_points::lattice::GridKind;
+use esker_points::palette::Palette;
 use esker_points::{
     AttrType, Attribute, ColourDepth, Grid, InputGrid, Lattice, PointClass, Schema,
 };
@@ -108,6 +109,9 @@ pub(crate) struct MetadataJson {
     planes: Vec<PlaneJson>,
     sources: Vec<SourceJson>,
     forest: Vec<TreeJson>,
+    /// Files without a compact plane have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    palette: Option<Vec<[u8; 3]>>,
 }
 
 /// What a file's JSON says: metadata, planes in their order, verbatim blocks source by source.
@@ -116,6 +120,7 @@ pub(crate) type Parts = (Metadata, Vec<PlaneSpec>, Vec<Vec<BlockPlace>>);
 impl MetadataJson {
     /// The JSON of these metadata; verbatim blocks go to `blob`.
     pub(crate) fn of(metadata: &Metadata, blob: &mut Vec<u8>) -> Self {
+        let layout = metadata.layout();
         Self {
             generator: metadata.generator.clone(),
             lattice: metadata.lattice,
@@ -125,16 +130,18 @@ impl MetadataJson {
             classes: metadata.classes.clone(),
             normals: metadata.normals.name().into(),
             compress: metadata.codec.name().into(),
-            planes: metadata.layout().planes().iter().map(plane_json).collect(),
+            planes: layout.planes().iter().map(plane_json).collect(),
             sources: metadata.sources.iter().map(|s| s.to_json(blob)).collect(),
             forest: metadata.forest.iter().map(tree_json).collect(),
+            palette: layout.palette().map(|p| p.colours().to_vec()),
         }
     }
 
     /// What it says, not yet checked.
     pub(crate) fn parts(mut self) -> Result<Parts, Fault> {
         let blocks = self.sources.iter_mut().map(|s| std::mem::take(&mut s.verbatim)).collect();
-        let planes = self.planes.iter().map(plane_spec);
+        let palette = self.palette.take().and_then(Palette::new);
+        let planes: Vec<_> = self.planes.iter().map(|p| plane_spec(p, palette.is_some())).collect();
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
         let normals = Normals::from_name(&self.normals)
             .ok_or_else(|| Fault::new("metadata", "the origin of normals is none that is known"))?;
@@ -145,14 +152,15 @@ impl MetadataJson {
             classes: self.classes,
             node_capacity: self.node_capacity,
             normals,
-            has_clip_lines: self.planes.iter().any(|p| plane_spec(p) == CLIP_LINES),
-            has_tangents: self.planes.iter().any(|p| plane_spec(p) == TANGENTS),
+            has_clip_lines: planes.contains(&CLIP_LINES),
+            has_tangents: planes.contains(&TANGENTS),
+            palette: palette.filter(|_| planes.contains(&COMPACT)),
             codec: Codec::from_name(&self.compress),
             sources: self.sources.into_iter().map(source_record).collect(),
             forest: self.forest.into_iter().map(tree_ref).collect::<Result<_, _>>()?,
             generator: self.generator,
         };
-        Ok((metadata, planes.collect(), blocks))
+        Ok((metadata, planes, blocks))
     }
 }
 
@@ -165,13 +173,15 @@ fn plane_json(plane: &PlaneSpec) -> PlaneJson {
     }
 }
 
-/// A plane of the kind of clip lines or tangents that is not as this version writes it is of an unknown kind.
-fn plane_spec(p: &PlaneJson) -> PlaneSpec {
+/// A plane of a kind that version 1 has gained that is not as this version writes it is of an unknown kind; so is a compact one
+/// without a palette.
+fn plane_spec(p: &PlaneJson, has_palette: bool) -> PlaneSpec {
     let kind = PlaneKind::from_number(p.kind, p.attribute.unwrap_or(NO_ATTRIBUTE));
     let plane = PlaneSpec { kind, hot: p.hot, value_bytes: p.value_bytes };
     let is_other = match kind {
         PlaneKind::ClipLines => plane != CLIP_LINES,
         PlaneKind::Tangents => plane != TANGENTS,
+        PlaneKind::Compact => plane != COMPACT || !has_palette,
         _ => false,
     };
     if is_other { PlaneSpec { kind: PlaneKind::Unknown(p.kind), ..plane } } else { plane }

@@ -24,6 +24,9 @@ pub enum PlaneKind {
     Class,
     /// The byte of each 16-bit red, green, blue that the colour plane does not hold.
     ColourRemainder,
+    /// Hot: positions with the number of each point's colour in the file's palette in place of the zero byte; only where the file
+    /// has one.
+    Compact,
     /// Exact values of one attribute, given by its index in the schema.
     Attribute(u16),
     /// A kind that this version does not know; skipped.
@@ -44,6 +47,7 @@ impl PlaneKind {
             Self::Class => 8,
             Self::ColourRemainder => 9,
             Self::Attribute(_) => 10,
+            Self::Compact => 11,
             Self::Unknown(number) => number,
         }
     }
@@ -51,6 +55,11 @@ impl PlaneKind {
     /// Whether this version writes such planes. Others are skipped.
     pub fn is_written(self) -> bool {
         !matches!(self, Self::Unknown(_))
+    }
+
+    /// Whether it says where points are: a node is not drawn without one such plane.
+    pub fn has_positions(self) -> bool {
+        matches!(self, Self::Position | Self::Compact)
     }
 
     /// A word for it.
@@ -65,6 +74,7 @@ impl PlaneKind {
             Self::ClipLines => "clip lines".into(),
             Self::Class => "class".into(),
             Self::ColourRemainder => "colour remainder".into(),
+            Self::Compact => "compact".into(),
             Self::Attribute(index) => format!("attribute {index}"),
             Self::Unknown(number) => format!("of unknown kind {number}"),
         }
@@ -88,6 +98,7 @@ impl PlaneKind {
             8 => Self::Class,
             9 => Self::ColourRemainder,
             10 => Self::Attribute(attribute),
+            11 => Self::Compact,
             other => Self::Unknown(other),
         }
     }

@@ -8,6 +8,7 @@ pub use crate::kinds::{NO_ATTRIBUTE, PlaneKind, PlaneSpec};
 use crate::normals::Normals;
 use esker_points::attribute::names;
 use esker_points::clip::CLIP_BYTES;
+use esker_points::palette::Palette;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{AttrType, ColourDepth, PointClass, Schema};
@@ -35,6 +36,10 @@ pub(crate) const CLIP_LINES: PlaneSpec =
 pub(crate) const TANGENTS: PlaneSpec =
     PlaneSpec { kind: PlaneKind::Tangents, hot: true, value_bytes: TANGENT_BYTES as u32 };
 
+/// The plane of positions with numbers of colours: hot, for it is drawn in place of two that are.
+pub(crate) const COMPACT: PlaneSpec =
+    PlaneSpec { kind: PlaneKind::Compact, hot: true, value_bytes: HOT_POSITION_BYTES as u32 };
+
 /// Where a class of points has its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ColourSource {
@@ -42,6 +47,13 @@ pub(crate) struct ColourSource {
     pub rgb: [usize; 3],
     /// `None` for 8-bit attributes.
     pub depth: Option<ColourDepth>,
+}
+
+impl ColourSource {
+    /// The byte of each value that the colour plane has.
+    pub fn drawn_byte(self) -> usize {
+        usize::from(self.depth == Some(ColourDepth::Sixteen))
+    }
 }
 
 /// Where an attribute's values are kept.
@@ -69,6 +81,7 @@ pub struct PageLayout {
     normals: Normals,
     has_clip_lines: bool,
     has_tangents: bool,
+    palette: Option<Palette>,
     codec: Codec,
 }
 
@@ -105,6 +118,7 @@ impl PageLayout {
             normals: schema.normals().map_or(Normals::None, |_| Normals::Source),
             has_clip_lines: false,
             has_tangents: false,
+            palette: None,
             codec: Codec::default(),
         };
         layout.set_planes(layout.derive_planes());
@@ -128,6 +142,13 @@ impl PageLayout {
     /// The same with a plane of tangents, or none.
     pub fn with_tangents(mut self, has_tangents: bool) -> Self {
         self.has_tangents = has_tangents;
+        self.set_planes(self.derive_planes());
+        self
+    }
+
+    /// The same with a compact plane of this palette, where points have colours, or none.
+    pub fn with_palette(mut self, palette: Option<Palette>) -> Self {
+        self.palette = palette.filter(|_| self.colours.iter().any(Option::is_some));
         self.set_planes(self.derive_planes());
         self
     }
@@ -160,6 +181,9 @@ impl PageLayout {
         planes.push(hot(PlaneKind::Residual, 0));
         if self.has_tangents {
             planes.push(TANGENTS);
+        }
+        if self.palette.is_some() {
+            planes.push(COMPACT);
         }
         if self.has_clip_lines {
             planes.push(CLIP_LINES);
@@ -216,6 +240,11 @@ impl PageLayout {
     /// Whether there is a plane of tangents. [`crate::PagePoints`] have a column of it.
     pub fn has_tangents(&self) -> bool {
         self.has_tangents
+    }
+
+    /// The colours that the compact plane numbers, where there is such a plane.
+    pub fn palette(&self) -> Option<&Palette> {
+        self.palette.as_ref()
     }
 
     /// The attributes of the file.
@@ -300,6 +329,12 @@ impl PageLayout {
             end = end.next_multiple_of(ALIGNMENT) + Self::raw_bytes(plane, node_points, 16);
         }
         end.next_multiple_of(ALIGNMENT)
+    }
+
+    /// The attributes that points of a class have their red, green and blue in, and the byte of each that is drawn; `None` where
+    /// they have no colour.
+    pub fn drawn_colour(&self, class: usize) -> Option<([usize; 3], usize)> {
+        self.colour_of_class(class).map(|c| (c.rgb, c.drawn_byte()))
     }
 
     pub(crate) fn colour_of_class(&self, class: usize) -> Option<ColourSource> {

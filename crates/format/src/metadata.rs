@@ -7,6 +7,7 @@ use crate::forest::TREES_MAX;
 use crate::json::{BlockPlace, MetadataJson};
 use crate::layout::{ATTRIBUTES_MAX, ATTRIBUTES_TIMES_CLASSES_MAX, PageLayout};
 use crate::normals::Normals;
+use esker_points::palette::Palette;
 use esker_points::{ColourDepth, InputGrid, Lattice, PointClass, Schema};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};
@@ -37,6 +38,8 @@ pub struct Metadata {
     pub has_clip_lines: bool,
     /// Whether there is a plane of tangents.
     pub has_tangents: bool,
+    /// The colours that a compact plane numbers, where there is such a plane.
+    pub palette: Option<Palette>,
     /// How cold planes were compressed.
     pub codec: Codec,
     /// Where the points come from, in the order given.
@@ -112,6 +115,7 @@ impl Metadata {
             .with_normals(self.normals)
             .with_clip_lines(self.has_clip_lines)
             .with_tangents(self.has_tangents)
+            .with_palette(self.palette.clone())
     }
 
     /// The greatest of the sources' rounding errors.

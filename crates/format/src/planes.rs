@@ -2,8 +2,8 @@
 
 use crate::layout::{ColourSource, Home, PageLayout, PlaneKind, PlaneSpec};
 use crate::points::PagePoints;
-use esker_points::ColourDepth;
-use esker_points::quant::{HOT_POSITION_BYTES, oct_encode, push_residual, residual};
+use esker_points::palette::NO_COLOUR;
+use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, oct_encode, push_residual, residual};
 
 /// A node's points and what their planes depend on.
 pub(crate) struct Values<'a> {
@@ -40,6 +40,7 @@ impl Values<'_> {
             PlaneKind::ClipLines => {
                 out.extend(points.clip_lines.iter().flatten().flat_map(|w| w.to_le_bytes()));
             }
+            PlaneKind::Compact => self.push_compact(out),
             PlaneKind::Tangents => out.extend(points.tangents.iter().flatten()),
             // What this version cannot make is left zero.
             PlaneKind::Unknown(_) => {
@@ -82,16 +83,28 @@ impl Values<'_> {
     }
 
     fn push_colour(&self, out: &mut Vec<u8>) {
-        let byte = |depth| usize::from(depth == Some(ColourDepth::Sixteen));
-        self.push_channels(byte, out, |rgb| match rgb {
+        self.push_channels(ColourSource::drawn_byte, out, |rgb| match rgb {
             Some([red, green, blue]) => [red, green, blue, 255],
             None => [0; 4],
         });
     }
 
+    /// Positions, with the number of the palette's nearest colour.
+    fn push_compact(&self, out: &mut Vec<u8>) {
+        let Some(palette) = self.layout.palette() else { return };
+        let (start, mut colours) = (out.len(), Vec::new());
+        self.push_positions(out);
+        self.push_colour(&mut colours);
+        let records = out[start..].as_chunks_mut::<HOT_POSITION_BYTES>().0;
+        for (record, &[red, green, blue, has]) in records.iter_mut().zip(colours.as_chunks().0) {
+            record[INDEX_AT] =
+                if has == 0 { NO_COLOUR } else { palette.nearest([red, green, blue]) };
+        }
+    }
+
     fn push_remainder(&self, out: &mut Vec<u8>) {
-        let byte = |depth| match depth {
-            Some(depth) => usize::from(depth == ColourDepth::Eight),
+        let byte = |colour: ColourSource| match colour.depth {
+            Some(_) => 1 - colour.drawn_byte(),
             None => usize::MAX,
         };
         self.push_channels(byte, out, Option::unwrap_or_default);
@@ -101,17 +114,17 @@ impl Values<'_> {
     /// chooses, and of none where there is no such byte or no colour.
     fn push_channels<const N: usize>(
         &self,
-        byte: impl Fn(Option<ColourDepth>) -> usize,
+        byte: impl Fn(ColourSource) -> usize,
         out: &mut Vec<u8>,
         give: impl Fn(Option<[u8; 3]>) -> [u8; N],
     ) {
         let channels: Vec<Option<Channels<'_>>> = (0..self.layout.classes().len().max(1))
             .map(|class| {
-                let ColourSource { rgb, depth } = self.layout.colour_of_class(class)?;
-                let stride = if depth.is_some() { 2 } else { 1 };
+                let colour = self.layout.colour_of_class(class)?;
+                let (at, stride) = (byte(colour), if colour.depth.is_some() { 2 } else { 1 });
                 let [red, green, blue] =
-                    rgb.map(|a| self.points.columns[a].get(byte(depth)..).unwrap_or_default());
-                (byte(depth) < stride).then_some(Channels { red, green, blue, stride })
+                    colour.rgb.map(|a| self.points.columns[a].get(at..).unwrap_or_default());
+                (at < stride).then_some(Channels { red, green, blue, stride })
             })
             .collect();
         let start = out.len();

@@ -7,7 +7,11 @@ mod tree;
 
 use esker_format::footer::{FOOTER_BYTES, Section, header};
 use esker_format::layout::PlaneSpec;
-use esker_format::{EskerFile, Footer, FormatError, PageLayout, PlaneKind, encode_page, verify};
+use esker_format::{
+    EskerFile, Footer, FormatError, Metadata, PageLayout, PlaneKind, encode_page, verify,
+};
+use esker_points::palette::{NO_COLOUR, Palette};
+use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT};
 use esker_points::task::Silent;
 use std::path::Path;
 use std::process::Command;
@@ -58,28 +62,36 @@ fn section(out: &mut Vec<u8>, bytes: &[u8]) -> Section {
     Section { offset, bytes: bytes.len() as u64, crc: crc32fast::hash(bytes) }
 }
 
+fn read(file: &EskerFile, s: Section) -> Vec<u8> {
+    let mut bytes = vec![0; s.bytes as usize];
+    file.read_exact_at(&mut bytes, s.offset).unwrap();
+    bytes
+}
+
 fn later_file(file: &EskerFile) -> Vec<u8> {
-    let today = file.footer();
-    let read = |s: Section| {
-        let mut bytes = vec![0; s.bytes as usize];
-        file.read_exact_at(&mut bytes, s.offset).unwrap();
-        bytes
-    };
     let layout = later_layout(file.layout());
+    let statistics = later_statistics(&read(file, file.footer().statistics));
+    let metadata = later_metadata(&read(file, file.footer().metadata), &layout);
+    rewritten(file, &layout, &statistics, &metadata)
+}
+
+/// The file with pages of another layout, other statistics and metadata.
+fn rewritten(file: &EskerFile, layout: &PageLayout, statistics: &[u8], metadata: &[u8]) -> Vec<u8> {
+    let today = file.footer();
     let mut out = header().to_vec();
     let mut table = file.table().clone();
     for (index, node) in (0..).zip(&mut table.nodes) {
         let points = file.read_page(index).unwrap().points().unwrap();
-        let page = encode_page(&layout, node.box_min, node.hot_shift, &points);
+        let page = encode_page(layout, node.box_min, node.hot_shift, &points);
         node.page_offset = out.len() as u64;
         node.page_bytes = page.len() as u32;
         out.extend_from_slice(&page);
     }
     let mut footer = Footer {
         table: section(&mut out, bytemuck::cast_slice(&table.nodes)),
-        statistics: section(&mut out, &later_statistics(&read(today.statistics))),
-        metadata: section(&mut out, &later_metadata(&read(today.metadata), &layout)),
-        verbatim: section(&mut out, &read(today.verbatim)),
+        statistics: section(&mut out, statistics),
+        metadata: section(&mut out, metadata),
+        verbatim: section(&mut out, &read(file, today.verbatim)),
         ..*today
     };
     footer.file_bytes = (out.len() + FOOTER_BYTES) as u64;
@@ -154,4 +166,84 @@ fn unknown_planes_columns_and_members_are_skipped() {
     }
     let output = Command::new(&python).args(["-B", reader]).arg(&path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A file with a compact plane, some of whose points have no colour.
+fn compact_file(folder: &Path, palette: Palette) -> EskerFile {
+    let path = folder.join("compact.esker");
+    let (schema, classes) = tree::mixed_schema();
+    let points = tree::points_of(&schema, &classes, 90, 20, 3);
+    let metadata = Metadata { palette: Some(palette), ..tree::metadata(schema, classes) };
+    tree::write(&path, &metadata, &points, 25);
+    EskerFile::open(&path).unwrap()
+}
+
+#[test]
+fn a_compact_plane_is_positions_with_the_numbers_of_their_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let palette = Palette::new(vec![[0; 3], [200, 10, 30], [90, 100, 110], [255; 3]]).unwrap();
+    let file = compact_file(folder.path(), palette.clone());
+    verify(&file, &Silent).unwrap();
+    let mut numbers = [0; 256];
+    for node in 0..file.table().nodes.len() as u32 {
+        let kinds = [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Compact];
+        let planes = file.read_planes(node, &kinds).unwrap();
+        let [positions, colours, compact] = kinds.map(|kind| planes.get(kind).unwrap());
+        for (i, point) in compact.as_chunks::<HOT_POSITION_BYTES>().0.iter().enumerate() {
+            assert_eq!(point[..INDEX_AT], positions[i * HOT_POSITION_BYTES..][..INDEX_AT]);
+            let number = match colours[i * 4..][..4] {
+                [0, 0, 0, 0] => NO_COLOUR,
+                [r, g, b, _] => palette.nearest([r, g, b]),
+                _ => unreachable!(),
+            };
+            assert_eq!(point[INDEX_AT], number);
+            numbers[usize::from(number)] += 1;
+        }
+    }
+    assert!(numbers[0] > 0 && numbers[2] > 0 && numbers[255] > 0, "{numbers:?}");
+}
+
+#[test]
+fn compact_planes_of_another_palette_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let palette = |red| Palette::new(vec![[red, 0, 0], [90, 100, 110]]).unwrap();
+    let file = compact_file(folder.path(), palette(0));
+    let layout = file.layout().clone().with_palette(Some(palette(255)));
+    let sections = [file.footer().statistics, file.footer().metadata].map(|s| read(&file, s));
+    let bytes = rewritten(&file, &layout, &sections[0], &sections[1]);
+    let other = EskerFile::from_source(Path::new("b"), Box::new(bytes)).unwrap();
+    let told = verify(&other, &Silent).unwrap_err().to_string();
+    assert!(told.contains("compact"), "{told}");
+}
+
+/// So does a reader that knows no such planes.
+#[test]
+fn a_compact_plane_without_a_palette_or_of_another_length_is_skipped() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = compact_file(folder.path(), Palette::new(vec![[9; 3]]).unwrap());
+    for value_bytes in [8, 12] {
+        let unknown = PlaneSpec { kind: PlaneKind::Unknown(11), hot: true, value_bytes };
+        let planes = file.layout().planes().iter();
+        let planes =
+            planes.map(|p| if p.kind == PlaneKind::Compact { unknown } else { *p }).collect();
+        let layout = file.layout().clone().with_palette(None).with_planes(planes).unwrap();
+        let mut metadata = later_metadata(&read(&file, file.footer().metadata), &layout);
+        if value_bytes == 8 {
+            let mut json: serde_json::Value = serde_json::from_slice(&metadata).unwrap();
+            json["palette"] = vec![[1, 2, 3]; 256].into();
+            metadata = serde_json::to_vec(&json).unwrap();
+        }
+        let statistics = read(&file, file.footer().statistics);
+        let bytes = rewritten(&file, &layout, &statistics, &metadata);
+        let other = EskerFile::from_source(Path::new("b"), Box::new(bytes)).unwrap();
+        assert_eq!(verify(&other, &Silent).unwrap().hash, file.footer().hash);
+        assert_eq!(
+            (other.layout().has(PlaneKind::Compact), other.layout().palette()),
+            (false, None)
+        );
+        for node in 0..file.table().nodes.len() as u32 {
+            let exact = |file: &EskerFile| file.read_page(node).unwrap().points().unwrap();
+            assert_eq!(exact(&file), exact(&other));
+        }
+    }
 }

@@ -5,6 +5,7 @@
 mod tree;
 
 use esker_format::{EskerFile, Metadata, PageLayout, PagePoints, PlaneKind, verify};
+use esker_points::palette::{COLOURS_MAX, Palette};
 use esker_points::task::Silent;
 use esker_points::{ColourDepth, PointClass, Schema};
 use proptest::prelude::*;
@@ -17,6 +18,7 @@ proptest! {
         (schema, classes) in tree::schemas(), count in 0usize..300, spread in 0u32..=32,
         seed: u64, capacity in 20usize..100, codec in tree::codecs(), normals in tree::normals(),
         clipped in prop::option::of(0usize..50), has_tangents: bool,
+        colours in prop::collection::vec(any::<[u8; 3]>(), 0..=COLOURS_MAX),
     ) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.esker");
@@ -28,7 +30,8 @@ proptest! {
         }
         // Most points have no clip lines, and most nodes none with any.
         let has_clip_lines = clipped.is_some();
-        let metadata = Metadata { has_clip_lines, has_tangents, ..metadata };
+        let palette = Palette::new(colours);
+        let metadata = Metadata { has_clip_lines, has_tangents, palette, ..metadata };
         if has_tangents {
             points.tangents = (0..count).map(|i| [i as u8, 7, seed as u8, 255]).collect();
         }
@@ -41,6 +44,9 @@ proptest! {
         prop_assert_eq!(file.table(), &table);
         prop_assert_eq!(file.layout().has(PlaneKind::ClipLines), has_clip_lines);
         prop_assert_eq!(file.layout().has(PlaneKind::Tangents), has_tangents);
+        let compact = metadata.palette.as_ref().filter(|_| file.layout().has(PlaneKind::Colour));
+        prop_assert_eq!(file.metadata().palette.as_ref(), compact);
+        prop_assert_eq!(file.layout().has(PlaneKind::Compact), compact.is_some());
         let (_, own) = tree::plant(&points, &metadata.lattice, capacity);
         for (index, own) in own.iter().enumerate() {
             let page = file.read_page(index as u32).unwrap();

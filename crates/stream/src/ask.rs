@@ -123,6 +123,6 @@ impl Chooser {
             self.cache.arrive(request.node, kind);
         }
         self.retries.succeed(request.node);
-        request.planes.iter().any(|&(kind, _)| kind == PlaneKind::Position)
+        request.planes.iter().any(|&(kind, _)| kind.has_positions())
     }
 }

@@ -158,7 +158,7 @@ impl Cache {
     pub(crate) fn arrive(&mut self, node: u32, kind: PlaneKind) {
         let entry = self.entries.get_mut(&node);
         if let Some(held) = entry.and_then(|e| e.planes.iter_mut().find(|h| h.kind == kind)) {
-            self.resident += usize::from(kind == PlaneKind::Position && !held.is_resident);
+            self.resident += usize::from(kind.has_positions() && !held.is_resident);
             held.is_resident = true;
         }
     }
@@ -168,7 +168,7 @@ impl Cache {
         let Some(entry) = self.entries.get_mut(&node) else { return };
         if let Some(at) = entry.planes.iter().position(|h| h.kind == kind) {
             let held = entry.planes.swap_remove(at);
-            self.resident -= usize::from(kind == PlaneKind::Position && held.is_resident);
+            self.resident -= usize::from(kind.has_positions() && held.is_resident);
             self.pool.give(held.slot);
         }
         self.drop_empty(node);

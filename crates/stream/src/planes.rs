@@ -26,7 +26,9 @@ impl Planes {
     /// The planes without which a node is not drawn, as far as it has them. Those that no file has are left
     /// out.
     pub(crate) fn base(&self, needs: &Needs) -> Vec<PlaneKind> {
-        let mut base = vec![PlaneKind::Position];
+        // A compact plane has positions and colours at once.
+        let compact = needs.colour.filter(|kind| kind.has_positions());
+        let mut base = vec![compact.unwrap_or(PlaneKind::Position)];
         let normals = needs.normals.then_some(PlaneKind::Normal);
         let clip_lines = needs.clip_lines.then_some(PlaneKind::ClipLines);
         let tangents = needs.tangents.then_some(PlaneKind::Tangents);

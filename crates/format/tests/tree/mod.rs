@@ -48,6 +48,7 @@ pub fn metadata(schema: Schema, classes: Vec<PointClass>) -> Metadata {
         node_capacity: 64,
         has_clip_lines: false,
         has_tangents: false,
+        palette: None,
         codec: Codec::Fast,
         sources: vec![source.clone(), SourceRecord { verbatim: vec![], ..source }],
         forest: vec![],

@@ -44,6 +44,7 @@ fn metadata(schema: Schema) -> Metadata {
         normals: esker_format::Normals::Source,
         has_clip_lines: false,
         has_tangents: false,
+        palette: None,
         codec: Codec::Fast,
         forest: vec![],
         generator: "tests".into(),
