@@ -55,7 +55,7 @@ fn linear_of(byte: u32) -> f32 {
 // A value of a plane, its low word first.
 fn double_of_value(words: vec2<u32>, kind: u32) -> vec2<u32> {
     switch kind {
-        case COLOUR_U8: { return double_of_u64(vec2<u32>(0u, words.x & 0xffu)); }
+        case COLOUR_U8, COLOUR_INDEX: { return double_of_u64(vec2<u32>(0u, words.x & 0xffu)); }
         case COLOUR_I8: { return double_of_i64(widened(words.x << 24u, 24u)); }
         case COLOUR_U16: { return double_of_u64(vec2<u32>(0u, words.x & 0xffffu)); }
         case COLOUR_I16: { return double_of_i64(widened(words.x << 16u, 16u)); }

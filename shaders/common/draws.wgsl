@@ -51,7 +51,7 @@ struct Draw {
     tangent_points: u32,
 }
 
-// Kinds of colour planes: bytes red, green, blue and one unused; or one value of a type.
+// Kinds of colour planes: bytes red, green, blue and one unused; one value of a type; or the last byte of a position.
 const COLOUR_NONE: u32 = 0u;
 const COLOUR_RGBA: u32 = 1u;
 const COLOUR_U8: u32 = 2u;
@@ -64,6 +64,7 @@ const COLOUR_U64: u32 = 8u;
 const COLOUR_I64: u32 = 9u;
 const COLOUR_F32: u32 = 10u;
 const COLOUR_F64: u32 = 11u;
+const COLOUR_INDEX: u32 = 12u;
 
 // Where a colour plane has a point's value: the word, by how many bits it is shifted down, and whether (1) a second
 // word follows.
@@ -73,6 +74,9 @@ fn colour_place(kind: u32, index: u32) -> vec3<u32> {
     }
     if kind == COLOUR_U16 || kind == COLOUR_I16 {
         return vec3<u32>(index / 2u, index % 2u * 16u, 0u);
+    }
+    if kind == COLOUR_INDEX {
+        return vec3<u32>(index * 2u + 1u, 24u, 0u);
     }
     let is_double = kind == COLOUR_U64 || kind == COLOUR_I64 || kind == COLOUR_F64;
     return select(vec3<u32>(index, 0u, 0u), vec3<u32>(index * 2u, 0u, 1u), is_double);

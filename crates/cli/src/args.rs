@@ -162,6 +162,9 @@ pub struct Render {
     /// them apart.
     #[arg(long)]
     pub even_exposure: bool,
+    /// Draw exact colours where the file has compact planes, too (see build --compact).
+    #[arg(long)]
+    pub full: bool,
     #[command(flatten)]
     pub with: DrawWithArgs,
     #[command(flatten)]

@@ -177,6 +177,9 @@ pub struct Stream {
     /// Build scans once with each of these node capacities, such as 32768,65536,131072.
     #[arg(long, value_delimiter = ',', value_name = "N,N")]
     pub capacities: Vec<u32>,
+    /// Read full planes where the file has compact ones, too (see build --compact).
+    #[arg(long)]
+    pub full: bool,
     /// Folder for a picture of each view.
     #[arg(long, value_name = "DIR")]
     pub pictures: Option<PathBuf>,
@@ -316,6 +319,7 @@ fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
             occlusion: !args.no_occlusion,
             cold: args.cold,
             settings: args.settings.into(),
+            full: args.full,
             pictures: args.pictures,
             threads: args.how.threads.count,
         },

@@ -96,6 +96,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         filter: args.filter.into(),
         shines: !args.no_highlights,
         evens: args.even_exposure,
+        full: args.full,
         with: (&args.with).into(),
         threads: args.how.threads.count,
         build: args.how.options(),

@@ -24,6 +24,14 @@ pub struct Colouring {
     pub legend: Legend,
 }
 
+impl Colouring {
+    /// The plane that positions come from: colours may come with them.
+    pub fn positions(&self) -> PlaneKind {
+        let plane = self.plane.map(|(kind, _)| kind).filter(|kind| kind.has_positions());
+        plane.unwrap_or(PlaneKind::Position)
+    }
+}
+
 /// What the colours of a picture mean.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Legend {

@@ -61,6 +61,16 @@ impl Look {
         Ok(Self { evens, ..self })
     }
 
+    /// The same from compact planes, where all trees have them and nothing else is asked of the bytes that they save.
+    pub fn compacted(mut self, file: &Forest) -> Self {
+        let asks = self.evens || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
+        if let Some(palette) = file.palette().filter(|_| !asks) {
+            self.colouring.by = ColourBy::Codes(Codebook::Own(palette.table()));
+            self.colouring.plane = Some((PlaneKind::Compact, None));
+        }
+        self
+    }
+
     /// The same with values as they lie in the file where they are mapped along a range.
     pub fn with_values(mut self) -> Self {
         let Colouring { by, plane, codes, .. } = &mut self.colouring;
@@ -122,7 +132,9 @@ pub fn draw_node<'a, P: Default>(
     colouring: &Colouring,
     plane: impl Fn(PlaneKind) -> Option<P>,
 ) -> DrawNode<'a, P> {
+    let positions = colouring.positions();
     let colour = match colouring.plane.and_then(|(kind, ty)| Some((plane(kind)?, ty))) {
+        Some(_) if positions == PlaneKind::Compact => ColourPlane::Indexed,
         Some((bytes, None)) => ColourPlane::Rgba(bytes),
         Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
         None => ColourPlane::None,
@@ -131,7 +143,7 @@ pub fn draw_node<'a, P: Default>(
         node,
         entry,
         prefix,
-        position: plane(PlaneKind::Position).unwrap_or_default(),
+        position: plane(positions).unwrap_or_default(),
         residual: plane(PlaneKind::Residual),
         colour,
         normal: plane(PlaneKind::Normal),

@@ -90,6 +90,11 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     let is_splats = plan.passes.contains(&Pass::Place);
     say(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
     say(is_splats && !plan.tangents, "shapes of splats: the file has none, or no normals");
+    let is_compact = scene.look.colouring.positions() == PlaneKind::Compact;
+    say(
+        is_compact,
+        "colour plane: numbers of a palette's colours come with the positions (--full: exact ones)",
+    );
     say(!plan.reads_colours, "colour plane: colours come from elsewhere");
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");

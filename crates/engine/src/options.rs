@@ -32,6 +32,8 @@ pub struct Options {
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
     pub evens: bool,
+    /// Whether full planes are read where there are compact ones, too.
+    pub full: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -65,6 +67,7 @@ impl Default for Options {
             filter: Filter::default(),
             shines: true,
             evens: false,
+            full: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,
             occlusion: stream.occlusion,

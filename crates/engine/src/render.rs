@@ -41,6 +41,8 @@ pub struct Request {
     pub evens: bool,
     /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
     pub keeps_values: bool,
+    /// Whether full planes are drawn where there are compact ones, too.
+    pub full: bool,
     /// What draws.
     pub with: DrawWith,
     /// Threads; 0 is one a core.
@@ -63,6 +65,7 @@ impl Default for Request {
             shines: true,
             evens: false,
             keeps_values: false,
+            full: false,
             with: DrawWith::default(),
             threads: 0,
             build: esker_build::Options::default(),
@@ -194,6 +197,7 @@ impl Scene {
         let before = file.read_bytes();
         let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let look = look.evened(file, *evens)?;
+        let look = if request.full { look } else { look.compacted(file) };
         let look = if request.keeps_values { look.with_values() } else { look };
         let options = Options {
             points_budget: request.budget_points,
@@ -292,12 +296,12 @@ impl Residency for AtHand<'_> {
 
 /// The planes that a plan needs; the residual of those nodes whose dropped bits show.
 fn planes_of(plan: &FramePlan, look: &Look) -> Vec<PlaneKind> {
-    let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual];
+    let mut kinds = vec![look.colouring.positions(), PlaneKind::Residual];
     kinds.extend(plan.reads_normals.then_some(PlaneKind::Normal));
     kinds.extend(plan.clips.then_some(PlaneKind::ClipLines));
     kinds.extend(plan.tangents.then_some(PlaneKind::Tangents));
     let colour = look.colouring.plane.filter(|_| plan.reads_colours);
-    kinds.extend(colour.map(|(kind, _)| kind));
+    kinds.extend(colour.map(|(kind, _)| kind).filter(|kind| !kind.has_positions()));
     kinds
 }
 

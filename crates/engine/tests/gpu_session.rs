@@ -89,6 +89,30 @@ fn a_gpu_draws_the_picture_of_the_cpu() {
     }
 }
 
+#[test]
+fn a_gpu_draws_compact_planes_as_the_cpu_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("compact.esker");
+    let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
+    let built = esker_build::Options { node_capacity: 2048, compact: true, ..Default::default() };
+    esker_build::build(&[scan], &path, &built, &esker_points::task::Silent).unwrap();
+    for method in [Method::Points, Method::PullPush, Method::Ewa] {
+        let open = |o: Options| {
+            let file = Arc::new(Forest::open(&path).unwrap());
+            Session::open(file, Options { method, occlusion: false, ..o }).unwrap()
+        };
+        let expected = settled(&mut open(options(Backend::Cpu)));
+        for request in requests().iter().filter(|r| !r.is_minimal) {
+            let gpu = Gpu::open(request).unwrap();
+            let mut session = open(on(&gpu, Backend::Gpu));
+            let picture = settled(&mut session);
+            let off = off(&picture, &expected);
+            assert!(off <= 0.001, "{method:?} by {:?}: {off} are off", session.drawer());
+            assert_eq!(gpu.fault(), None);
+        }
+    }
+}
+
 /// Frames of a flight at least: software drivers take their time.
 const FRAMES: usize = 8;
 

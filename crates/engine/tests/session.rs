@@ -2,6 +2,8 @@
 //! while the rest goes on, and an end within a second.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "look/compact.rs"]
+mod compact;
 mod creek;
 #[path = "look/exposure.rs"]
 mod exposure;

@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 /// What gives points their colour.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[allow(clippy::large_enum_variant, reason = "there is one a frame")]
 pub enum ColourBy {
     /// One colour for all: shape by light alone.
     #[default]
@@ -51,6 +52,7 @@ impl ColourBy {
 
 /// Colours of numbers below 256.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::large_enum_variant, reason = "there is one a frame")]
 pub enum Codebook {
     /// ASPRS classes.
     Classes,
@@ -58,6 +60,8 @@ pub enum Codebook {
     Labels,
     /// A palette from 0 to 254 ([`esker_points::codes`]); 255 is no number.
     Along(Palette),
+    /// Colours of its own (sRGB), as files have them that number those of their points.
+    Own([[u8; 3]; 256]),
 }
 
 impl Codebook {
@@ -65,6 +69,7 @@ impl Codebook {
     pub fn colours(self) -> [Vec3; 256] {
         match self {
             Self::Classes => std::array::from_fn(|class| class_colour(class as u8)),
+            Self::Own(colours) => colours.map(linear),
             Self::Labels => std::array::from_fn(|label| hue(label as u32)),
             Self::Along(palette) => {
                 let high = f64::from(esker_points::codes::LAST);

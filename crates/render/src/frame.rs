@@ -43,6 +43,8 @@ pub enum ColourPlane<P> {
     None,
     /// Red, green, blue (sRGB) and an unused byte a point.
     Rgba(P),
+    /// The last bytes of the positions, numbers of [`ColourBy::Codes`] ([`esker_points::quant::INDEX_AT`]).
+    Indexed,
     /// One value a point, little-endian; coloured as [`ColourBy`] says.
     Scalar {
         /// The values.

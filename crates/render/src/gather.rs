@@ -12,7 +12,7 @@ use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack}
 use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
 use crate::tangent::Lens;
 use esker_points::Node;
-use esker_points::quant::radius_factor;
+use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
@@ -149,6 +149,14 @@ impl<'a> Lookup<'a> {
                 .get(index * ty.size()..(index + 1) * ty.size())
                 .zip(self.codes.as_deref())
                 .map_or(plain, |(b, colours)| colours[usize::from(ty.to_f64(b) as u8)]),
+            (_, ColourPlane::Indexed, map) if self.frame.colour.reads_plane() => {
+                let number = draw.position.get(index * HOT_POSITION_BYTES + INDEX_AT);
+                match (number, self.codes.as_deref(), map) {
+                    (Some(&i), Some(colours), _) => colours[usize::from(i)],
+                    (Some(&i), None, Some(map)) => map.at(f64::from(i)),
+                    _ => plain,
+                }
+            }
             (ColourBy::Elevation(_), _, Some(map)) => {
                 let z = f64::from(draw.node.box_min[2]) + f64::from(offset[2]);
                 map.at(self.frame.lattice.world_axis(2, z))

@@ -9,6 +9,7 @@ mod scene;
 mod rig;
 
 use esker_lod::{CompactOctree, Drawn, View, tiles_of};
+use esker_points::quant::INDEX_AT;
 use esker_points::{AttrType, Cell, Node, NodeTable};
 use esker_render::gpu::pyramid::GpuPyramid;
 use esker_render::{
@@ -187,6 +188,7 @@ fn points_have_the_twins_colours_whatever_gives_them() {
         ColourBy::Rgb,
         ColourBy::Scalar(map(0.0, 255.0)),
         ColourBy::Codes(Codebook::Classes),
+        ColourBy::Codes(Codebook::Own(std::array::from_fn(|i| [i as u8, 255 - i as u8, 7]))),
         ColourBy::Elevation(map(-1.0, 1.0)),
         ColourBy::Elevation(map(1.0, -1.0)),
         ColourBy::EyeDepth(map(2.0, 4.5)),
@@ -194,13 +196,25 @@ fn points_have_the_twins_colours_whatever_gives_them() {
         ColourBy::Cell,
         ColourBy::Normal,
     ];
+    // Positions with numbers of colours.
+    let numbered = |node: &SceneNode| {
+        let mut plane = node.position.clone();
+        for (i, point) in plane.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+            point[INDEX_AT] = (i * 37) as u8;
+        }
+        plane
+    };
+    let numbered: Vec<_> = scene.nodes.iter().map(numbered).collect();
     for gpu in gpus() {
         let mut rig = Rig::new(gpu);
         for colour in ways {
-            for plane in 0..3 {
+            for plane in 0..4 {
                 let mut draws = scene.draws(true, plane > 0, true);
                 for (draw, node) in draws.iter_mut().zip(&scene.nodes).filter(|_| plane == 2) {
                     draw.colour = Scene::scalar(node, AttrType::U8);
+                }
+                for (draw, plane) in draws.iter_mut().zip(&numbered).filter(|_| plane == 3) {
+                    (draw.position, draw.colour) = (plane, ColourPlane::Indexed);
                 }
                 draws[0].normal = None;
                 let what = format!("{colour:?}, plane {plane}");

@@ -18,13 +18,14 @@ use scene::{Dice, Scene, sphere};
 
 fn colour_by() -> impl Strategy<Value = ColourBy> {
     let number = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), -1e9f64..1e9];
-    (0..8, number.clone(), number).prop_map(|(kind, low, high)| {
+    (0..9, number.clone(), number).prop_map(|(kind, low, high)| {
         let map = ColourMap { low, high, palette: Palette::Terrain };
         match kind {
             0 => ColourBy::Plain,
             1 => ColourBy::Rgb,
             2 => ColourBy::Scalar(map),
             3 => ColourBy::Codes(Codebook::Classes),
+            8 => ColourBy::Codes(Codebook::Own([[9; 3]; 256])),
             4 => ColourBy::Elevation(map),
             5 => ColourBy::EyeDepth(map),
             6 => ColourBy::Cell,
@@ -49,7 +50,7 @@ proptest! {
         normal in prop::option::of(plane(2000)),
         prefix in prop_oneof![0usize..600, Just(usize::MAX)],
         plain_place: bool,
-        scalar in prop::option::of(0usize..10),
+        scalar in prop::option::of(0usize..11),
         colour in colour_by(),
         (width, height) in (1u32..40, 1u32..40),
         cull_back_faces: bool,
@@ -71,7 +72,10 @@ proptest! {
             position: &position[..],
             residual: residual.as_deref(),
             colour: scalar.map_or(ColourPlane::Rgba(&colours[..]),
-                |ty| ColourPlane::Scalar { bytes: &colours[..], ty: types[ty] }),
+                |ty| match types.get(ty) {
+                    Some(&ty) => ColourPlane::Scalar { bytes: &colours[..], ty },
+                    None => ColourPlane::Indexed,
+                }),
             normal: normal.as_deref(),
             clip: clips.then_some(&colours[..]),
             tangents: clips.then_some(&colours[..]),

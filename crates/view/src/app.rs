@@ -82,6 +82,7 @@ impl App {
             filter: args.filter(),
             shines: !args.no_highlights,
             evens: args.even_exposure,
+            full: args.full,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
             target_spacing_px: args.target_spacing,
             budget_gpu_bytes: args.budget_gpu,

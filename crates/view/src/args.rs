@@ -51,6 +51,9 @@ pub struct Args {
     /// them apart.
     #[arg(long)]
     pub even_exposure: bool,
+    /// Draw exact colours where the file has compact planes, too (see esker build --compact).
+    #[arg(long)]
+    pub full: bool,
     /// Drawing memory.
     #[arg(long, value_name = "BYTES", default_value = "512MiB", value_parser = quantity::bytes)]
     pub budget_gpu: u64,

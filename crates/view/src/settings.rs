@@ -17,6 +17,8 @@ pub struct Settings {
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
     pub evens: bool,
+    /// Whether full planes are read where there are compact ones, too.
+    pub full: bool,
     /// Points drawn at most.
     pub points_budget: u64,
     /// Distance of neighbouring points on the picture that is fine enough, pixels.
@@ -38,6 +40,7 @@ impl Default for Settings {
             filter: options.filter,
             shines: options.shines,
             evens: options.evens,
+            full: options.full,
             points_budget: options.points_budget,
             target_spacing_px: options.target_spacing_px,
             budget_gpu_bytes: options.budget_gpu_bytes,
@@ -59,6 +62,7 @@ impl Settings {
             filter: self.filter.clone(),
             shines: self.shines,
             evens: self.evens,
+            full: self.full,
             points_budget: self.points_budget,
             target_spacing_px: self.target_spacing_px,
             occlusion: self.occlusion,

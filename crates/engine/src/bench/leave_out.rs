@@ -80,6 +80,7 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
         size: request.size,
         camera: request.camera,
         colour_by: Some("plain".into()),
+        full: true,
         ..Picture::default()
     };
     let same = Changes::default();
@@ -96,6 +97,14 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
             name: "colour plane",
             with: (Picture { colour_by: Some(name.into()), ..base.clone() }, same),
             without: (base.clone(), same),
+        });
+    }
+    if file.palette().is_some() {
+        let full = Picture { colour_by: Some("rgb".into()), ..base.clone() };
+        all.push(Omission {
+            name: "colours beyond a palette",
+            with: (full.clone(), same),
+            without: (Picture { full: false, ..full }, same),
         });
     }
     if file.has(PlaneKind::Colour) && colour::scans(file).is_ok() {

@@ -156,6 +156,7 @@ fn arguments(request: &Request) -> Vec<OsString> {
         arguments.extend(path.iter().flat_map(|p| [name.into(), p.clone().into_os_string()]));
     }
     arguments.extend((!request.occlusion).then(|| "--no-occlusion".into()));
+    arguments.extend(request.full.then(|| "--full".into()));
     arguments.extend(request.cold.then(|| "--cold".into()));
     arguments
 }

@@ -45,6 +45,8 @@ pub struct Request {
     pub cold: bool,
     /// Esker's settings, or the paper's.
     pub settings: Settings,
+    /// Whether full planes are read where there are compact ones, too.
+    pub full: bool,
     /// A folder for a picture of each view.
     pub pictures: Option<PathBuf>,
     /// Threads that draw; 0 is one a core.
@@ -79,6 +81,7 @@ impl Settings {
             budget_ram_bytes: request.budget_ram_bytes,
             size: request.size,
             occlusion: request.occlusion,
+            full: request.full,
             ..Options::default()
         };
         match self {

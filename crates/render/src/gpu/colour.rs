@@ -137,7 +137,9 @@ mod tests {
     #[test]
     fn runs_colour_every_code() {
         let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
-        for book in [Codebook::Classes, Codebook::Labels, Codebook::Along(Palette::Viridis)] {
+        let own = Codebook::Own(std::array::from_fn(|i| [i as u8, (i * 7) as u8, 0]));
+        let along = Codebook::Along(Palette::Viridis);
+        for book in [Codebook::Classes, Codebook::Labels, along, own] {
             let (runs, colours) =
                 (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
             for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {

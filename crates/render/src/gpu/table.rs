@@ -21,6 +21,9 @@ pub const COLOUR_RGBA: u32 = 1;
 /// Values of the first type.
 pub const COLOUR_SCALAR: u32 = 2;
 
+/// A number in the last byte of a position.
+pub const COLOUR_INDEX: u32 = 12;
+
 /// A place in drawing memory: one range of addresses from 0, cut into pages that no plane straddles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlaneAt {
@@ -116,6 +119,7 @@ impl Draw {
         let (colour, colour_kind, colour_bytes) = match draw.colour {
             ColourPlane::None => (None, COLOUR_NONE, 4),
             ColourPlane::Rgba(plane) => (Some(plane), COLOUR_RGBA, 4),
+            ColourPlane::Indexed => (Some(draw.position), COLOUR_INDEX, HOT_POSITION_BYTES),
             ColourPlane::Scalar { bytes, ty } => (Some(bytes), scalar_kind(ty), ty.size()),
         };
         let (colour_page, colour_word) = place(colour);

@@ -72,6 +72,7 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
         .iter()
         .map(|d| match d.colour {
             ColourPlane::None => ColourPlane::None,
+            ColourPlane::Indexed => ColourPlane::Indexed,
             ColourPlane::Rgba(bytes) => ColourPlane::Rgba(put(bytes)),
             ColourPlane::Scalar { bytes, ty } => ColourPlane::Scalar { bytes: put(bytes), ty },
         })

@@ -167,6 +167,7 @@ impl Rig {
             residual: d.residual.map(&mut put),
             colour: match d.colour {
                 ColourPlane::None => ColourPlane::None,
+                ColourPlane::Indexed => ColourPlane::Indexed,
                 ColourPlane::Rgba(plane) => ColourPlane::Rgba(put(plane)),
                 ColourPlane::Scalar { bytes, ty } => ColourPlane::Scalar { bytes: put(bytes), ty },
             },

@@ -85,7 +85,7 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                     target: Some(stop.target),
                     ..Camera::default()
                 };
-                let look = Look { size: request.size, camera, ..Look::default() };
+                let look = Look { size: request.size, camera, full: true, ..Look::default() };
                 let scene = Scene::read(&file, &look, task)?;
                 for mut row in of_view(&file, &scene, task)? {
                     row["file"] = json!(path.display().to_string());
