@@ -209,7 +209,7 @@ impl Surroundings<'_> {
         let mut sum = simd.splat_f32x8(0.0);
         for other in around {
             let slope = (here - other) * per_slope - flat;
-            sum = sum + slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
+            sum += slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
         }
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
@@ -232,7 +232,7 @@ impl Surroundings<'_> {
         let mut sum = simd.splat_f32x8(0.0);
         for [before, after] in sides {
             let slope = (here - (before + after) * 0.5) * per_slope - flat;
-            sum = sum + slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
+            sum += slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
         }
         sum * (1.0 / (4.0 * BEHIND_MAX))
     }

@@ -12,6 +12,7 @@ use esker_render::relief::{DepthImage, ReliefScratch};
 use esker_render::tangent::Lens;
 use esker_render::{Background, Frame, Picture, Renderer};
 use esker_render::{edges, mend, pull, push, trim};
+use fearless_simd::{Level as Simd, dispatch};
 use glam::{DVec2, DVec3, Vec3};
 
 /// What a pixel of a perfect picture shows.
@@ -202,8 +203,19 @@ impl Drawn {
         let mut scratch = ReliefScratch::default();
         let smooth = image.smoothed(&mut scratch);
         let nothing = vec![f32::INFINITY; width];
-        let at = |i: usize| smooth.surroundings(i / width, &nothing).normal(i % width).as_dvec3();
-        (0..count).map(at).collect()
+        let mut normals = Vec::with_capacity(count);
+        for y in 0..count / width {
+            let row = smooth.surroundings(y, &nothing);
+            for first in (0..width).step_by(8) {
+                let [x, y, z]: [[f32; 8]; 3] = dispatch!(Simd::new(), simd => {
+                    let [x, y, z] = row.normals(simd, first);
+                    [*x, *y, *z]
+                });
+                let normal = |k: usize| Vec3::new(x[k], y[k], z[k]).as_dvec3();
+                normals.extend((0..8.min(width - first)).map(normal));
+            }
+        }
+        normals
     }
 
     /// Pixels of a hole: without a surface, in a run that touches nothing that is empty in truth.
