@@ -135,29 +135,8 @@ fn cross(a: Vec3, b: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use nalgebra::{Matrix3, SymmetricEigen};
-
-    /// Random numbers (splitmix64).
-    struct Random(u64);
-
-    impl Random {
-        fn next(&mut self) -> u64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-            z ^ z >> 31
-        }
-
-        /// From -1 to 1.
-        fn signed(&mut self) -> f64 {
-            (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-
-        fn vector(&mut self) -> Vec3 {
-            [self.signed(), self.signed(), self.signed()]
-        }
-    }
 
     /// Matrices of eight kinds, seven of them degenerate in some way.
     fn matrix(kind: u64, random: &mut Random) -> [f64; 6] {

@@ -31,6 +31,8 @@ mod order;
 mod palette;
 mod partition;
 mod proof;
+#[cfg(test)]
+mod random;
 mod record;
 mod rest;
 mod row;

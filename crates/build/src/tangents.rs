@@ -186,21 +186,9 @@ fn across(n: Vec3) -> [Vec3; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use nalgebra::{Matrix2, SymmetricEigen, Vector2};
     use proptest::prelude::*;
-
-    /// Random numbers (splitmix64).
-    struct Random(u64);
-
-    impl Random {
-        fn unit(&mut self) -> f64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
-        }
-    }
 
     /// The nearest of points in a plane to its origin, with their places in space.
     fn nearest(mut points: Vec<Vec2>, [u, v]: [Vec3; 2]) -> Vec<Vec3> {
