@@ -156,9 +156,7 @@ impl<T: Surface> Row<'_, T> {
     #[inline(always)]
     fn normals<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>) -> [f32x8<S>; 3] {
         let [width, _] = self.surface.size();
-        let here = self.surface.normals(simd, x, self.y);
-        let right = self.surface.normals(simd, x + 1, self.y);
-        let below = self.surface.normals(simd, x, self.y + 1);
+        let [here, right, below] = self.surface.normals(simd, x, self.y);
         let may_bend = (are_creases(here, right) | are_creases(here, below)) & is_valid;
         if may_bend.any_true() {
             for k in lanes_of(may_bend) {

@@ -14,10 +14,11 @@ pub trait Surface: Sync {
     fn size(&self) -> [usize; 2];
     /// Whether pixels have normals.
     fn has_normals(&self) -> bool;
-    /// Colours, linear light, of eight pixels of a row from a column on; any where the row has no more.
+    /// Colours, linear light, of eight pixels of a row from a column on, a multiple of eight; any where the row has no more.
     fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3];
-    /// Normals in view space (right, up, back), not of unit length, of eight pixels likewise; zeros below the picture.
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3];
+    /// Normals in view space (right, up, back), not of unit length, of eight pixels likewise, of those to the right of them,
+    /// and of those below them; zeros below the picture.
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3];
     /// The normal of a pixel.
     fn normal(&self, x: usize, y: usize) -> Vec3;
     /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
@@ -42,9 +43,14 @@ impl Surface for Pyramid {
     }
 
     #[inline(always)]
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3] {
         let base = &self.levels[0];
-        eight(simd, &base.normal, y * base.width + x)
+        let pixel = y * base.width + x;
+        [
+            eight(simd, &base.normal, pixel),
+            eight(simd, &base.normal, pixel + 1),
+            eight(simd, &base.normal, pixel + base.width),
+        ]
     }
 
     #[inline]

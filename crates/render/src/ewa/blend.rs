@@ -7,12 +7,15 @@ use super::gauss::Falloff;
 use super::place::unpacked;
 use super::planes::Planes;
 use super::splat::Splat;
-use super::sums::{Share, Sums, add, advance, front, means, replace};
+use super::sums::{
+    INVERSE_DEPTH, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace, sum,
+};
 use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
-use crate::lanes::{LANES, Lane, counting, only};
 use crate::surface::Surface;
-use glam::{Vec3, Vec4};
+use crate::values::{EIGHT, Values, dot, only};
+use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8};
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Square of the length under which a sum of normals has no direction.
@@ -41,6 +44,15 @@ pub struct Blend<'a> {
     pub camera: &'a Camera,
 }
 
+/// Where a row of tiles goes: its rows of planes, so many for eight pixels, and of depths.
+struct Picture<'a> {
+    planes: &'a mut [[f32; EIGHT]],
+    row_len: usize,
+    count: usize,
+    depth: &'a mut [f32],
+    width: usize,
+}
+
 impl Blend<'_> {
     /// Draws all tiles to `planes` and their depths (infinite where nothing is) to `depth`. Returns the number of
     /// pixels covered.
@@ -55,7 +67,7 @@ impl Blend<'_> {
     fn draw_tiles<const NORMALS: bool>(&self, planes: &mut Planes, depth: &mut [f32]) -> u64 {
         let [width, height] = planes.size();
         let columns = width.div_ceil(TILE);
-        let (row_len, stride) = (planes.row_len(), planes.stride());
+        let (row_len, count) = (planes.row_len(), planes.planes());
         planes
             .rows_mut()
             .par_chunks_mut(row_len * TILE)
@@ -67,12 +79,11 @@ impl Blend<'_> {
                 for column in 0..columns {
                     let window = Window::new([column * TILE, row * TILE], [width, height]);
                     self.tile::<NORMALS>(row * columns + column, &window, &mut sums);
-                    for y in 0..window.height {
-                        let depth = &mut depth[y * width + window.left..][..window.width];
-                        let planes = &mut planes[y * row_len + window.left..(y + 1) * row_len];
-                        covered +=
-                            self.normalise::<NORMALS>(&sums, y, &window, (planes, stride), depth);
-                    }
+                    let into =
+                        Picture { planes: &mut *planes, row_len, count, depth: &mut *depth, width };
+                    covered += dispatch!(Level::new(), simd => {
+                        self.normalise::<_, NORMALS>(simd, &sums, &window, into)
+                    });
                 }
                 covered
             })
@@ -171,54 +182,81 @@ impl Blend<'_> {
         });
     }
 
-    /// Pass 3, of a row, to its part of planes that are so far apart. Returns the number of pixels covered.
-    #[inline(never)]
-    fn normalise<const NORMALS: bool>(
+    /// Pass 3. Returns the number of pixels covered.
+    #[inline(always)]
+    fn normalise<S: Simd, const NORMALS: bool>(
         &self,
+        simd: S,
         sums: &Sums,
-        y: usize,
         window: &Window,
-        (planes, stride): (&mut [f32], usize),
-        depths: &mut [f32],
+        into: Picture<'_>,
     ) -> u64 {
-        let row = sums.row(y);
+        let [right, up, back] = self.camera.view_from_world;
+        let (zero, one) = (simd.splat_f32x8(0.0), simd.splat_f32x8(1.0));
         let mut covered = 0;
-        for x in (0..window.width).step_by(LANES) {
-            let ([r, g, b, mut nx, mut ny, mut nz, inverse_depth], is_any) = means(row, x);
-            let depth = Vec4::select(is_any, 1.0 / inverse_depth, Vec4::INFINITY);
-            if NORMALS {
-                let [right, up, back] = self.camera.view_from_world;
-                let along = |v: Vec3| nx * v.x + ny * v.y + nz * v.z;
-                let mut n = [along(right), along(up), along(back)];
-                let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-                let is_known = squared.cmpge(Vec4::splat(UNKNOWN));
-                if !is_known.all() {
-                    // It faces the eye.
-                    let to_eye = self.rays_back(window, x, y);
-                    (0..3).for_each(|i| n[i] = Vec4::select(is_known, n[i], to_eye[i]));
+        for y in 0..window.height {
+            let row = sums.row(y);
+            let first = y * into.row_len + window.left / EIGHT * into.count;
+            let depths = &mut into.depth[y * into.width + window.left..][..window.width];
+            for x in (0..window.width).step_by(EIGHT) {
+                let weight = sum(simd, row, WEIGHT, x);
+                let is_any = zero.cmplt(weight);
+                let share = only(is_any, one / weight);
+                let at = first + x / EIGHT * into.count;
+                let planes = &mut into.planes[at..at + if NORMALS { 6 } else { 4 }];
+                planes[0] = *(sum(simd, row, TINT, x) * share);
+                planes[1] = *(sum(simd, row, TINT + 1, x) * share);
+                planes[2] = *(sum(simd, row, TINT + 2, x) * share);
+                let nx = sum(simd, row, SHAPE, x) * share;
+                if NORMALS {
+                    let ny = sum(simd, row, SHAPE + 1, x) * share;
+                    let nz = sum(simd, row, SHAPE + 2, x) * share;
+                    let mut n = [
+                        nx * right.x + ny * right.y + nz * right.z,
+                        nx * up.x + ny * up.y + nz * up.z,
+                        nx * back.x + ny * back.y + nz * back.z,
+                    ];
+                    let is_unknown = dot(n, n).cmplt(simd.splat_f32x8(UNKNOWN));
+                    if is_unknown.any_true() {
+                        // It faces the eye.
+                        let to_eye = self.rays_back(simd, window, x, y);
+                        for i in 0..3 {
+                            n[i] = f32x8::select(is_unknown, to_eye[i], n[i]);
+                        }
+                    }
+                    for i in 0..3 {
+                        planes[3 + i] = *n[i];
+                    }
+                } else {
+                    planes[3] = *nx;
                 }
-                [nx, ny, nz] = n;
-            }
-            let all = [r, g, b, nx, ny, nz];
-            for (plane, value) in all.into_iter().take(if NORMALS { 6 } else { 4 }).enumerate() {
-                value.write_to_slice(&mut planes[plane * stride + x..][..LANES]);
-            }
-            let own = &mut depths[x..window.width.min(x + LANES)];
-            covered += u64::from((is_any.bitmask() & ((1 << own.len()) - 1)).count_ones());
-            match own.first_chunk_mut::<LANES>() {
-                Some(own) => *own = depth.to_array(),
-                None => own.copy_from_slice(&depth.to_array()[..own.len()]),
+                let depth = one / (sum(simd, row, INVERSE_DEPTH, x) * share);
+                let depth = f32x8::select(is_any, depth, simd.splat_f32x8(f32::INFINITY));
+                match depths[x..].first_chunk_mut::<EIGHT>() {
+                    Some(own) if is_any.all_true() => {
+                        *own = *depth;
+                        covered += EIGHT as u64;
+                    }
+                    _ => {
+                        for (k, own) in depths[x..].iter_mut().take(EIGHT).enumerate() {
+                            *own = depth[k];
+                            covered += u64::from(*own < f32::INFINITY);
+                        }
+                    }
+                }
             }
         }
         covered
     }
 
     /// Directions from pixels to the eye, right, up and back.
-    fn rays_back(&self, window: &Window, x: usize, y: usize) -> [Lane; 3] {
+    #[inline(always)]
+    fn rays_back<S: Simd>(&self, simd: S, window: &Window, x: usize, y: usize) -> [f32x8<S>; 3] {
         let [middle_x, middle_y] = self.camera.centre_px;
-        let x = -counting((window.left + x) as f32 + 0.5 - middle_x, 1.0);
-        let y = Vec4::splat((window.top + y) as f32 + 0.5 - middle_y);
-        let z = Vec4::splat(self.camera.focal_px);
+        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let x = -(columns + ((window.left + x) as f32 + 0.5 - middle_x));
+        let y = simd.splat_f32x8((window.top + y) as f32 + 0.5 - middle_y);
+        let z = simd.splat_f32x8(self.camera.focal_px);
         let length = (x * x + y * y + z * z).sqrt();
         [x / length, y / length, z / length]
     }

@@ -1,13 +1,13 @@
-//! What splats leave of a picture for shading: means of colours and normals, plane after plane in each row as the sums are
-//! that they come from, so that nothing is turned over on the way.
+//! What splats leave of a picture for shading: means of colours and normals. Eight neighbouring pixels of a row lie side by
+//! side, plane after plane: what a row of a tile leaves is one run of memory, which is written in half the time that
+//! planes a whole row apart take.
 
-use crate::lanes::LANES;
 use crate::surface::Surface;
 use crate::values::EIGHT;
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 
-/// Planes of a row: red, green, blue, then the normal (right, up, back), or the radius alone.
+/// Planes: red, green, blue, then the normal (right, up, back), or the radius alone.
 const TINT: usize = 0;
 const SHAPE: usize = 3;
 
@@ -16,58 +16,49 @@ const SHAPE: usize = 3;
 pub struct Planes {
     size: [usize; 2],
     has_normals: bool,
-    /// Values of a plane's row: those of its pixels, and so many more that eight may be taken from any.
-    stride: usize,
-    values: Vec<f32>,
+    /// Planes of each eight pixels of a row, and of eight more, so that the last ones have neighbours.
+    values: Vec<[f32; EIGHT]>,
 }
 
 impl Planes {
     /// Takes the shape for a picture; what the pixels hold is left over from before.
     pub fn fit(&mut self, size: [usize; 2], has_normals: bool) {
         (self.size, self.has_normals) = (size, has_normals);
-        self.stride = size[0].next_multiple_of(LANES) + EIGHT;
-        self.values.resize(self.row_len() * size[1], 0.0);
+        self.values.resize(self.row_len() * size[1], [0.0; EIGHT]);
     }
 
-    /// Planes of a row.
-    fn planes(&self) -> usize {
+    /// Planes of eight pixels.
+    pub fn planes(&self) -> usize {
         SHAPE + if self.has_normals { 3 } else { 1 }
     }
 
-    /// Values of a row.
+    /// Planes of all pixels of a row.
     pub fn row_len(&self) -> usize {
-        self.planes() * self.stride
+        (self.size[0].div_ceil(EIGHT) + 1) * self.planes()
     }
 
-    /// Values of a plane's row.
-    pub fn stride(&self) -> usize {
-        self.stride
-    }
-
-    /// All rows, [`Planes::row_len`] values each.
-    pub fn rows_mut(&mut self) -> &mut [f32] {
+    /// All rows, [`Planes::row_len`] each.
+    pub fn rows_mut(&mut self) -> &mut [[f32; EIGHT]] {
         &mut self.values
     }
 
-    /// Three values of eight pixels; zeros below the picture.
+    /// The planes of the eight pixels that one is among; none below the picture.
     #[inline(always)]
-    fn three<S: Simd>(&self, simd: S, plane: usize, x: usize, y: usize) -> [f32x8<S>; 3] {
-        let first = y * self.row_len() + plane * self.stride + x;
-        [
-            self.eight(simd, first),
-            self.eight(simd, first + self.stride),
-            self.eight(simd, first + 2 * self.stride),
-        ]
+    fn eight(&self, x: usize, y: usize) -> &[[f32; EIGHT]] {
+        let first = y * self.row_len() + x / EIGHT * self.planes();
+        self.values.get(first..first + self.planes()).unwrap_or(&[])
     }
 
     #[inline(always)]
-    fn eight<S: Simd>(&self, simd: S, first: usize) -> f32x8<S> {
-        let values = self.values.get(first..).and_then(<[f32]>::first_chunk);
-        simd.load_array_ref_f32x8(values.unwrap_or(&[0.0; EIGHT]))
+    fn three<S: Simd>(&self, simd: S, plane: usize, x: usize, y: usize) -> [f32x8<S>; 3] {
+        let Some([a, b, c]) = self.eight(x, y).get(plane..).and_then(<[_]>::first_chunk) else {
+            return [simd.splat_f32x8(0.0); 3];
+        };
+        [simd.load_array_ref_f32x8(a), simd.load_array_ref_f32x8(b), simd.load_array_ref_f32x8(c)]
     }
 
     fn one(&self, plane: usize, x: usize, y: usize) -> f32 {
-        self.values[y * self.row_len() + plane * self.stride + x]
+        self.eight(x, y)[plane][x % EIGHT]
     }
 
     /// Colour of a pixel, linear light.
@@ -91,8 +82,15 @@ impl Surface for Planes {
     }
 
     #[inline(always)]
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
-        self.three(simd, SHAPE, x, y)
+    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3] {
+        let here = self.three(simd, SHAPE, x, y);
+        let next = self.three(simd, SHAPE, x + EIGHT, y);
+        let right = [
+            simd.slide_f32x8::<1>(here[0], next[0]),
+            simd.slide_f32x8::<1>(here[1], next[1]),
+            simd.slide_f32x8::<1>(here[2], next[2]),
+        ];
+        [here, right, self.three(simd, SHAPE, x, y + 1)]
     }
 
     #[inline]

@@ -4,13 +4,21 @@
 use super::cover::STRIDE;
 use super::tiles::{LANES, TILE};
 use crate::lanes::{Lane, Mask, only};
+use crate::values::EIGHT;
+use fearless_simd::{Simd, f32x8};
 use glam::Vec4;
 
 /// Planes of a row: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.
 const PLANES: usize = 9;
 const FRONT: usize = 0;
-const WEIGHT: usize = 4;
-const INVERSE_DEPTH: usize = 8;
+/// Red, green, blue.
+pub const TINT: usize = 1;
+/// The sum of weights.
+pub const WEIGHT: usize = 4;
+/// The normal, or the radius alone.
+pub const SHAPE: usize = 5;
+/// Inverse depth.
+pub const INVERSE_DEPTH: usize = 8;
 
 /// A row of a tile.
 pub type Row = [[f32; STRIDE]; PLANES];
@@ -124,13 +132,8 @@ pub fn replace(row: &mut Row, x: usize, seen: Mask, share: &Share, inverse_depth
     replace(INVERSE_DEPTH, inverse_depth);
 }
 
-/// Means of pixels from `x` on: colour, normal or radius, inverse depth, zeros where there are none; and which pixels have any.
+/// A sum of eight pixels from `x` on.
 #[inline(always)]
-pub fn means(row: &Row, x: usize) -> ([Lane; 7], Mask) {
-    let weight = at(row, WEIGHT, x);
-    let is_any = weight.cmpgt(Vec4::ZERO);
-    let share = only(is_any, 1.0 / weight);
-    let mean = |plane: usize| at(row, plane, x) * share;
-    let means = [mean(1), mean(2), mean(3), mean(5), mean(6), mean(7), mean(INVERSE_DEPTH)];
-    (means, is_any)
+pub fn sum<S: Simd>(simd: S, row: &Row, plane: usize, x: usize) -> f32x8<S> {
+    simd.load_array_ref_f32x8(row[plane][x..].first_chunk().unwrap_or(&[0.0; EIGHT]))
 }
