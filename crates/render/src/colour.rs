@@ -186,14 +186,17 @@ static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-static TO_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    (0..=ENCODE_ENTRIES)
-        .map(|i| {
-            let c = i as f64 / ENCODE_ENTRIES as f64;
-            let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-            (s * 255.0).round() as u8
-        })
-        .collect()
+/// Bytes of the entries, and as many more of full light: so the last bits of a number are always within.
+type Table = [u8; 2 * ENCODE_ENTRIES];
+
+static TO_SRGB: LazyLock<Box<Table>> = LazyLock::new(|| {
+    let mut table = Box::new([255; 2 * ENCODE_ENTRIES]);
+    for (i, byte) in table.iter_mut().enumerate().take(ENCODE_ENTRIES) {
+        let c = i as f64 / ENCODE_ENTRIES as f64;
+        let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+        *byte = (s * 255.0).round() as u8;
+    }
+    table
 });
 
 /// Linear light of sRGB bytes.
@@ -205,7 +208,7 @@ pub fn linear(srgb: [u8; 3]) -> Vec3 {
 
 /// From linear light to sRGB bytes, clamped; what is no number is black.
 #[derive(Clone, Copy, Debug)]
-pub struct Encoder(&'static [u8]);
+pub struct Encoder(&'static Table);
 
 impl Encoder {
     /// The table, made at the first call.
@@ -228,14 +231,14 @@ impl Encoder {
         const ROUNDS: f32 = (1 << 23) as f32;
         let at = (c * ENCODE_ENTRIES as f32).max(0.0).min(ENCODE_ENTRIES as f32) + ROUNDS;
         let simd = at.witness();
-        let first = simd.splat_u32x8(ROUNDS.to_bits());
-        simd.as_array_u32x8(simd.sub_u32x8(simd.reinterpret_u32_f32x8(at), first))
+        let last_bits = simd.splat_u32x8(2 * ENCODE_ENTRIES as u32 - 1);
+        simd.as_array_u32x8(simd.and_u32x8(simd.reinterpret_u32_f32x8(at), last_bits))
     }
 
     /// The byte of an entry.
     #[inline(always)]
     pub(crate) fn byte(self, entry: u32) -> u8 {
-        self.0[entry as usize]
+        self.0[entry as usize % (2 * ENCODE_ENTRIES)]
     }
 }
 

@@ -165,12 +165,14 @@ impl Surroundings<'_> {
     /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
     #[inline(always)]
     pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
-        let place = first + REACH;
-        let d = eight(simd, self.here, place);
-        let left = eight(simd, self.here, place - 1);
-        let right = eight(simd, self.here, place + 1);
-        let above = eight(simd, self.above, place);
-        let below = eight(simd, self.below, place);
+        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let [above, here, below] = &mut room;
+        let here = run(self.here, first, here);
+        let d = eight::<S, REACH>(simd, here);
+        let left = eight::<S, { REACH - 1 }>(simd, here);
+        let right = eight::<S, { REACH + 1 }>(simd, here);
+        let above = eight::<S, REACH>(simd, run(self.above, first, above));
+        let below = eight::<S, REACH>(simd, run(self.below, first, below));
         let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
         let v = self.centre_px[1] - self.y as f32 - 0.5;
@@ -193,18 +195,22 @@ impl Surroundings<'_> {
     #[inline(always)]
     pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
-        let [above, middle, below] = self.far;
-        let here = eight(simd, middle, first + REACH);
+        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let [above, middle, below] = &mut room;
+        let above = run(self.far[0], first, above);
+        let middle = run(self.far[1], first, middle);
+        let below = run(self.far[2], first, below);
+        let here = eight::<S, REACH>(simd, middle);
         let per_slope = self.focal_px / (here * REACH as f32);
         let around = [
-            eight(simd, above, first + REACH),
-            eight(simd, below, first + REACH),
-            eight(simd, above, first),
-            eight(simd, above, first + RIGHT),
-            eight(simd, middle, first),
-            eight(simd, middle, first + RIGHT),
-            eight(simd, below, first),
-            eight(simd, below, first + RIGHT),
+            eight::<S, REACH>(simd, above),
+            eight::<S, REACH>(simd, below),
+            eight::<S, 0>(simd, above),
+            eight::<S, RIGHT>(simd, above),
+            eight::<S, 0>(simd, middle),
+            eight::<S, RIGHT>(simd, middle),
+            eight::<S, 0>(simd, below),
+            eight::<S, RIGHT>(simd, below),
         ];
         let mut sum = simd.splat_f32x8(0.0);
         for other in around {
@@ -220,13 +226,17 @@ impl Surroundings<'_> {
     #[inline(always)]
     pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
-        let [above, middle, below] = self.far;
-        let here = eight(simd, middle, first + REACH);
+        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let [above, middle, below] = &mut room;
+        let above = run(self.far[0], first, above);
+        let middle = run(self.far[1], first, middle);
+        let below = run(self.far[2], first, below);
+        let here = eight::<S, REACH>(simd, middle);
         let sides = [
-            [eight(simd, above, first + REACH), eight(simd, below, first + REACH)],
-            [eight(simd, middle, first), eight(simd, middle, first + RIGHT)],
-            [eight(simd, above, first), eight(simd, below, first + RIGHT)],
-            [eight(simd, above, first + RIGHT), eight(simd, below, first)],
+            [eight::<S, REACH>(simd, above), eight::<S, REACH>(simd, below)],
+            [eight::<S, 0>(simd, middle), eight::<S, RIGHT>(simd, middle)],
+            [eight::<S, 0>(simd, above), eight::<S, RIGHT>(simd, below)],
+            [eight::<S, RIGHT>(simd, above), eight::<S, 0>(simd, below)],
         ];
         let per_slope = self.focal_px / (here * REACH as f32);
         let mut sum = simd.splat_f32x8(0.0);
@@ -238,25 +248,35 @@ impl Surroundings<'_> {
     }
 }
 
-/// Eight depths of a row from [`REACH`] before a place on; infinite beyond the picture.
+/// Eight depths of a row and [`REACH`] on both sides of them.
+type Run = [f32; EIGHT + 2 * REACH];
+
+/// Those around the pixels from `first` on; infinite beyond the picture, which takes some room. One check for all of them.
 #[inline(always)]
-fn eight<S: Simd>(simd: S, row: &[f32], place: usize) -> f32x8<S> {
-    let inner = place.checked_sub(REACH).and_then(|at| row.get(at..)?.first_chunk());
-    match inner {
-        Some(eight) => simd.load_array_ref_f32x8(eight),
-        None => simd.load_array_f32x8(at_end(row, place)),
+fn run<'a>(row: &'a [f32], first: usize, room: &'a mut Run) -> &'a Run {
+    if first >= REACH
+        && first + EIGHT + REACH <= row.len()
+        && let Some(run) = row[first - REACH..].first_chunk()
+    {
+        return run;
     }
+    *room = at_end(row, first);
+    room
 }
 
 /// The same where not all of them are in the picture.
 #[inline(never)]
-fn at_end(row: &[f32], place: usize) -> [f32; EIGHT] {
-    let mut eight = [f32::INFINITY; EIGHT];
-    for (k, depth) in eight.iter_mut().enumerate() {
-        let x = (place + k).checked_sub(REACH);
-        *depth = x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY);
-    }
-    eight
+fn at_end(row: &[f32], first: usize) -> Run {
+    std::array::from_fn(|k| {
+        let x = (first + k).checked_sub(REACH);
+        x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY)
+    })
+}
+
+/// Eight of a run, from one on.
+#[inline(always)]
+fn eight<S: Simd, const AT: usize>(simd: S, run: &Run) -> f32x8<S> {
+    simd.load_array_ref_f32x8(run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
 }
 
 /// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays on

@@ -237,11 +237,25 @@ impl<T: Surface> Row<'_, T> {
         let r = Encoder::entries(r * light.factor + light.shine);
         let g = Encoder::entries(g * light.factor + light.shine);
         let b = Encoder::entries(b * light.factor + light.shine);
-        for (k, out) in self.out[x..].iter_mut().take(EIGHT).enumerate() {
-            let is_valid = is_valid[k] != 0;
-            let lit = [encoder.byte(r[k]), encoder.byte(g[k]), encoder.byte(b[k]), 255];
-            *out = if is_valid { lit } else { self.backdrop };
-            self.covered += u64::from(is_valid);
+        let mut lit = [[0; 4]; EIGHT];
+        for k in 0..EIGHT {
+            // As one word, which is written at once.
+            let (r, g, b) = (encoder.byte(r[k]), encoder.byte(g[k]), encoder.byte(b[k]));
+            let rgb = u32::from(r) | u32::from(g) << 8 | u32::from(b) << 16;
+            lit[k] = (rgb | 255 << 24).to_le_bytes();
+        }
+        match self.out[x..].first_chunk_mut() {
+            Some(out) if is_valid.all_true() => {
+                *out = lit;
+                self.covered += EIGHT as u64;
+            }
+            _ => {
+                for (k, out) in self.out[x..].iter_mut().take(EIGHT).enumerate() {
+                    let is_valid = is_valid[k] != 0;
+                    *out = if is_valid { lit[k] } else { self.backdrop };
+                    self.covered += u64::from(is_valid);
+                }
+            }
         }
     }
 
