@@ -2,9 +2,8 @@
 //! What goes wrong at silhouettes goes wrong there, so [`crate::mend`], [`crate::trim`] and
 //! [`crate::soften`] look at these pixels alone.
 
-use crate::lanes::LANES;
-use fearless_simd::{Level as Simd, dispatch};
-use glam::Vec4;
+use crate::values::{EIGHT, Values};
+use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use rayon::prelude::*;
 
 /// Rows that a job has.
@@ -19,7 +18,7 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
         .map(|first| {
             let mut found = Vec::new();
             for y in first..height.min(first + ROWS) {
-                dispatch!(Simd::new(), _ => edges_of_row(depth, width, y, near, &mut found));
+                dispatch!(Level::new(), simd => edges_of_row(simd, depth, width, y, near, &mut found));
             }
             found
         })
@@ -29,17 +28,24 @@ pub fn edges(depth: &[f32], width: usize, near: f32) -> Vec<usize> {
 
 /// Adds those of a row.
 #[inline(always)]
-fn edges_of_row(depth: &[f32], width: usize, y: usize, near: f32, found: &mut Vec<usize>) {
+fn edges_of_row<S: Simd>(
+    simd: S,
+    depth: &[f32],
+    width: usize,
+    y: usize,
+    near: f32,
+    found: &mut Vec<usize>,
+) {
     let start = y * width;
     let above = start - if y > 0 { width } else { 0 };
     let below = if start + width < depth.len() { start + width } else { start };
     let here = &depth[start..start + width];
     let (above, below) = (&depth[above..above + width], &depth[below..below + width]);
-    for first in (0..width).step_by(LANES) {
-        if first == 0 || first + LANES >= width {
+    for first in (0..width).step_by(EIGHT) {
+        if first == 0 || first + EIGHT >= width {
             // Beside the picture there is nothing to step to.
             let step = |a: f32, b: f32| (a - b).abs() > near * a.min(b);
-            for x in first..width.min(first + LANES) {
+            for x in first..width.min(first + EIGHT) {
                 let (left, right) = (here[x.saturating_sub(1)], here[(x + 1).min(width - 1)]);
                 if [above[x], below[x], left, right].into_iter().any(|d| step(here[x], d)) {
                     found.push(start + x);
@@ -47,19 +53,28 @@ fn edges_of_row(depth: &[f32], width: usize, y: usize, near: f32, found: &mut Ve
             }
             continue;
         }
-        let middle = Vec4::from_slice(&here[first..]);
-        // Infinity from infinity is no number, which is no step.
-        let step = |row: &[f32], first: usize| {
-            let beside = Vec4::from_slice(&row[first..]);
-            (middle - beside).abs().cmpgt(middle.min(beside) * near)
-        };
-        let across = step(here, first - 1) | step(here, first + 1);
-        let mut bits = (across | step(above, first) | step(below, first)).bitmask();
-        while bits != 0 {
-            found.push(start + first + bits.trailing_zeros() as usize);
-            bits &= bits - 1;
+        let middle = eight(simd, here, first);
+        let across = is_step(middle, eight(simd, here, first - 1), near)
+            | is_step(middle, eight(simd, here, first + 1), near);
+        let along = is_step(middle, eight(simd, above, first), near)
+            | is_step(middle, eight(simd, below, first), near);
+        let is_edge = across | along;
+        if is_edge.any_true() {
+            found.extend((0..EIGHT).filter(|&k| is_edge[k] != 0).map(|k| start + first + k));
         }
     }
+}
+
+/// Eight of a row, from one on.
+#[inline(always)]
+fn eight<S: Simd>(simd: S, row: &[f32], first: usize) -> f32x8<S> {
+    simd.load_array_ref_f32x8(row[first..].first_chunk().unwrap_or(&[f32::INFINITY; EIGHT]))
+}
+
+/// Between which depths there is a step. Infinity from infinity is no number, which is no step.
+#[inline(always)]
+fn is_step<S: Simd>(middle: f32x8<S>, beside: f32x8<S>, near: f32) -> mask32x8<S> {
+    (middle.min(beside) * near).cmplt(Values::abs(middle - beside))
 }
 
 #[cfg(test)]
