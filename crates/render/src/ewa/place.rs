@@ -134,8 +134,12 @@ impl Placing<'_> {
         let (mut normal, mut codes) = ([Vec4::ZERO; 3], [0; LANES]);
         let mut facing = normal;
         if NORMALS {
-            let code = |k: usize| node.normal.and_then(|plane| normal_code(plane, index(k)));
-            let world = unit(directions([0, 1, 2, 3].map(|k| code(k).unwrap_or(NO_NORMAL))));
+            let mut stored = [NO_NORMAL; LANES];
+            for (k, stored) in stored.iter_mut().enumerate() {
+                let code = node.normal.and_then(|plane| normal_code(plane, index(k)));
+                *stored = code.unwrap_or(NO_NORMAL);
+            }
+            let world = unit(directions(stored));
             normal = self.in_view(world);
             let looks_away = dot(normal, centre).cmpgt(Vec4::ZERO);
             if self.frame.cull_back_faces {
@@ -144,7 +148,11 @@ impl Placing<'_> {
                     return;
                 }
             }
-            codes = packed(world.map(|c| Vec4::select(looks_away, -c, c)));
+            let mut towards = world;
+            for c in &mut towards {
+                *c = Vec4::select(looks_away, -*c, *c);
+            }
+            codes = packed(towards);
             facing = normal;
         }
         // Without a normal a splat faces the eye.
@@ -167,7 +175,10 @@ impl Placing<'_> {
                 }
             }
         }
-        let mut tangents = across(facing).map(|t| t.map(|c| c * radius));
+        let mut tangents = across(facing);
+        for along in tangents.iter_mut().flatten() {
+            *along *= radius;
+        }
         if SHAPES && let Some(plane) = node.tangents {
             let codes = [0, 1, 2, 3].map(|k| Shapes::code(plane, index(k)));
             let shapes = self.shapes(codes, node.node.spacing);
@@ -302,22 +313,32 @@ impl Block {
 fn unit(v: [Lane; 3]) -> [Lane; 3] {
     let length = dot(v, v).sqrt();
     let has_length = length.cmpgt(Vec4::ZERO);
-    v.map(|c| only(has_length, c / length))
+    let [x, y, z] = v;
+    [only(has_length, x / length), only(has_length, y / length), only(has_length, z / length)]
 }
 
 /// Greatest code of a normal's part: ten bits each, with a sign.
 const PART_MAX: f32 = 511.0;
 
+/// Parts of unit vectors, whose last bits are their codes: numbers this large have no parts, so that they are rounded.
+#[inline(always)]
+fn part(c: Lane) -> Lane {
+    const WHOLE: f32 = 8_388_608.0;
+    c * PART_MAX + 512.0 + WHOLE
+}
+
 /// Unit vectors, or zeros, in 30 bits each: quick to take out again, which is done for every tile.
 #[inline(always)]
 fn packed(n: [Lane; 3]) -> [u32; LANES] {
-    /// Numbers from here on have no parts: they are rounded, and the last bits of their mantissa are whole ones.
-    const WHOLE: f32 = 8_388_608.0;
-    let parts = n.map(|c| (c * PART_MAX + 512.0 + WHOLE).to_array().map(f32::to_bits));
-    [0, 1, 2, 3].map(|k| {
-        let [x, y, z] = [0, 1, 2].map(|i| parts[i][k] & 0x3ff);
-        x | y << 10 | z << 20
-    })
+    let [x, y, z] = n;
+    let (x, y, z) = (part(x).to_array(), part(y).to_array(), part(z).to_array());
+    // No closures: they were calls.
+    let mut codes = [0; LANES];
+    for k in 0..LANES {
+        let [x, y, z] = [x[k].to_bits() & 0x3ff, y[k].to_bits() & 0x3ff, z[k].to_bits() & 0x3ff];
+        codes[k] = x | y << 10 | z << 20;
+    }
+    codes
 }
 
 /// The vector of [`packed`], of about unit length.
