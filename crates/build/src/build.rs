@@ -112,6 +112,8 @@ pub struct Report {
     pub scratch_bytes: u64,
     /// The most bytes that scratch held at once.
     pub scratch_bytes_peak: u64,
+    /// The most bytes that scratch and the file had at once.
+    pub disk_bytes_peak: u64,
     /// Bytes of the file.
     pub bytes_out: u64,
     /// Nodes.
@@ -315,6 +317,7 @@ fn build_into(
         peak_rss_bytes: memory::usage().rss_peak_bytes,
         scratch_bytes: store.scratch.bytes(),
         scratch_bytes_peak: store.scratch.bytes_peak(),
+        disk_bytes_peak: store.scratch.disk_bytes_peak().max(bytes_out),
         bytes_out,
         nodes: table.nodes.len() as u64,
         depth,

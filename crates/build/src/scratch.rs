@@ -46,6 +46,9 @@ pub struct Scratch {
     /// Bytes not yet released.
     held_bytes: u64,
     held_bytes_peak: u64,
+    /// Bytes that the file being built has.
+    beside_bytes: u64,
+    disk_bytes_peak: u64,
     path: Option<PathBuf>,
     is_kept: bool,
 }
@@ -65,6 +68,8 @@ impl Scratch {
             written_bytes: 0,
             held_bytes: 0,
             held_bytes_peak: 0,
+            beside_bytes: 0,
+            disk_bytes_peak: 0,
             path: None,
             is_kept: false,
         })
@@ -115,7 +120,7 @@ impl Scratch {
             self.written_bytes += extent.bytes;
             self.held_bytes += extent.bytes;
         }
-        self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
+        self.note_peaks();
         let sought = self.file.seek(io::SeekFrom::Start(self.file_bytes));
         let length = sought.and_then(|_| self.file.get_ref().metadata());
         length
@@ -154,8 +159,19 @@ impl Scratch {
         self.file_bytes += extent.bytes;
         self.written_bytes += extent.bytes;
         self.held_bytes += extent.bytes;
-        self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
+        self.note_peaks();
         Ok(extent)
+    }
+
+    /// Told that the file that is being built now has so many bytes.
+    pub fn set_beside(&mut self, bytes: u64) {
+        self.beside_bytes = bytes;
+        self.note_peaks();
+    }
+
+    fn note_peaks(&mut self) {
+        self.held_bytes_peak = self.held_bytes_peak.max(self.held_bytes);
+        self.disk_bytes_peak = self.disk_bytes_peak.max(self.held_bytes + self.beside_bytes);
     }
 
     /// Bytes ever written.
@@ -166,6 +182,11 @@ impl Scratch {
     /// The most bytes that were held at once.
     pub fn bytes_peak(&self) -> u64 {
         self.held_bytes_peak
+    }
+
+    /// The most bytes that scratch and the file being built had at once.
+    pub fn disk_bytes_peak(&self) -> u64 {
+        self.disk_bytes_peak
     }
 
     /// Begins anew; all extents are void.
@@ -237,7 +258,9 @@ mod tests {
         let mut scratch = Scratch::new(folder.path()).unwrap();
         let a = scratch.append(&[1; 10_000]).unwrap();
         let b = scratch.append(&[2; 10_000]).unwrap();
+        scratch.set_beside(500);
         scratch.release(vec![a]);
+        scratch.set_beside(7_000);
         let map = scratch.map().unwrap();
         assert_eq!(&map[b.offset as usize..][..b.bytes as usize], &[2; 10_000]);
         assert_eq!(scratch.bytes(), 20_000);
@@ -246,6 +269,7 @@ mod tests {
         let c = scratch.append(&[3; 10]).unwrap();
         assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
         assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_010, 20_000));
+        assert_eq!(scratch.disk_bytes_peak(), 20_500);
     }
 
     #[test]

@@ -53,6 +53,7 @@ impl Store {
         for page in outgoing.pages {
             self.writer.write_page(&page)?;
         }
+        self.scratch.set_beside(self.writer.offset());
         if let Some(record) = outgoing.record {
             self.writer.flush()?;
             self.journal.tell(record)?;

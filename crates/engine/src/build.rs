@@ -85,6 +85,7 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "peak_rss_bytes": report.peak_rss_bytes,
         "scratch_bytes": report.scratch_bytes,
         "scratch_bytes_peak": report.scratch_bytes_peak,
+        "disk_bytes_peak": report.disk_bytes_peak,
         "bytes_out": report.bytes_out,
         "nodes": report.nodes,
         "depth": report.depth,
@@ -127,10 +128,11 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
         ));
     }
     lines.push(format!(
-        "memory: {} at most, {} resident, {} through scratch",
+        "memory: {} at most, {} resident; disk: {} through scratch, {} at most with the file",
         readable_bytes(report.peak_anon_bytes),
         readable_bytes(report.peak_rss_bytes),
-        readable_bytes(report.scratch_bytes)
+        readable_bytes(report.scratch_bytes),
+        readable_bytes(report.disk_bytes_peak)
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
