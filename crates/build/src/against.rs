@@ -20,7 +20,7 @@ pub struct Against {
 }
 
 /// Decodes `inputs` onto the file's lattice and compares count and multiset hash. The hash in the file's
-/// footer is trusted here: [`esker_format::verify`] compares it with the points.
+/// footer is trusted here: [`esker_format::verify()`] compares it with the points.
 ///
 /// # Errors
 /// [`BuildError::Differs`] where the points are not the same; where an input cannot be read; on request.

@@ -30,7 +30,7 @@ pub struct Look {
 }
 
 impl Look {
-    /// Of a file: what `filter` wants, coloured by `colour` ([`colouring`]).
+    /// Of a file: what `filter` wants, coloured by `colour` ([`crate::colour::colouring`]).
     ///
     /// # Errors
     /// Where the file has not what colours shall come from, or the filter makes no sense.

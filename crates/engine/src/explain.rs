@@ -108,7 +108,7 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     out
 }
 
-/// [`explain`]'s report for people.
+/// The report for people.
 pub fn text(report: &Value) -> String {
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
     let word = |value: &Value| value.as_str().unwrap_or("?").to_owned();

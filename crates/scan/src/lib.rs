@@ -1,4 +1,4 @@
-//! Scan formats to columnar batches on the lattice, and back ([`write`]). The only crate that knows LAS, LAZ, PLY and text.
+//! Scan formats to columnar batches on the lattice, and back ([`mod@write`]). The only crate that knows LAS, LAZ, PLY and text.
 //! The format is told by content, never by the name; only generated scans ([`synthetic`]) are named.
 //!
 //! | format | what is read | coordinates |

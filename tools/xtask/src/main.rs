@@ -25,7 +25,11 @@ struct Step {
 
 const STEPS: [Step; 8] = [
     Step { name: "fmt", about: "formatting", run: |_| fmt::check() },
-    Step { name: "lint", about: "clippy, warnings are errors", run: |_| lint::check() },
+    Step {
+        name: "lint",
+        about: "clippy and the links in the documentation, warnings are errors",
+        run: |_| lint::check(),
+    },
     Step { name: "deps", about: "directions of dependencies", run: |_| deps::check() },
     Step { name: "shaders", about: "validation of shaders", run: |_| shaders::check() },
     Step { name: "house", about: "house rules of files", run: |_| house::check() },

@@ -22,7 +22,7 @@ const GAP_BYTES: u64 = 64 << 10;
 const SEQUENTIAL_BYTES_MAX: u64 = 2 << 30;
 
 /// Bytes a second of reading a file from its beginning to its end, of a large one its first
-/// [`SEQUENTIAL_BYTES_MAX`].
+/// 2 GiB.
 ///
 /// # Errors
 /// Where it cannot be read, or on request.

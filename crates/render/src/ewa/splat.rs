@@ -64,7 +64,7 @@ pub struct Splat {
     pub back: f32,
     /// Linear light.
     pub tint: [f32; 3],
-    /// Its world normal, turned to the eye ([`super::place::packed`]); where the cloud has none, its radius in pixels as bits.
+    /// Its world normal, turned to the eye ([`super::place::unpacked`]); where the cloud has none, its radius in pixels as bits.
     pub normal: u32,
 }
 
