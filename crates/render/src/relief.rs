@@ -166,13 +166,12 @@ impl Surroundings<'_> {
     #[inline(always)]
     pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
         let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
-        let [above, here, below] = &mut room;
-        let here = run(self.here, first, here);
+        let [above, here, below] = runs([self.above, self.here, self.below], first, &mut room);
         let d = eight::<S, REACH>(simd, here);
         let left = eight::<S, { REACH - 1 }>(simd, here);
         let right = eight::<S, { REACH + 1 }>(simd, here);
-        let above = eight::<S, REACH>(simd, run(self.above, first, above));
-        let below = eight::<S, REACH>(simd, run(self.below, first, below));
+        let above = eight::<S, REACH>(simd, above);
+        let below = eight::<S, REACH>(simd, below);
         let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
         let v = self.centre_px[1] - self.y as f32 - 0.5;
@@ -196,10 +195,7 @@ impl Surroundings<'_> {
     pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
         let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
-        let [above, middle, below] = &mut room;
-        let above = run(self.far[0], first, above);
-        let middle = run(self.far[1], first, middle);
-        let below = run(self.far[2], first, below);
+        let [above, middle, below] = runs(self.far, first, &mut room);
         let here = eight::<S, REACH>(simd, middle);
         let per_slope = self.focal_px / (here * REACH as f32);
         let around = [
@@ -227,10 +223,7 @@ impl Surroundings<'_> {
     pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
         let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
-        let [above, middle, below] = &mut room;
-        let above = run(self.far[0], first, above);
-        let middle = run(self.far[1], first, middle);
-        let below = run(self.far[2], first, below);
+        let [above, middle, below] = runs(self.far, first, &mut room);
         let here = eight::<S, REACH>(simd, middle);
         let sides = [
             [eight::<S, REACH>(simd, above), eight::<S, REACH>(simd, below)],
@@ -262,6 +255,13 @@ fn run<'a>(row: &'a [f32], first: usize, room: &'a mut Run) -> &'a Run {
     }
     *room = at_end(row, first);
     room
+}
+
+/// The same of three rows.
+#[inline(always)]
+fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut [Run; 3]) -> [&'a Run; 3] {
+    let [a, b, c] = room;
+    [run(rows[0], first, a), run(rows[1], first, b), run(rows[2], first, c)]
 }
 
 /// The same where not all of them are in the picture.
