@@ -106,6 +106,9 @@ mod unix {
         let report = esker(place.words(&[])).json();
         let whole_ms = start_time.elapsed().as_millis() as u64;
         assert!(report["scratch_bytes"].as_u64() > Some(0), "rows fit memory: {report}");
+        let [disk, scratch, out] = ["disk_bytes_peak", "scratch_bytes_peak", "bytes_out"]
+            .map(|name| report[name].as_u64().unwrap());
+        assert!(disk >= scratch.max(out) && disk <= scratch + out, "{report}");
         let whole = place.take();
         let (mut kills, mut begun) = (0, 0);
         while kills < 20 {

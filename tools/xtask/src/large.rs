@@ -123,6 +123,7 @@ impl Case {
         let verify_seconds = start.elapsed().as_secs_f64();
         std::fs::remove_file(&out)?;
         let number = |name: &str| report[name].as_u64().unwrap_or(0);
+        let disk = report["disk_bytes_peak"].as_u64().context("no disk_bytes_peak reported")?;
         let a_point = |bytes: u64| bytes as f64 / self.points as f64;
         println!(
             "{:<28}{:>5} MiB{seconds:>9.1}{:>9.2}{:>10}{verify_seconds:>10.1}{:>9.1}{:>9.1}",
@@ -130,7 +131,7 @@ impl Case {
             self.memory_mib,
             self.points as f64 / seconds / 1e6,
             number("peak_anon_bytes") / MIB,
-            a_point(number("disk_bytes_peak")),
+            a_point(disk),
             a_point(number("bytes_out")),
         );
         ensure!(
@@ -146,7 +147,7 @@ impl Case {
             "{anon_mib} MiB of anonymous memory, of {}",
             self.memory_mib
         );
-        let bytes = a_point(number("disk_bytes_peak"));
+        let bytes = a_point(disk);
         ensure!(bytes <= BYTES_A_POINT_MAX, "{bytes:.1} bytes a point of scratch and output");
         Ok(())
     }
