@@ -124,6 +124,10 @@ pub struct Report {
     pub rounding_error_max: f64,
     /// How far colours are from those of the compact plane, where there is one.
     pub palette_misfit: Option<Misfit>,
+    /// Where the normals come from that are drawn.
+    pub normals: Normals,
+    /// Whether the file keeps the shapes of splats.
+    pub has_tangents: bool,
     /// What the user should know, a line each.
     pub notes: Vec<String>,
 }
@@ -323,6 +327,8 @@ fn build_into(
         depth,
         rounding_error_max: reports.iter().map(|r| r.rounding_error_max).fold(0.0, f64::max),
         palette_misfit,
+        normals,
+        has_tangents: options.tangents,
         notes: notes(&metadata),
     })
 }

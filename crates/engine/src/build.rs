@@ -4,9 +4,10 @@ use crate::quantity::{grouped, readable_bytes};
 use crate::{output, pool};
 use anyhow::Result;
 use esker_build::{Options, Report};
-use esker_format::EskerFile;
+use esker_format::{EskerFile, Normals};
 use esker_points::Task;
 use esker_points::palette::Misfit;
+use esker_points::{quant, tangents};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -93,6 +94,15 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "palette_misfit": report.palette_misfit.map(|m| {
             json!({ "mean": m.mean, "most": m.most, "worst": m.worst })
         }),
+        "radius_error_max": quant::RADIUS_ERROR,
+        "normal_error_degrees_max": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
+        "shape_error_max": report.has_tangents.then(|| {
+            json!({
+                "axis_degrees": tangents::AXIS_ERROR_DEGREES,
+                "apart": tangents::APART_ERROR,
+                "aspect": tangents::ASPECT_ERROR,
+            })
+        }),
         "notes": report.notes,
     })
 }
@@ -127,6 +137,7 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
              the exact ones are kept beside it"
         ));
     }
+    lines.push(codes(report));
     lines.push(format!(
         "memory: {} at most, {} resident; disk: {} through scratch, {} at most with the file",
         readable_bytes(report.peak_anon_bytes),
@@ -136,4 +147,22 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
+}
+
+/// What codes that pictures are drawn from are off by at most.
+fn codes(report: &Report) -> String {
+    let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
+    let mut line = format!("codes: radii too wide by {} at most", per_cent(quant::RADIUS_ERROR));
+    if report.normals != Normals::None {
+        line += &format!(", normals turned by {} degrees", quant::NORMAL_ERROR_DEGREES);
+    }
+    if report.has_tangents {
+        line += &format!(
+            "; shapes: axes turned by {} degrees, distances off by {}, aspects by {}",
+            tangents::AXIS_ERROR_DEGREES,
+            per_cent(tangents::APART_ERROR),
+            per_cent(tangents::ASPECT_ERROR)
+        );
+    }
+    line
 }

@@ -71,6 +71,12 @@ pub fn read_residual(plane: &[u8], index: usize, shift: u8) -> [u16; 3] {
     }
 }
 
+/// The most by which a code's radius exceeds its own, as a share; of radii from 1/256 to 245 spacings, to which codes are
+/// bounded.
+pub const RADIUS_ERROR: f64 = 0.0444;
+/// The most by which a code's normal is turned, degrees.
+pub const NORMAL_ERROR_DEGREES: f64 = 0.004;
+
 /// The radius code of a radius: sixteenths of a power of two about the node's spacing, rounded up (a
 /// covering radius must not shrink).
 pub fn radius_code(radius: f64, spacing: f64) -> u8 {
@@ -154,17 +160,18 @@ mod tests {
         #[test]
         fn radii_never_shrink_and_grow_by_at_most_a_sixteenth_of_an_octave(radius in 1e-3f64..100.0) {
             let back = f64::from(radius_factor(radius_code(radius, 1.0)));
-            prop_assert!(back >= radius * 0.99999 && back <= radius * 1.0444 || radius < 0.0039);
+            prop_assert!(back >= radius * 0.99999 && back <= radius * (1.0 + RADIUS_ERROR) || radius < 0.0039);
         }
 
         #[test]
-        fn normals_turn_by_less_than_a_hundredth_of_a_degree(v in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0]) {
+        fn normals_turn_by_no_more_than_is_said(v in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0]) {
             let norm = v.iter().map(|c| c * c).sum::<f32>().sqrt();
             prop_assume!(norm > 1e-3);
             let n = v.map(|c| c / norm);
             let back = oct_decode(oct_encode(n));
             let cross = [n[1] * back[2] - n[2] * back[1], n[2] * back[0] - n[0] * back[2], n[0] * back[1] - n[1] * back[0]];
-            prop_assert!(cross.iter().map(|c| c * c).sum::<f32>().sqrt() < 1.7e-4);
+            let sine = f64::from(cross.iter().map(|c| c * c).sum::<f32>().sqrt());
+            prop_assert!(sine <= NORMAL_ERROR_DEGREES.to_radians(), "{}", sine.to_degrees());
         }
     }
 }
