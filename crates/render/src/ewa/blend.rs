@@ -8,14 +8,13 @@ use super::place::unpacked;
 use super::planes::Planes;
 use super::splat::Splat;
 use super::sums::{
-    INVERSE_DEPTH, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace, sum,
+    INVERSE_DEPTH, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
 };
 use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
 use crate::surface::Surface;
 use crate::values::{EIGHT, Values, dot, only};
-use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8};
-use glam::Vec4;
+use fearless_simd::{Level, Simd, SimdBase, SimdMask, dispatch, f32x8};
 use rayon::prelude::*;
 
 /// Square of the length under which a sum of normals has no direction.
@@ -78,10 +77,10 @@ impl Blend<'_> {
                 let mut covered = 0;
                 for column in 0..columns {
                     let window = Window::new([column * TILE, row * TILE], [width, height]);
-                    self.tile::<NORMALS>(row * columns + column, &window, &mut sums);
                     let into =
                         Picture { planes: &mut *planes, row_len, count, depth: &mut *depth, width };
                     covered += dispatch!(Level::new(), simd => {
+                        self.tile::<_, NORMALS>(simd, row * columns + column, &window, &mut sums);
                         self.normalise::<_, NORMALS>(simd, &sums, &window, into)
                     });
                 }
@@ -90,15 +89,21 @@ impl Blend<'_> {
             .sum()
     }
 
-    #[inline(never)]
-    fn tile<const NORMALS: bool>(&self, tile: usize, window: &Window, sums: &mut Sums) {
+    #[inline(always)]
+    fn tile<S: Simd, const NORMALS: bool>(
+        &self,
+        simd: S,
+        tile: usize,
+        window: &Window,
+        sums: &mut Sums,
+    ) {
         sums.clear();
         match self.passes {
             Passes::Three => {
-                self.visibility(tile, window, sums);
-                self.attributes::<true, NORMALS>(tile, window, sums);
+                self.visibility(simd, tile, window, sums);
+                self.attributes::<_, true, NORMALS>(simd, tile, window, sums);
             }
-            Passes::One => self.attributes::<false, NORMALS>(tile, window, sums),
+            Passes::One => self.attributes::<_, false, NORMALS>(simd, tile, window, sums),
         }
     }
 
@@ -106,80 +111,128 @@ impl Blend<'_> {
     #[inline(always)]
     fn for_each(&self, tile: usize, mut work: impl FnMut(&Run, &Splat, &Entry)) {
         for run in self.runs {
-            run.of_tile(tile).for_each(|(splat, entry)| work(run, splat, entry));
+            // Not by another closure, which would be compiled for any processor.
+            for (splat, entry) in run.of_tile(tile) {
+                work(run, splat, entry);
+            }
         }
     }
 
     /// Pass 1.
-    #[inline(never)]
-    fn visibility(&self, tile: usize, window: &Window, sums: &mut Sums) {
-        let rows = sums.rows();
+    #[inline(always)]
+    fn visibility<S: Simd>(&self, simd: S, tile: usize, window: &Window, sums: &mut Sums) {
+        let pairs = sums.pairs();
         let Camera { centre_px, near, .. } = *self.camera;
-        self.for_each(tile, |run, splat, entry| {
-            // Nothing of a disc is nearer than this.
-            let nearest = Vec4::splat(splat.form[5]);
-            let back = splat.back;
-            let is_by_rays = splat.is_by_rays();
-            if entry.is_small {
-                return for_each_small(splat, entry, window, |p| {
-                    let moved = p.inverse_depth.min(nearest) - back;
-                    advance(&mut rows[p.y], p.x, p.inside, moved);
-                });
-            }
-            for_each(splat, entry, run.lines(entry), window, centre_px, near, |p| {
-                let moved = if is_by_rays {
-                    p.inverse_depth / (p.inverse_depth * -back + 1.0)
-                } else {
-                    p.inverse_depth.min(nearest) - back
-                };
-                advance(&mut rows[p.y], p.x, p.inside, moved);
-            });
-        });
+        self.for_each(
+            tile,
+            #[inline(always)]
+            |run, splat, entry| {
+                if entry.is_small {
+                    return for_each_small(
+                        simd,
+                        splat,
+                        entry,
+                        window,
+                        #[inline(always)]
+                        |p| advance(&mut pairs[p.pair], p.x, p.inside, moved_back(splat, &p)),
+                    );
+                }
+                let is_by_rays = splat.is_by_rays();
+                // A function of its own, so that the short way is short.
+                simd.vectorize(
+                    #[inline(always)]
+                    || {
+                        for_each(
+                            simd,
+                            (splat, entry, run.lines(entry)),
+                            window,
+                            (centre_px, near),
+                            #[inline(always)]
+                            |p| {
+                                let moved = if is_by_rays {
+                                    p.inverse_depth / (p.inverse_depth * -splat.back + 1.0)
+                                } else {
+                                    moved_back(splat, &p)
+                                };
+                                advance(&mut pairs[p.pair], p.x, p.inside, moved);
+                            },
+                        );
+                    },
+                );
+            },
+        );
     }
 
     /// Pass 2; or the only one, where a splat in front takes the pixel.
-    #[inline(never)]
-    fn attributes<const BLENDS: bool, const NORMALS: bool>(
+    #[inline(always)]
+    fn attributes<S: Simd, const BLENDS: bool, const NORMALS: bool>(
         &self,
+        simd: S,
         tile: usize,
         window: &Window,
         sums: &mut Sums,
     ) {
-        let rows = sums.rows();
+        let pairs = sums.pairs();
         let Camera { centre_px, near, .. } = *self.camera;
-        self.for_each(tile, |run, splat, entry| {
-            let shape = if NORMALS {
-                unpacked(splat.normal).to_array()
-            } else {
-                [f32::from_bits(splat.normal), 0.0, 0.0]
-            };
-            let share = Share::new(splat.tint, shape);
-            let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
-            let work = |p: Pixels| {
-                let row = &mut rows[p.y];
-                let front = front(row, p.x);
-                let seen = p.inside
-                    & if BLENDS {
-                        p.inverse_depth.cmpge(front)
-                    } else {
-                        p.inverse_depth.cmpgt(front)
-                    };
-                if !seen.any() {
-                    return;
-                }
-                if BLENDS {
-                    let weight = only(seen, self.falloff.of(p.squared)) * amplitude;
-                    add::<NORMALS>(row, p.x, weight, &share, p.inverse_depth);
+        self.for_each(
+            tile,
+            #[inline(always)]
+            |run, splat, entry| {
+                let shape = if NORMALS {
+                    unpacked(splat.normal).to_array()
                 } else {
-                    replace(row, p.x, seen, &share, p.inverse_depth);
+                    [f32::from_bits(splat.normal), 0.0, 0.0]
+                };
+                let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
+                let share = Share { tint: splat.tint, shape, amplitude };
+                if entry.is_small {
+                    return for_each_small(
+                        simd,
+                        splat,
+                        entry,
+                        window,
+                        #[inline(always)]
+                        |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
+                    );
                 }
-            };
-            if entry.is_small {
-                for_each_small(splat, entry, window, work);
-            } else {
-                for_each(splat, entry, run.lines(entry), window, centre_px, near, work);
-            }
-        });
+                simd.vectorize(
+                    #[inline(always)]
+                    || {
+                        for_each(
+                            simd,
+                            (splat, entry, run.lines(entry)),
+                            window,
+                            (centre_px, near),
+                            #[inline(always)]
+                            |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
+                        );
+                    },
+                );
+            },
+        );
+    }
+
+    /// Gives pixels what a splat adds to those that see it.
+    #[inline(always)]
+    fn share<S: Simd, const BLENDS: bool, const NORMALS: bool>(
+        &self,
+        rows: &mut Rows,
+        p: &Pixels<S>,
+        share: &Share,
+    ) {
+        let front = front(p.squared.witness(), rows, p.x);
+        let is_near =
+            if BLENDS { front.cmple(p.inverse_depth) } else { front.cmplt(p.inverse_depth) };
+        let seen = p.inside & is_near;
+        if !seen.any_true() {
+            return;
+        }
+        if BLENDS {
+            let weight = only(seen, self.falloff.of(p.squared)) * share.amplitude;
+            add::<_, NORMALS>(rows, p.x, weight, share, p.inverse_depth);
+        } else {
+            replace(rows, p.x, seen, share, p.inverse_depth);
+        }
     }
 
     /// Pass 3. Returns the number of pixels covered.
@@ -199,18 +252,18 @@ impl Blend<'_> {
             let first = y * into.row_len + window.left / EIGHT * into.count;
             let depths = &mut into.depth[y * into.width + window.left..][..window.width];
             for x in (0..window.width).step_by(EIGHT) {
-                let weight = sum(simd, row, WEIGHT, x);
+                let weight = row.sum(simd, WEIGHT, x);
                 let is_any = zero.cmplt(weight);
                 let share = only(is_any, one / weight);
                 let at = first + x / EIGHT * into.count;
                 let planes = &mut into.planes[at..at + if NORMALS { 6 } else { 4 }];
-                planes[0] = *(sum(simd, row, TINT, x) * share);
-                planes[1] = *(sum(simd, row, TINT + 1, x) * share);
-                planes[2] = *(sum(simd, row, TINT + 2, x) * share);
-                let nx = sum(simd, row, SHAPE, x) * share;
+                planes[0] = *(row.sum(simd, TINT, x) * share);
+                planes[1] = *(row.sum(simd, TINT + 1, x) * share);
+                planes[2] = *(row.sum(simd, TINT + 2, x) * share);
+                let nx = row.sum(simd, SHAPE, x) * share;
                 if NORMALS {
-                    let ny = sum(simd, row, SHAPE + 1, x) * share;
-                    let nz = sum(simd, row, SHAPE + 2, x) * share;
+                    let ny = row.sum(simd, SHAPE + 1, x) * share;
+                    let nz = row.sum(simd, SHAPE + 2, x) * share;
                     let mut n = [
                         nx * right.x + ny * right.y + nz * right.z,
                         nx * up.x + ny * up.y + nz * up.z,
@@ -230,7 +283,7 @@ impl Blend<'_> {
                 } else {
                     planes[3] = *nx;
                 }
-                let depth = one / (sum(simd, row, INVERSE_DEPTH, x) * share);
+                let depth = one / (row.sum(simd, INVERSE_DEPTH, x) * share);
                 let depth = f32x8::select(is_any, depth, simd.splat_f32x8(f32::INFINITY));
                 match depths[x..].first_chunk_mut::<EIGHT>() {
                     Some(own) if is_any.all_true() => {
@@ -260,4 +313,11 @@ impl Blend<'_> {
         let length = (x * x + y * y + z * z).sqrt();
         [x / length, y / length, z / length]
     }
+}
+
+/// The inverse depth of an ellipse's pixels, moved back; nothing of a disc is nearer than its nearest.
+#[inline(always)]
+fn moved_back<S: Simd>(splat: &Splat, p: &Pixels<S>) -> f32x8<S> {
+    let nearest = p.inverse_depth.like(splat.form[5]);
+    Values::min(p.inverse_depth, nearest) - splat.back
 }

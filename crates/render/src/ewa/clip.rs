@@ -5,9 +5,9 @@
 //! their sign from one splat of a pair to the other: what the one leaves the other takes, to the pixel.
 
 use crate::camera::Camera;
-use crate::lanes::{Lane, Mask};
+use crate::values::Values;
 use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use super::splat::Box4;
 
@@ -137,11 +137,11 @@ impl Lines {
         }
     }
 
-    /// Those of four pixels that are kept; `x` and `y` are their middles from the picture's.
+    /// Those of some pixels that are kept; `x` and `y` are their middles from the picture's.
     #[inline(always)]
-    pub fn keep(&self, x: Lane, y: f32) -> Mask {
-        let [a, b] =
-            [self.first, self.second].map(|[lx, ly, l]| (x * lx + (l + ly * y)).cmpge(Vec4::ZERO));
+    pub fn keep<V: Values>(&self, x: V, y: V) -> V::Mask {
+        let is_kept = |[lx, ly, l]: [f32; 3]| x.like(0.0).cmple(x * lx + (y * ly + l));
+        let (a, b) = (is_kept(self.first), is_kept(self.second));
         if self.kept == BOTH {
             a & b
         } else if self.kept == EITHER {

@@ -1,11 +1,13 @@
-//! The pixels of a tile that a splat covers, four of a row at a time: where they are in the splat, and how deep its plane
-//! is there. Most splats are no wider than four pixels and take a short way without any branch but that for their rows.
+//! The pixels of a tile that a splat covers, four columns of two rows at a time: where they are in the splat, and how deep
+//! its plane is there. Most splats are no wider than four pixels and take a short way without any branch but that for their
+//! rows.
 
 use super::clip::Lines;
 use super::splat::{Splat, WIDENED};
 use super::tiles::{Entry, LANES, TILE};
-use crate::lanes::{Lane, Mask, counting};
-use glam::Vec4;
+use crate::values::{EIGHT, Values};
+use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, mask32x8};
+use std::ops::Range;
 
 /// Pixels of a tile's row in its buffers: what is worked on together may end past the tile.
 pub const STRIDE: usize = TILE + LANES;
@@ -38,113 +40,153 @@ impl Window {
     }
 }
 
-/// Neighbouring pixels of a row under a splat.
-#[derive(Clone, Copy, Debug)]
-pub struct Pixels {
-    /// Row, from the tile's first.
-    pub y: usize,
+/// Neighbouring pixels of two rows under a splat, columns one after another.
+#[derive(Clone, Copy)]
+pub struct Pixels<S: Simd> {
+    /// Pair of rows, from the tile's first.
+    pub pair: usize,
     /// Column of the first, from the tile's first.
     pub x: usize,
     /// Which of them are inside.
-    pub inside: Mask,
+    pub inside: mask32x8<S>,
     /// Square of the place in the splat, less than 1 inside.
-    pub squared: Lane,
+    pub squared: f32x8<S>,
     /// Positive, finite.
-    pub inverse_depth: Lane,
+    pub inverse_depth: f32x8<S>,
 }
 
-/// An ellipse over the columns that are worked on together: what it takes to go from a row to the next by additions.
-struct Ellipse {
-    /// Across it, along it, and the inverse depth on its plane, in a row; and their growth a row.
-    here: [Lane; 3],
-    growth: [Lane; 3],
-    /// Between these its plane is followed.
-    far: Lane,
-    near: Lane,
-}
-
-impl Ellipse {
-    /// At the columns from `x` on in row `y` of a tile.
+impl<S: Simd> Pixels<S> {
+    /// Those of them that lines keep.
     #[inline(always)]
-    fn new(splat: &Splat, window: &Window, [x, y]: [u8; 2]) -> Self {
+    fn kept(mut self, lines: Option<&Lines>, window: &Window, [cx, cy]: [f32; 2]) -> Self {
+        if let Some(lines) = lines {
+            let simd = self.squared.witness();
+            let (x, y) = (window.left + self.x, window.top + 2 * self.pair);
+            // The same for all splats on a pixel.
+            let x = simd.load_array_f32x8(COLUMNS) + (x as f32 + 0.5 - cx);
+            let y = simd.load_array_f32x8(ROWS) + (y as f32 + 0.5 - cy);
+            self.inside &= lines.keep(x, y);
+        }
+        self
+    }
+}
+
+/// Columns and rows of pixels that are worked on together.
+const COLUMNS: [f32; EIGHT] = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0];
+const ROWS: [f32; EIGHT] = [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0];
+
+/// Pairs of rows that an entry touches.
+#[inline(always)]
+fn pairs(entry: &Entry) -> Range<u8> {
+    entry.top / 2..entry.bottom.div_ceil(2)
+}
+
+/// An ellipse over the columns that are worked on together: what it takes to go from two rows to the next by additions.
+struct Ellipse<S: Simd> {
+    /// Across it, along it, and the inverse depth on its plane, in two rows; and their growth to the next.
+    here: [f32x8<S>; 3],
+    growth: [f32; 3],
+    /// Between these its plane is followed.
+    far: f32,
+    near: f32,
+}
+
+impl<S: Simd> Ellipse<S> {
+    /// At the columns from `x` on in a pair of rows of a tile.
+    #[inline(always)]
+    fn new(simd: S, splat: &Splat, window: &Window, x: u8, pair: u8) -> Self {
         let [across, shear, along, _, least, greatest] = splat.form;
         let [z, z_x, z_y] = splat.inverse_depth;
-        let dx = counting(window.from[0] + f32::from(x) - splat.origin[0], 1.0);
-        let dy = window.from[1] + f32::from(y) - splat.origin[1];
-        let of = Vec4::splat;
+        let (columns, rows) = (simd.load_array_f32x8(COLUMNS), simd.load_array_f32x8(ROWS));
+        let dx = columns + (window.from[0] + f32::from(x) - splat.origin[0]);
+        let dy = rows + (window.from[1] + f32::from(2 * pair) - splat.origin[1]);
         Self {
-            here: [dx * across - shear * dy, of(along * dy), dx * z_x + (z + z_y * dy)],
-            growth: [of(-shear), of(along), of(z_y)],
-            far: of(least * WIDENED),
-            near: of(greatest * (1.0 / WIDENED)),
+            here: [dx * across - dy * shear, dy * along, dx * z_x + (dy * z_y + z)],
+            growth: [-2.0 * shear, 2.0 * along, 2.0 * z_y],
+            far: least * WIDENED,
+            near: greatest * (1.0 / WIDENED),
         }
     }
 
     /// Square of the place in the splat, and inverse depth on its plane.
     #[inline(always)]
-    fn row(&self) -> [Lane; 2] {
+    fn rows(&self) -> [f32x8<S>; 2] {
         let [u, v, plane] = self.here;
         [u * u + v * v, plane]
     }
 
     #[inline(always)]
     fn step(&mut self) {
-        (0..3).for_each(|i| self.here[i] += self.growth[i]);
+        let [u, v, plane] = self.here;
+        self.here = [u + self.growth[0], v + self.growth[1], plane + self.growth[2]];
     }
 
     #[inline(always)]
-    fn within(&self, plane: Lane) -> Lane {
-        plane.max(self.far).min(self.near)
+    fn within(&self, plane: f32x8<S>) -> f32x8<S> {
+        Values::min(Values::max(plane, plane.like(self.far)), plane.like(self.near))
     }
 }
 
 /// Gives the pixels of a tile under an entry of its that is small.
 #[inline(always)]
-pub fn for_each_small(splat: &Splat, entry: &Entry, window: &Window, mut work: impl FnMut(Pixels)) {
-    let mut ellipse = Ellipse::new(splat, window, [entry.left, entry.top]);
+pub fn for_each_small<S: Simd>(
+    simd: S,
+    splat: &Splat,
+    entry: &Entry,
+    window: &Window,
+    mut work: impl FnMut(Pixels<S>),
+) {
+    let pairs = pairs(entry);
+    let mut ellipse = Ellipse::new(simd, splat, window, entry.left, pairs.start);
     let x = usize::from(entry.left);
-    for y in usize::from(entry.top)..usize::from(entry.bottom) {
-        let [squared, plane] = ellipse.row();
+    for pair in pairs {
+        let [squared, plane] = ellipse.rows();
         let inverse_depth = ellipse.within(plane);
-        work(Pixels { y, x, inside: squared.cmplt(Vec4::ONE), squared, inverse_depth });
+        let inside = squared.cmplt(squared.like(1.0));
+        work(Pixels { pair: usize::from(pair), x, inside, squared, inverse_depth });
         ellipse.step();
     }
 }
 
 /// Gives the pixels of a tile under any entry of its, as far as its lines keep them; of the camera the picture's middle
 /// and the near plane.
-#[inline(never)]
-pub fn for_each(
-    splat: &Splat,
-    entry: &Entry,
-    lines: Option<&Lines>,
+#[inline(always)]
+pub fn for_each<S: Simd>(
+    simd: S,
+    (splat, entry, lines): (&Splat, &Entry, Option<&Lines>),
     window: &Window,
-    [cx, cy]: [f32; 2],
-    near: f32,
-    mut work: impl FnMut(Pixels),
+    (middle, near): ([f32; 2], f32),
+    mut work: impl FnMut(Pixels<S>),
 ) {
-    let keep = |mut pixels: Pixels| {
-        if let Some(lines) = lines {
-            let (x, y) = (window.left + pixels.x, window.top + pixels.y);
-            // The same for all splats on a pixel.
-            let x = counting(0.0, 1.0) + (x as f32 + 0.5 - cx);
-            pixels.inside &= lines.keep(x, y as f32 + 0.5 - cy);
-        }
-        work(pixels);
-    };
     if splat.is_by_rays() {
-        for_each_by_rays(splat, entry, window, near, keep);
+        for_each_by_rays(
+            simd,
+            splat,
+            entry,
+            window,
+            near,
+            #[inline(always)]
+            |pixels| work(pixels.kept(lines, window, middle)),
+        );
     } else {
-        for_each_of_ellipse(splat, entry, window, keep);
+        for_each_of_ellipse(
+            simd,
+            splat,
+            entry,
+            window,
+            #[inline(always)]
+            |pixels| work(pixels.kept(lines, window, middle)),
+        );
     }
 }
 
 #[inline(always)]
-fn for_each_of_ellipse(
+fn for_each_of_ellipse<S: Simd>(
+    simd: S,
     splat: &Splat,
     entry: &Entry,
     window: &Window,
-    mut work: impl FnMut(Pixels),
+    mut work: impl FnMut(Pixels<S>),
 ) {
     let [across, shear, along, amplitude, least, greatest] = splat.form;
     // The exact Gaussian of an ellipse: section 4.4's conic is that of the plane times the square of the inverse
@@ -153,64 +195,71 @@ fn for_each_of_ellipse(
     let half_width = 1.0 / across;
     let from = splat.origin[0] - window.from[0] + 0.5;
     let (left, right) = (f32::from(entry.left), f32::from(entry.right));
-    for y in entry.top..entry.bottom {
-        let dy = window.from[1] + f32::from(y) - splat.origin[1];
-        let v = along * dy;
-        // Where the row crosses the ellipse, and a pixel more.
-        let half = (1.0 - v * v).max(0.0).sqrt() * half_width + 1.0;
-        let middle = from + shear * half_width * dy;
+    for pair in pairs(entry) {
+        // Where the two rows cross the ellipse, and a pixel more.
+        let [upper, lower] = [0.0, 1.0].map(|row| {
+            let dy = window.from[1] + f32::from(2 * pair) + row - splat.origin[1];
+            let v = along * dy;
+            let half = (1.0 - v * v).max(0.0).sqrt() * half_width + 1.0;
+            let middle = from + shear * half_width * dy;
+            [middle - half, middle + half]
+        });
         // `as` rounds down, saturates, and takes what is not a number for 0.
         let past = |place: f32| (place + 0.5).clamp(left, right) as u8;
-        for x in (past(middle - half)..past(middle + half)).step_by(LANES) {
-            let ellipse = Ellipse::new(splat, window, [x, y]);
-            let [mut squared, plane] = ellipse.row();
-            let inside = squared.cmplt(Vec4::ONE);
-            if !inside.any() {
+        let columns = past(upper[0].min(lower[0]))..past(upper[1].max(lower[1]));
+        for x in columns.step_by(LANES) {
+            let ellipse = Ellipse::new(simd, splat, window, x, pair);
+            let [mut squared, plane] = ellipse.rows();
+            let one = squared.like(1.0);
+            let inside = squared.cmplt(one);
+            if !inside.any_true() {
                 continue;
             }
             if mend > 0.0 {
-                let z = plane.max(Vec4::splat(least)).min(Vec4::splat(greatest));
-                let lacking = (Vec4::ONE - squared) * mend / (z * z);
-                squared = (Vec4::ONE - lacking).max(Vec4::ZERO);
+                let z = Values::min(Values::max(plane, one * least), one * greatest);
+                let lacking = (one - squared) * mend / (z * z);
+                squared = Values::max(one - lacking, one.like(0.0));
             }
             let inverse_depth = ellipse.within(plane);
-            let (x, y) = (usize::from(x), usize::from(y));
-            work(Pixels { y, x, inside, squared, inverse_depth });
+            let (x, pair) = (usize::from(x), usize::from(pair));
+            work(Pixels { pair, x, inside, squared, inverse_depth });
         }
     }
 }
 
 /// The same where each pixel's ray meets the plane.
 #[inline(always)]
-fn for_each_by_rays(
+fn for_each_by_rays<S: Simd>(
+    simd: S,
     splat: &Splat,
     entry: &Entry,
     window: &Window,
     near: f32,
-    mut work: impl FnMut(Pixels),
+    mut work: impl FnMut(Pixels<S>),
 ) {
     let [ux, uy, u0, vx, vy, v0] = splat.form;
     let [z, z_x, z_y] = splat.inverse_depth;
-    let greatest = Vec4::splat(1.0 / near);
+    let greatest = simd.splat_f32x8(1.0 / near);
+    let (zero, one) = (greatest.like(0.0), greatest.like(1.0));
     let from = [window.from[0] - splat.origin[0], window.from[1] - splat.origin[1]];
-    for y in usize::from(entry.top)..usize::from(entry.bottom) {
-        let dy = from[1] + y as f32;
-        for x in (usize::from(entry.left)..usize::from(entry.right)).step_by(LANES) {
-            let dx = counting(from[0] + x as f32, 1.0);
-            let inverse_depth = dx * z_x + (z + z_y * dy);
-            let u = (dx * ux + (u0 + uy * dy)) / inverse_depth;
-            let v = (dx * vx + (v0 + vy * dy)) / inverse_depth;
+    for pair in pairs(entry) {
+        let dy = simd.load_array_f32x8(ROWS) + (from[1] + f32::from(2 * pair));
+        for x in (entry.left..entry.right).step_by(LANES) {
+            let dx = simd.load_array_f32x8(COLUMNS) + (from[0] + f32::from(x));
+            let inverse_depth = dx * z_x + (dy * z_y + z);
+            let u = (dx * ux + (dy * uy + u0)) / inverse_depth;
+            let v = (dx * vx + (dy * vy + v0)) / inverse_depth;
             let squared = u * u + v * v;
             // What is not a number is outside.
-            let inside = inverse_depth.cmpgt(Vec4::ZERO)
-                & inverse_depth.cmple(greatest)
-                & squared.cmplt(Vec4::ONE);
-            if !inside.any() {
+            let inside =
+                zero.cmplt(inverse_depth) & inverse_depth.cmple(greatest) & squared.cmplt(one);
+            if !inside.any_true() {
                 continue;
             }
-            let squared = Vec4::select(inside, squared, Vec4::ONE);
-            let inverse_depth = Vec4::select(inside, inverse_depth, greatest);
-            work(Pixels { y, x, inside, squared, inverse_depth });
+            let squared = <f32x8<S> as Values>::select(inside, squared, one);
+            let inverse_depth = <f32x8<S> as Values>::select(inside, inverse_depth, greatest);
+            let (x, pair) = (usize::from(x), usize::from(pair));
+            work(Pixels { pair, x, inside, squared, inverse_depth });
         }
     }
 }
@@ -220,6 +269,7 @@ mod tests {
     use super::super::splat::{Disc, Lens, Placed};
     use super::super::tiles::{Run, Tiles};
     use super::*;
+    use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
     use proptest::prelude::*;
 
@@ -246,18 +296,25 @@ mod tests {
                 let [left, top] = [tile % tiles.columns * TILE, tile / tiles.columns * TILE];
                 let window = Window::new([left, top], SIZE);
                 for (splat, entry) in run.of_tile(tile) {
-                    let work = |p: Pixels| {
-                        for k in (0..LANES).filter(|&k| p.inside.test(k) && p.x + k < window.width) {
-                            let pixel = (top + p.y) * SIZE[0] + left + p.x + k;
-                            assert!(found[pixel].is_none(), "once");
-                            found[pixel] = Some([p.squared[k], p.inverse_depth[k]]);
+                    dispatch!(Level::new(), simd => {
+                        let work = |p: Pixels<_>| {
+                            let inside = <[i32; EIGHT]>::from(p.inside);
+                            for k in (0..EIGHT).filter(|&k| inside[k] != 0) {
+                                let (x, y) = (p.x + k / 2, 2 * p.pair + k % 2);
+                                if x >= window.width || y >= window.height {
+                                    continue;
+                                }
+                                let pixel = (top + y) * SIZE[0] + left + x;
+                                assert!(found[pixel].is_none(), "once");
+                                found[pixel] = Some([p.squared[k], p.inverse_depth[k]]);
+                            }
+                        };
+                        if entry.is_small {
+                            for_each_small(simd, splat, entry, &window, work);
+                        } else {
+                            for_each(simd, (splat, entry, None), &window, ([0.0; 2], NEAR), work);
                         }
-                    };
-                    if entry.is_small {
-                        for_each_small(splat, entry, &window, work);
-                    } else {
-                        for_each(splat, entry, None, &window, [0.0; 2], NEAR, work);
-                    }
+                    });
                 }
             }
             let greatest = splat.inverse_depth[0].abs().max(1.0 / disc.centre.z);

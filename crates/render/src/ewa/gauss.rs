@@ -1,6 +1,6 @@
 //! The Gaussian's weights inside its cutoff.
 
-use glam::Vec4;
+use crate::values::Values;
 
 /// Least and greatest cutoff, standard deviations from the middle to where kernels end (zwicker2004, section
 /// 4.4 and figure 5).
@@ -29,7 +29,7 @@ impl Falloff {
 
     /// The weights at these squares of the place in the kernel.
     #[inline(always)]
-    pub fn of(&self, squared: Vec4) -> Vec4 {
+    pub fn of<V: Values>(&self, squared: V) -> V {
         let [a, b, c, d, e] = self.0;
         let s = squared;
         let root = s * (s * (s * (s * e + d) + c) + b) + a;
@@ -40,6 +40,7 @@ impl Falloff {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec4;
 
     #[test]
     fn weights_are_the_exponential_within_the_greatest_cutoff() {

@@ -1,14 +1,12 @@
 //! What a tile holds while its splats are drawn: the front, and sums over what is not behind it, plane after plane in each
-//! row, so that four neighbouring pixels are one addition a plane.
+//! pair of rows. A pixel lies beside the one under it, so that four neighbours of two rows are one addition a plane.
 
 use super::cover::STRIDE;
-use super::tiles::{LANES, TILE};
-use crate::lanes::{Lane, Mask, only};
-use crate::values::EIGHT;
-use fearless_simd::{Simd, f32x8};
-use glam::Vec4;
+use super::tiles::TILE;
+use crate::values::{EIGHT, Values, only};
+use fearless_simd::{Simd, SimdBase, f32x8, mask32x8};
 
-/// Planes of a row: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.
+/// Planes of rows: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.
 const PLANES: usize = 9;
 const FRONT: usize = 0;
 /// Red, green, blue.
@@ -20,120 +18,147 @@ pub const SHAPE: usize = 5;
 /// Inverse depth.
 pub const INVERSE_DEPTH: usize = 8;
 
-/// A row of a tile.
-pub type Row = [[f32; STRIDE]; PLANES];
+/// Rows that lie together.
+pub const PAIR: usize = 2;
+/// Two rows of a tile: of a plane the first column's pixels, the second's, and so on.
+pub type Rows = [[f32; PAIR * STRIDE]; PLANES];
+/// Nothing in them.
+const EMPTY: Rows = [[0.0; PAIR * STRIDE]; PLANES];
 
 /// A tile's sums.
-pub struct Sums(Box<[Row; TILE]>);
+pub struct Sums(Box<[Rows; TILE / PAIR]>);
 
 /// What a splat adds: colour, and normal or radius.
 #[derive(Clone, Copy, Debug)]
 pub struct Share {
     /// Linear light.
-    tint: [Lane; 3],
+    pub tint: [f32; 3],
     /// Normal, or the radius and zeros.
-    shape: [Lane; 3],
-}
-
-impl Share {
-    /// Of a splat.
-    #[inline(always)]
-    pub fn new(tint: [f32; 3], shape: [f32; 3]) -> Self {
-        Self { tint: tint.map(Vec4::splat), shape: shape.map(Vec4::splat) }
-    }
+    pub shape: [f32; 3],
+    /// Its weight in the middle.
+    pub amplitude: f32,
 }
 
 impl Default for Sums {
     fn default() -> Self {
-        Self(Box::new([[[0.0; STRIDE]; PLANES]; TILE]))
+        Self(Box::new([EMPTY; TILE / PAIR]))
     }
 }
 
 impl Sums {
     /// Empties the tile.
     pub fn clear(&mut self) {
-        self.0.fill([[0.0; STRIDE]; PLANES]);
+        self.0.fill(EMPTY);
     }
 
     /// One of its rows.
     #[inline(always)]
-    pub fn row(&self, y: usize) -> &Row {
-        &self.0[y]
+    pub fn row(&self, y: usize) -> Row<'_> {
+        Row { rows: &self.0[y / PAIR], is_second: y % PAIR == 1 }
     }
 
-    /// Its rows.
+    /// Its pairs of rows.
     #[inline(always)]
-    pub fn rows(&mut self) -> &mut [Row; TILE] {
+    pub fn pairs(&mut self) -> &mut [Rows; TILE / PAIR] {
         &mut self.0
     }
 }
 
+/// Four columns of a plane of two rows, from `x` on.
 #[inline(always)]
-fn at(row: &Row, plane: usize, x: usize) -> Lane {
-    Vec4::from_slice(&row[plane][x..x + LANES])
+fn at(rows: &mut Rows, plane: usize, x: usize) -> &mut [f32; EIGHT] {
+    // A remainder that is none, so that nothing is left to check.
+    let columns = rows[plane][PAIR * (x % TILE)..].first_chunk_mut();
+    columns.unwrap_or_else(|| unreachable!("tiles have columns to spare"))
 }
 
+/// The front's inverse depth at pixels from column `x` on, moved back; 0 where nothing is.
 #[inline(always)]
-fn put(row: &mut Row, plane: usize, x: usize, value: Lane) {
-    value.write_to_slice(&mut row[plane][x..x + LANES]);
-}
-
-/// The front's inverse depth at pixels from `x` on, moved back; 0 where nothing is.
-#[inline(always)]
-pub fn front(row: &Row, x: usize) -> Lane {
-    at(row, FRONT, x)
+pub fn front<S: Simd>(simd: S, rows: &mut Rows, x: usize) -> f32x8<S> {
+    simd.load_array_ref_f32x8(at(rows, FRONT, x))
 }
 
 /// Moves the front of some pixels to where it is nearer.
 #[inline(always)]
-pub fn advance(row: &mut Row, x: usize, inside: Mask, inverse_depth: Lane) {
-    let nearest = front(row, x).max(only(inside, inverse_depth));
-    put(row, FRONT, x, nearest);
+pub fn advance<S: Simd>(rows: &mut Rows, x: usize, inside: mask32x8<S>, inverse_depth: f32x8<S>) {
+    let own = at(rows, FRONT, x);
+    let front = inverse_depth.witness().load_array_ref_f32x8(own);
+    *own = *Values::max(front, only(inside, inverse_depth));
 }
 
 /// Adds to the sums.
 #[inline(always)]
-pub fn add<const NORMALS: bool>(
-    row: &mut Row,
+pub fn add<S: Simd, const NORMALS: bool>(
+    rows: &mut Rows,
     x: usize,
-    weight: Lane,
+    weight: f32x8<S>,
     share: &Share,
-    inverse_depth: Lane,
+    inverse_depth: f32x8<S>,
 ) {
     let [r, g, b] = share.tint;
     let [nx, ny, nz] = share.shape;
-    let mut add = |plane: usize, value: Lane| {
-        let sum = at(row, plane, x) + value;
-        put(row, plane, x, sum);
-    };
-    add(1, weight * r);
-    add(2, weight * g);
-    add(3, weight * b);
-    add(WEIGHT, weight);
-    add(5, weight * nx);
+    add_to(rows, TINT, x, weight * r);
+    add_to(rows, TINT + 1, x, weight * g);
+    add_to(rows, TINT + 2, x, weight * b);
+    add_to(rows, WEIGHT, x, weight);
+    add_to(rows, SHAPE, x, weight * nx);
     if NORMALS {
-        add(6, weight * ny);
-        add(7, weight * nz);
+        add_to(rows, SHAPE + 1, x, weight * ny);
+        add_to(rows, SHAPE + 2, x, weight * nz);
     }
-    add(INVERSE_DEPTH, weight * inverse_depth);
+    add_to(rows, INVERSE_DEPTH, x, weight * inverse_depth);
 }
 
 /// Puts a splat in the place of what was there, and of the front.
 #[inline(always)]
-pub fn replace(row: &mut Row, x: usize, seen: Mask, share: &Share, inverse_depth: Lane) {
+pub fn replace<S: Simd>(
+    rows: &mut Rows,
+    x: usize,
+    seen: mask32x8<S>,
+    share: &Share,
+    inverse_depth: f32x8<S>,
+) {
     let ([r, g, b], [nx, ny, nz]) = (share.tint, share.shape);
-    let mut replace = |plane: usize, value: Lane| {
-        let value = Vec4::select(seen, value, at(row, plane, x));
-        put(row, plane, x, value);
-    };
-    replace(FRONT, inverse_depth);
-    let values = [r, g, b, Vec4::ONE, nx, ny, nz];
-    values.into_iter().zip(1..).for_each(|(value, plane)| replace(plane, value));
-    replace(INVERSE_DEPTH, inverse_depth);
+    put(rows, FRONT, x, seen, inverse_depth);
+    for (plane, value) in (TINT..).zip([r, g, b, 1.0, nx, ny, nz]) {
+        put(rows, plane, x, seen, inverse_depth.like(value));
+    }
+    put(rows, INVERSE_DEPTH, x, seen, inverse_depth);
 }
 
-/// A sum of eight pixels from `x` on.
 #[inline(always)]
-pub fn sum<S: Simd>(simd: S, row: &Row, plane: usize, x: usize) -> f32x8<S> {
-    simd.load_array_ref_f32x8(row[plane][x..].first_chunk().unwrap_or(&[0.0; EIGHT]))
+fn add_to<S: Simd>(rows: &mut Rows, plane: usize, x: usize, value: f32x8<S>) {
+    let own = at(rows, plane, x);
+    *own = *(value.witness().load_array_ref_f32x8(own) + value);
+}
+
+#[inline(always)]
+fn put<S: Simd>(rows: &mut Rows, plane: usize, x: usize, seen: mask32x8<S>, value: f32x8<S>) {
+    let own = at(rows, plane, x);
+    *own = *<f32x8<S> as Values>::select(seen, value, value.witness().load_array_ref_f32x8(own));
+}
+
+/// A row of a tile.
+#[derive(Clone, Copy)]
+pub struct Row<'a> {
+    rows: &'a Rows,
+    is_second: bool,
+}
+
+impl Row<'_> {
+    /// A sum of eight of its pixels, from column `x` on.
+    #[inline(always)]
+    pub fn sum<S: Simd>(&self, simd: S, plane: usize, x: usize) -> f32x8<S> {
+        let pixels = &self.rows[plane][PAIR * (x % TILE)..];
+        let (Some(left), Some(right)) = (pixels.first_chunk(), pixels[EIGHT..].first_chunk())
+        else {
+            unreachable!("tiles have whole runs of columns")
+        };
+        let (left, right) = (simd.load_array_ref_f32x8(left), simd.load_array_ref_f32x8(right));
+        if self.is_second {
+            simd.unzip_high_f32x8(left, right)
+        } else {
+            simd.unzip_low_f32x8(left, right)
+        }
+    }
 }
