@@ -88,6 +88,10 @@ pub fn show(
     });
     ui.add(Label::new(RichText::new(facts.about).color(theme::FAINT)).wrap());
     ui.add_space(4.0);
+    // What is asked for and what goes wrong are seen in windows of any height.
+    actions(ui, facts, &mut asked);
+    messages(ui, facts);
+    ui.add_space(4.0);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         plot::show(ui, facts.times);
         counters(ui, facts, wanted);
@@ -95,9 +99,6 @@ pub fn show(
         drawing(ui, facts, wanted, is_coarser_moving);
         section(ui, "Budgets");
         budgets(ui, wanted);
-        ui.add_space(8.0);
-        actions(ui, facts, &mut asked);
-        messages(ui, facts);
         help(ui);
     });
     asked
@@ -235,7 +236,6 @@ fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
 }
 
 fn messages(ui: &mut Ui, facts: &Facts<'_>) {
-    ui.add_space(6.0);
     ui.add(Label::new(RichText::new(facts.backend).small().color(theme::FAINT)).wrap());
     if let Some(said) = facts.said {
         ui.add(Label::new(RichText::new(said).small().color(theme::COOL)).wrap());

@@ -17,6 +17,10 @@ use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+/// Runs that the points of a small cloud make, so that no thread waits long for another's last one; longer ones than
+/// this, since every tile goes through all runs.
+const RUNS: usize = 32;
+const RUN_POINTS_MIN: usize = 1 << 12;
 /// Points whose places are worked out at once: arithmetic without branches.
 const BLOCK: usize = 64;
 
@@ -58,13 +62,16 @@ struct Block {
 impl Placing<'_> {
     /// Places all points. `runs` are used again.
     pub fn place(&self, tiles: Tiles, runs: &mut Vec<Run>) {
-        let jobs: Vec<(usize, usize)> = (0..self.frame.draws.len())
-            .flat_map(|d| (0..self.list.len(d)).step_by(RUN_POINTS).map(move |first| (d, first)))
+        let draws = 0..self.frame.draws.len();
+        let points = draws.clone().map(|d| self.list.len(d)).sum::<usize>();
+        let run_points = (points / RUNS).clamp(RUN_POINTS_MIN, RUN_POINTS);
+        let jobs: Vec<(usize, usize)> = draws
+            .flat_map(|d| (0..self.list.len(d)).step_by(run_points).map(move |first| (d, first)))
             .collect();
         runs.resize_with(jobs.len(), Run::default);
         runs.par_iter_mut().zip(jobs).for_each(|(run, (draw, first))| {
             run.clear(tiles);
-            let points = first..(first + RUN_POINTS).min(self.list.len(draw));
+            let points = first..(first + run_points).min(self.list.len(draw));
             let clips = self.clipping.is_some() && self.frame.draws[draw].clip.is_some();
             let shapes = self.frame.draws[draw].tangents.is_some();
             match (self.has_normals, clips, shapes) {
