@@ -7,10 +7,11 @@
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use crate::frame::{ColourPlane, Frame};
-use crate::lanes::{LANES, Lane, Pixels, directions, only};
+use crate::lanes::{LANES, Lane, Pixels, only};
 use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
 use crate::tangent::Lens;
+use crate::values::directions;
 use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
 use fearless_simd::{Level as Simd, dispatch};
@@ -335,7 +336,9 @@ impl Hits {
             let x = Vec4::new(a as f32, b as f32, c as f32, d as f32) + 0.5;
             out.front[2] = within_half(x - place[0]);
             out.front[3] = within_half(row.y as f32 + 0.5 - place[1]);
-            let world = directions(*normals);
+            let [a, b, c, d] = normals.map(|code| code.map(f32::from));
+            let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
+            let world = directions(code(0), code(1));
             let [x, y, z] = world;
             let length = (x * x + y * y + z * z).sqrt();
             let has_normal = length.cmpgt(Vec4::ZERO);

@@ -168,25 +168,6 @@ pub fn counting(first: f32, step: f32) -> Lane {
     Vec4::new(0.0, 1.0, 2.0, 3.0) * step + first
 }
 
-/// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
-#[inline(always)]
-pub fn directions(codes: [[i16; 2]; LANES]) -> [Lane; 3] {
-    let [a, b, c, d] = codes;
-    let of =
-        |i: usize| Vec4::new(f32::from(a[i]), f32::from(b[i]), f32::from(c[i]), f32::from(d[i]));
-    let (x, y) = (of(0), of(1));
-    let none = Vec4::splat(f32::from(i16::MIN));
-    let is_some = !(x.cmpeq(none) & y.cmpeq(none));
-    let unit = |c: Lane| (c / 32767.0).max(Vec4::NEG_ONE);
-    let (x, y) = (unit(x), unit(y));
-    let z = 1.0 - x.abs() - y.abs();
-    let is_folded = z.cmplt(Vec4::ZERO);
-    let folded = |along: Lane, other: Lane| {
-        Vec4::select(is_folded, (1.0 - other.abs()).copysign(along), along)
-    };
-    [only(is_some, folded(x, y)), only(is_some, folded(y, x)), only(is_some, z)]
-}
-
 /// What depths at the centres of ellipses are multiplied by for depths at the centres of the pixels, which are given.
 /// Of the ellipses: displacements, radii and normals.
 #[inline(always)]

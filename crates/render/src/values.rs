@@ -1,5 +1,5 @@
-//! What arithmetic asks of a register of floats, whatever its width: four ([`crate::lanes`]), or eight where the processor
-//! has them. Names and meanings are those of `glam`'s vectors.
+//! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::lanes`]), or eight where the
+//! processor has them. Names and meanings are those of `glam`'s vectors.
 
 use fearless_simd::{Select, Simd, SimdBase, f32x8, mask32x8};
 use glam::{BVec4A, Vec4};
@@ -29,6 +29,39 @@ pub fn dot<V: Values>(a: [V; 3], b: [V; 3]) -> V {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// The vector product.
+#[inline(always)]
+pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Which of eight are yes, a bit each.
+#[inline(always)]
+pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
+    let yes = <[i32; EIGHT]>::from(mask);
+    let mut bits = 0;
+    for (k, yes) in yes.into_iter().enumerate() {
+        bits |= (yes.cast_unsigned() >> 31) << k;
+    }
+    bits
+}
+
+/// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
+#[inline(always)]
+pub fn directions<V: Values>(x: V, y: V) -> [V; 3] {
+    let (zero, one) = (x.like(0.0), x.like(1.0));
+    let none = x.like(f32::from(i16::MIN));
+    let is_none = x.cmpeq(none) & y.cmpeq(none);
+    let (scale, least) = (x.like(32767.0), x.like(-1.0));
+    let (x, y) = ((x / scale).max(least), (y / scale).max(least));
+    let z = one - x.abs() - y.abs();
+    let is_folded = z.cmplt(zero);
+    let folded_x = V::select(is_folded, (one - y.abs()).copysign(x), x);
+    let folded_y = V::select(is_folded, (one - x.abs()).copysign(y), y);
+    let or_none = |c: V| V::select(is_none, zero, c);
+    [or_none(folded_x), or_none(folded_y), or_none(z)]
+}
+
 /// A register of floats. Of a number and none, `min` and `max` are the second.
 pub trait Values:
     Copy
@@ -54,6 +87,8 @@ pub trait Values:
     fn abs(self) -> Self;
     /// Square roots.
     fn sqrt(self) -> Self;
+    /// With others' signs.
+    fn copysign(self, sign: Self) -> Self;
     /// Which are equal.
     fn cmpeq(self, other: Self) -> Self::Mask;
     /// Which are less.
@@ -62,6 +97,51 @@ pub trait Values:
     fn cmple(self, other: Self) -> Self::Mask;
     /// Those of `a` where the mask says yes, else of `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+}
+
+impl Values for f32 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.copysign(sign)
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> bool {
+        self == other
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> bool {
+        self <= other
+    }
+    #[inline(always)]
+    fn select(mask: bool, a: Self, b: Self) -> Self {
+        if mask { a } else { b }
+    }
 }
 
 impl Values for Vec4 {
@@ -86,6 +166,10 @@ impl Values for Vec4 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         self.sqrt()
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.copysign(sign)
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> BVec4A {
@@ -127,6 +211,10 @@ impl<S: Simd> Values for f32x8<S> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         self.witness().sqrt_f32x8(self)
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.witness().copysign_f32x8(self, sign)
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> mask32x8<S> {

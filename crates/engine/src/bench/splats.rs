@@ -10,7 +10,9 @@ use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
 use esker_render::gpu::ewa::{GpuEwa, Room};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
+use esker_render::{
+    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer, Stages,
+};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -25,8 +27,10 @@ const SPLAT_PIXELS: f64 = 9.0;
 const NODE_POINTS: u64 = 1 << 16;
 /// Steps of the wall's sides.
 const SIDE: f64 = 65_536.0;
-/// Frames; the quickest counts.
-const FRAMES: usize = 5;
+/// Frames at least, and for how long more are drawn, so that those of a few milliseconds are not all among the first,
+/// which find memory and processor cold.
+const FRAMES: usize = 3;
+const FRAMES_MS: f64 = 500.0;
 
 /// What is measured.
 #[derive(Clone, Debug)]
@@ -126,8 +130,8 @@ impl Wall {
         }
     }
 
-    /// The quickest frame on the CPU, milliseconds, and how many splats it drew.
-    fn on_cpu(&self, options: Options) -> Result<(f64, u64)> {
+    /// Frames on the CPU, and how many splats they drew.
+    fn on_cpu(&self, options: Options) -> Result<(Times, u64)> {
         let range = |first: u64, bytes: u64| first as usize..(first + bytes) as usize;
         let draws = self.draws(|is_normal, first, bytes| {
             let plane = if is_normal { &self.normal } else { &self.position };
@@ -136,16 +140,15 @@ impl Wall {
         let frame = self.frame(&draws);
         let (mut renderer, mut picture) = (Renderer::default(), Picture::default());
         renderer.ewa.options = options;
-        let mut best = f64::INFINITY;
-        for _ in 0..FRAMES {
+        let times = Times::of(|| {
             renderer.render_into(&frame, &mut picture)?;
-            best = best.min(picture.stats.stages.total_ms);
-        }
-        Ok((best, picture.stats.splats_drawn))
+            Ok(picture.stats.stages)
+        })?;
+        Ok((times, picture.stats.splats_drawn))
     }
 
-    /// The quickest frame on a GPU, from its commands to its picture read back.
-    fn on_gpu(&self, gpu: &Gpu, options: Options) -> Result<f64> {
+    /// Frames on a GPU, each from its commands to its picture read back.
+    fn on_gpu(&self, gpu: &Gpu, options: Options) -> Result<Times> {
         let page = gpu.tier.page_bytes_max;
         let a_page = page / (NODE_POINTS * 12);
         let at = |is_normal: bool, first: u64, bytes: u64| {
@@ -171,14 +174,34 @@ impl Wall {
         ewa.options = options;
         renderer.set_ewa(ewa);
         let frame = self.frame(&draws);
-        let mut best = f64::INFINITY;
-        for _ in 0..FRAMES.min(3) {
+        Times::of(|| {
             let start = Instant::now();
             renderer.render(&frame, &pool)?;
             renderer.read()?;
-            best = best.min(start.elapsed().as_secs_f64() * 1e3);
+            let total_ms = start.elapsed().as_secs_f64() * 1e3;
+            Ok(Stages { total_ms, ..Stages::default() })
+        })
+    }
+}
+
+/// Times of frames.
+struct Times {
+    /// The quickest, milliseconds.
+    least: f64,
+    /// Of the middle one.
+    median: Stages,
+}
+
+impl Times {
+    /// Of as many frames as are drawn in time; each says how long it took.
+    fn of(mut frame: impl FnMut() -> Result<Stages>) -> Result<Self> {
+        let start = Instant::now();
+        let mut all = Vec::new();
+        while all.len() < FRAMES || start.elapsed().as_secs_f64() * 1e3 < FRAMES_MS {
+            all.push(frame()?);
         }
-        Ok(best)
+        all.sort_by(|a, b| a.total_ms.total_cmp(&b.total_ms));
+        Ok(Self { least: all[0].total_ms, median: all[all.len() / 2] })
     }
 }
 
@@ -203,14 +226,17 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                     task.check()?;
                     let options = Options { passes, ..Options::default() };
                     let wall = Wall::new(size, splats, &options);
-                    let mut row = |drawn_by: &str, ms: f64, drawn: u64| {
+                    let mut row = |drawn_by: &str, times: Times, drawn: u64| {
+                        let Times { least, median } = times;
                         rows.push(json!({
                             "size": size, "splats": drawn, "passes": count, "drawn_by": drawn_by,
-                            "ms": ms, "msplats_per_s": drawn as f64 / ms / 1e3,
+                            "ms": median.total_ms, "ms_least": least, "place_ms": median.place_ms,
+                            "blend_ms": median.blend_ms, "shade_ms": median.shade_ms,
+                            "msplats_per_s": drawn as f64 / median.total_ms / 1e3,
                         }));
                     };
-                    let (ms, drawn) = wall.on_cpu(options)?;
-                    row("cpu", ms, drawn);
+                    let (times, drawn) = wall.on_cpu(options)?;
+                    row("cpu", times, drawn);
                     if let Some(gpu) = &gpu {
                         row("gpu", wall.on_gpu(gpu, options)?, drawn);
                     }

@@ -4,9 +4,9 @@
 
 use super::cover::{Pixels, Window, for_each, for_each_small};
 use super::gauss::Falloff;
-use super::place::unpacked;
+use super::place::{PART_MAX, unpacked};
 use super::planes::Planes;
-use super::splat::Splat;
+use super::splat::{Dye, Splat};
 use super::sums::{
     INVERSE_DEPTH, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
 };
@@ -178,13 +178,15 @@ impl Blend<'_> {
             tile,
             #[inline(always)]
             |run, splat, entry| {
+                let Dye { tint, normal } = splat.dye;
                 let shape = if NORMALS {
-                    unpacked(splat.normal).to_array()
+                    unpacked(simd, normal)
                 } else {
-                    [f32::from_bits(splat.normal), 0.0, 0.0]
+                    let zero = simd.splat_f32x8(0.0);
+                    [simd.splat_f32x8(f32::from_bits(normal)), zero, zero]
                 };
                 let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
-                let share = Share { tint: splat.tint, shape, amplitude };
+                let share = Share { tint, shape, amplitude };
                 if entry.is_small {
                     return for_each_small(
                         simd,
@@ -218,7 +220,7 @@ impl Blend<'_> {
         &self,
         rows: &mut Rows,
         p: &Pixels<S>,
-        share: &Share,
+        share: &Share<S>,
     ) {
         let front = front(p.squared.witness(), rows, p.x);
         let is_near =
@@ -260,8 +262,9 @@ impl Blend<'_> {
                 planes[0] = *(row.sum(simd, TINT, x) * share);
                 planes[1] = *(row.sum(simd, TINT + 1, x) * share);
                 planes[2] = *(row.sum(simd, TINT + 2, x) * share);
-                let nx = row.sum(simd, SHAPE, x) * share;
                 if NORMALS {
+                    let share = share * (1.0 / PART_MAX);
+                    let nx = row.sum(simd, SHAPE, x) * share;
                     let ny = row.sum(simd, SHAPE + 1, x) * share;
                     let nz = row.sum(simd, SHAPE + 2, x) * share;
                     let mut n = [
@@ -281,7 +284,7 @@ impl Blend<'_> {
                         planes[3 + i] = *n[i];
                     }
                 } else {
-                    planes[3] = *nx;
+                    planes[3] = *(row.sum(simd, SHAPE, x) * share);
                 }
                 let depth = one / (row.sum(simd, INVERSE_DEPTH, x) * share);
                 let depth = f32x8::select(is_any, depth, simd.splat_f32x8(f32::INFINITY));

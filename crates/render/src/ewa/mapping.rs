@@ -7,9 +7,9 @@
 //! inverse: all that is left are sums of squares. The determinant comes from the mapping's own
 //! ([`Mapping::area`]), never as a difference of products of the conic's coefficients.
 //!
-//! All of it is computed of one splat or of four at once ([`Real`]).
+//! All of it is computed of one splat or of several at once ([`Values`]).
 
-use super::real::{Real, dot};
+use crate::values::{Values, dot};
 use glam::{Vec2, Vec3};
 
 /// The homogeneous mapping of equation 4, recentred: the rows of `M`, with the splat's centre in the third.
@@ -33,22 +33,29 @@ pub struct Mapping<T = f32> {
 /// Equation 4: the mapping of a splat. `p` is its centre, `tangents` reach from there to the cut-off
 /// isocontour; right, down and depth from the eye.
 #[inline(always)]
-pub fn mapping<T: Real>(p: [T; 3], tangents: [[T; 3]; 2], focal_px: f32) -> Mapping<T> {
-    let focal = T::of(focal_px);
-    let inverse = T::of(1.0) / p[2];
+pub fn mapping<T: Values>(p: [T; 3], tangents: [[T; 3]; 2], focal_px: f32) -> Mapping<T> {
+    let inverse = p[2].like(1.0) / p[2];
     let slope = [p[0] * inverse, p[1] * inverse];
-    let scale = focal * inverse;
-    let row = |t: [T; 3]| {
-        [(t[0] - slope[0] * t[2]) * scale, (t[1] - slope[1] * t[2]) * scale, t[2] * inverse]
-    };
-    let [a, b] = tangents.map(row);
-    let [u, v] = tangents.map(|t| dot(t, t).sqrt() * scale);
-    let stretch = (slope[0] * slope[0] + slope[1] * slope[1] + T::of(1.0)).sqrt();
-    let centre = [slope[0] * focal, slope[1] * focal];
+    let scale = inverse * focal_px;
+    let [a, b] = [row(tangents[0], slope, scale, inverse), row(tangents[1], slope, scale, inverse)];
+    let (u, v) = (length(tangents[0]) * scale, length(tangents[1]) * scale);
+    let stretch = (slope[0] * slope[0] + slope[1] * slope[1] + 1.0).sqrt();
+    let centre = [slope[0] * focal_px, slope[1] * focal_px];
     Mapping { centre, nearness: inverse, stretch, a, b, lengths: u * v * stretch }
 }
 
-impl<T: Real> Mapping<T> {
+/// A tangent's row. No closure, which would be compiled for any processor.
+#[inline(always)]
+fn row<T: Values>(t: [T; 3], slope: [T; 2], scale: T, inverse: T) -> [T; 3] {
+    [(t[0] - slope[0] * t[2]) * scale, (t[1] - slope[1] * t[2]) * scale, t[2] * inverse]
+}
+
+#[inline(always)]
+fn length<T: Values>(t: [T; 3]) -> T {
+    dot(t, t).sqrt()
+}
+
+impl<T: Values> Mapping<T> {
     /// Determinant of the mapping: the signed area that the tangents span in the picture, at the centre's
     /// depth. Nothing is seen of a splat where it is 0: the eye lies in its plane.
     #[inline(always)]
@@ -72,21 +79,21 @@ impl<T: Real> Mapping<T> {
     /// parabola, negative for a hyperbola. 1 where the disc has the same depth everywhere.
     #[inline(always)]
     pub fn discriminant(&self) -> T {
-        T::of(1.0) - self.reach_squared()
+        self.nearness.like(1.0) - self.reach_squared()
     }
 
     /// How ill-conditioned the mapping is, 1 at best: Hadamard's condition number, the product of the lengths of
     /// its rows over its determinant, over the discriminant. Neither the splat's size nor its distance changes it.
     #[inline(always)]
     pub fn condition(&self) -> T {
-        self.lengths / (self.area().abs() * self.discriminant().max(T::of(0.0)))
+        self.lengths / (self.area().abs() * self.discriminant().max(self.lengths.like(0.0)))
     }
 
     /// Equation 7: the middle of the projected isocontour, from [`Mapping::centre`]. For ellipses.
     #[inline(always)]
     pub fn middle(&self) -> [T; 2] {
         let Self { a, b, .. } = *self;
-        let scale = -(T::of(1.0) / self.discriminant());
+        let scale = -(self.nearness.like(1.0) / self.discriminant());
         [(a[0] * a[2] + b[0] * b[2]) * scale, (a[1] * a[2] + b[1] * b[2]) * scale]
     }
 
@@ -95,7 +102,7 @@ impl<T: Real> Mapping<T> {
     #[inline(always)]
     pub fn inverse_depth_slope(&self) -> [T; 2] {
         let Self { a, b, .. } = *self;
-        let scale = T::of(1.0) / self.area();
+        let scale = self.nearness.like(1.0) / self.area();
         [(a[1] * b[2] - a[2] * b[1]) * scale, (a[2] * b[0] - a[0] * b[2]) * scale]
     }
 
@@ -105,7 +112,7 @@ impl<T: Real> Mapping<T> {
     #[inline(always)]
     pub fn isocontour(&self) -> Shape<T> {
         let Self { a, b, .. } = *self;
-        let d = T::of(1.0) / self.discriminant();
+        let d = self.nearness.like(1.0) / self.discriminant();
         let m = self.middle();
         // With d = 1/discriminant and z the tangents' depths, the determinant is area^2 d^2 (1 + z.z d),
         // and 1 + z.z d = d.
@@ -131,15 +138,14 @@ pub struct Shape<T = f32> {
     pub root: T,
 }
 
-impl<T: Real> Shape<T> {
+impl<T: Values> Shape<T> {
     /// The shape of the resampling filter (equation 3): the low-pass of variance `lowpass` (square pixels)
     /// times the square of the cutoff is added, `h` of both.
     #[inline(always)]
     pub fn with_lowpass(self, h: f32) -> Self {
-        let h = T::of(h);
         let (xx, yy) = (self.xx + h, self.yy + h);
         // det + h trace + h^2; no difference in it.
-        let root = (self.root * self.root + h * (self.xx + self.yy) + h * h).sqrt();
+        let root = (self.root * self.root + (self.xx + self.yy) * h + h * h).sqrt();
         Self { xx, yy, root, ..self }
     }
 
@@ -153,8 +159,8 @@ impl<T: Real> Shape<T> {
     #[inline(always)]
     pub fn conic(&self) -> Conic<T> {
         let side = self.yy.sqrt();
-        let along = T::of(1.0) / side;
-        let inverse = T::of(1.0) / self.root;
+        let along = side.like(1.0) / side;
+        let inverse = side.like(1.0) / self.root;
         Conic { across: side * inverse, shear: self.xy * along * inverse, along }
     }
 }
@@ -163,7 +169,7 @@ impl<T: Real> Shape<T> {
 /// the projected kernel's height, |R'|^(1/2) / |R' + H|^(1/2). Kept, so that where splats of unlike tilt or
 /// size meet each counts by the area that it has in the picture.
 #[inline(always)]
-pub fn amplitude<T: Real>(kernel: &Shape<T>, filter: &Shape<T>) -> T {
+pub fn amplitude<T: Values>(kernel: &Shape<T>, filter: &Shape<T>) -> T {
     kernel.root / filter.root
 }
 
@@ -178,7 +184,7 @@ pub struct Conic<T = f32> {
     pub along: T,
 }
 
-impl<T: Real> Conic<T> {
+impl<T: Values> Conic<T> {
     /// Square of the distance from the middle over that of the isocontour in the same direction.
     #[inline(always)]
     pub fn at(&self, x: T, y: T) -> T {

@@ -14,7 +14,6 @@ pub mod gauss;
 pub mod mapping;
 pub mod place;
 pub mod planes;
-pub mod real;
 pub mod shape;
 pub mod splat;
 pub mod sums;

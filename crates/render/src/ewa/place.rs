@@ -1,20 +1,20 @@
-//! From points to splats, four at a time, sorted into tiles of the picture. Runs of points are placed in parallel; each
+//! From points to splats, eight at a time, sorted into tiles of the picture. Runs of points are placed in parallel; each
 //! keeps its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
 //! through the runs in their order: the same sums, and so the same bits, for any number of threads.
 
 use super::clip::{Clipping, Lines, WIDER};
-use super::real::dot;
-use super::shape::{Codes, Shapes, WIDEST};
-use super::splat::{Disc, Ellipses, Lens, Placed, across};
+use super::shape::{Codes, Shapes, WIDEST, shape_code};
+use super::splat::{Box4, Disc, Dye, Ellipses, Lens, Placed, Splat, across};
 use super::tiles::{RUN_POINTS, Run, Tiles};
 use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::colour::{ColourBy, linear};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gather::Lookup;
-use crate::lanes::{LANES, Lane, Mask, directions, only};
 use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
+use crate::values::{EIGHT, Values, bits, directions, dot, only};
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
-use glam::{Vec3, Vec4};
+use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Runs that the points of a small cloud make, so that no thread waits long for another's last one; longer ones than
@@ -74,19 +74,21 @@ impl Placing<'_> {
             let points = first..(first + run_points).min(self.list.len(draw));
             let clips = self.clipping.is_some() && self.frame.draws[draw].clip.is_some();
             let shapes = self.frame.draws[draw].tangents.is_some();
-            match (self.has_normals, clips, shapes) {
-                (true, true, true) => self.place_run::<true, true, true>(draw, points, run),
-                (true, true, false) => self.place_run::<true, true, false>(draw, points, run),
-                (true, false, true) => self.place_run::<true, false, true>(draw, points, run),
-                (true, false, false) => self.place_run::<true, false, false>(draw, points, run),
-                (false, ..) => self.place_run::<false, false, false>(draw, points, run),
-            }
+            dispatch!(Level::new(), simd => match (self.has_normals, clips, shapes) {
+                (true, true, true) => self.place_run::<_, true, true, true>(simd, draw, points, run),
+                (true, true, false) => self.place_run::<_, true, true, false>(simd, draw, points, run),
+                (true, false, true) => self.place_run::<_, true, false, true>(simd, draw, points, run),
+                (true, false, false) => self.place_run::<_, true, false, false>(simd, draw, points, run),
+                (false, ..) => self.place_run::<_, false, false, false>(simd, draw, points, run),
+            });
             run.sort();
         });
     }
 
-    fn place_run<const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
+    #[inline(always)]
+    fn place_run<S: Simd, const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
+        simd: S,
         draw: usize,
         points: std::ops::Range<usize>,
         run: &mut Run,
@@ -111,84 +113,97 @@ impl Placing<'_> {
                     }
                 }
             }
-            for first in (0..block.count).step_by(LANES) {
-                self.place_four::<NORMALS, CLIPS, SHAPES>(draw, &block, first, run);
+            for first in (0..block.count).step_by(EIGHT) {
+                self.place_eight::<_, NORMALS, CLIPS, SHAPES>(simd, draw, &block, first, run);
             }
         }
     }
 
-    /// Places four points of a block.
+    /// Places eight points of a block.
     #[inline(always)]
-    fn place_four<const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
+    fn place_eight<S: Simd, const NORMALS: bool, const CLIPS: bool, const SHAPES: bool>(
         &self,
+        simd: S,
         draw: usize,
         block: &Block,
         first: usize,
         run: &mut Run,
     ) {
         let node = &self.frame.draws[draw];
-        let step = self.camera.step.to_array();
-        let at = |axis: usize| Vec4::from_slice(&block.steps[axis][first..]) * step[axis];
-        let centre = self.in_view([at(0), at(1), at(2)]);
-        let mut radius = Vec4::from_slice(&block.radii[first..]);
+        let step = self.camera.step;
+        let [x, y, z] = &block.steps;
+        let world = [
+            eight(simd, x, first) * step.x,
+            eight(simd, y, first) * step.y,
+            eight(simd, z, first) * step.z,
+        ];
+        let centre = self.in_view(world);
+        let mut radius = eight(simd, &block.radii, first);
         let reach = if SHAPES { radius * WIDEST } else { radius };
-        let mut shows = self.may_show(centre, reach).bitmask();
-        shows &= (1 << (block.count - first).min(LANES)) - 1;
+        let mut shows = bits(self.may_show(centre, reach));
+        shows &= (1 << (block.count - first).min(EIGHT)) - 1;
         if shows == 0 {
             return;
         }
         let index = |k: usize| block.start + first + k;
-        let (mut normal, mut codes) = ([Vec4::ZERO; 3], [0; LANES]);
+        let zero = simd.splat_f32x8(0.0);
+        let (mut normal, mut codes) = ([zero; 3], [0; EIGHT]);
         let mut facing = normal;
         if NORMALS {
-            let mut stored = [NO_NORMAL; LANES];
-            for (k, stored) in stored.iter_mut().enumerate() {
+            let (mut x, mut y) = ([0.0; EIGHT], [0.0; EIGHT]);
+            for k in 0..EIGHT {
                 let code = node.normal.and_then(|plane| normal_code(plane, index(k)));
-                *stored = code.unwrap_or(NO_NORMAL);
+                let [code_x, code_y] = code.unwrap_or(NO_NORMAL);
+                (x[k], y[k]) = (f32::from(code_x), f32::from(code_y));
             }
-            let world = unit(directions(stored));
+            let world = unit(directions(simd.load_array_f32x8(x), simd.load_array_f32x8(y)));
             normal = self.in_view(world);
-            let looks_away = dot(normal, centre).cmpgt(Vec4::ZERO);
+            let looks_away = zero.cmplt(dot(normal, centre));
             if self.frame.cull_back_faces {
-                shows &= !looks_away.bitmask();
+                shows &= !bits(looks_away);
                 if shows == 0 {
                     return;
                 }
             }
             let mut towards = world;
             for c in &mut towards {
-                *c = Vec4::select(looks_away, -*c, *c);
+                *c = Values::select(looks_away, -*c, *c);
             }
             codes = packed(towards);
             facing = normal;
         }
         // Without a normal a splat faces the eye.
-        let has_normal = dot(facing, facing).cmpgt(Vec4::ZERO);
-        if !has_normal.all() {
+        let has_normal = zero.cmplt(dot(facing, facing));
+        if !has_normal.all_true() {
             let to_eye = unit(centre);
-            let or_eye = |i: usize| Vec4::select(has_normal, facing[i], to_eye[i]);
-            facing = [or_eye(0), or_eye(1), or_eye(2)];
+            for (own, to_eye) in facing.iter_mut().zip(to_eye) {
+                *own = Values::select(has_normal, *own, to_eye);
+            }
         }
-        let mut lines: [Option<Lines>; LANES] = [None; LANES];
-        let mut factor = Vec4::splat(self.radius_factor);
+        let mut lines: [Option<Lines>; EIGHT] = [None; EIGHT];
+        let mut factor = simd.splat_f32x8(self.radius_factor);
         if CLIPS {
+            let (mut radii, mut factors) = (*radius, *factor);
             for (k, lines) in lines.iter_mut().enumerate().filter(|(k, _)| shows >> k & 1 == 1) {
-                let of = |v: [Lane; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
-                let offset = block.offset(first + k);
-                *lines = self.lines(node, index(k), offset, of(centre), of(normal));
+                let (centre, normal) = (one_of(&centre, k), one_of(&normal, k));
+                *lines = self.lines(node, index(k), block.offset(first + k), centre, normal);
                 if lines.is_some() {
-                    radius[k] *= WIDER;
-                    factor[k] *= WIDER;
+                    radii[k] *= WIDER;
+                    factors[k] *= WIDER;
                 }
             }
+            (radius, factor) = (simd.load_array_f32x8(radii), simd.load_array_f32x8(factors));
         }
         let mut tangents = across(facing);
         for along in tangents.iter_mut().flatten() {
             *along *= radius;
         }
         if SHAPES && let Some(plane) = node.tangents {
-            let codes = [0, 1, 2, 3].map(|k| Shapes::code(plane, index(k)));
-            let shapes = self.shapes(codes, node.node.spacing);
+            let mut codes = [[0; 4]; EIGHT];
+            for (k, code) in codes.iter_mut().enumerate() {
+                *code = shape_code(plane, index(k));
+            }
+            let shapes = Shapes::of(simd, &codes, node.node.spacing, self.shapes);
             let along = self.in_view(shapes.along);
             tangents = shapes.tangents(along, facing, radius, factor, tangents);
         }
@@ -198,40 +213,49 @@ impl Placing<'_> {
         while shows != 0 {
             let k = shows.trailing_zeros() as usize;
             shows &= shows - 1;
-            let (mut splat, bounds) = if drawn >> k & 1 == 1 {
-                placed.get(k)
+            let depth = centre[2][k];
+            let dye = Dye {
+                tint: self.tint(draw, index(k), block, first + k, depth),
+                normal: if NORMALS {
+                    codes[k]
+                } else {
+                    (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
+                },
+            };
+            if drawn >> k & 1 == 1 {
+                let bounds = placed.bounds(k);
+                if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
+                    run.push(placed.get(k, dye), bounds, kept);
+                }
             } else if placed.ellipses >> k & 1 == 1 {
                 run.dropped += 1;
-                continue;
             } else {
-                let of = |v: [Lane; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
-                let disc =
-                    Disc { centre: of(centre), tangents: tangents.map(of), radius: radius[k] };
+                let tangents = [one_of(&tangents[0], k), one_of(&tangents[1], k)];
+                let disc = Disc { centre: one_of(&centre, k), tangents, radius: radius[k] };
                 match disc.by_rays(&self.lens) {
-                    Placed::Drawn(splat, bounds) => (splat, bounds),
-                    Placed::Dropped => {
-                        run.dropped += 1;
-                        continue;
+                    Placed::Drawn(splat, bounds) => {
+                        if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
+                            let splat = Splat { dye, ..splat };
+                            run.push(splat, bounds, kept);
+                        }
                     }
-                    Placed::Outside => continue,
-                }
-            };
-            let mut kept = None;
-            if CLIPS && let Some(lines) = lines[k] {
-                match lines.within(bounds, self.camera.centre_px) {
-                    Some(lines) => kept = lines,
-                    // All of it lies beyond its lines.
-                    None => continue,
+                    Placed::Dropped => run.dropped += 1,
+                    Placed::Outside => {}
                 }
             }
-            let depth = centre[2][k];
-            splat.tint = self.tint(draw, index(k), block, first + k, depth);
-            splat.normal = if NORMALS {
-                codes[k]
-            } else {
-                (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
-            };
-            run.push(splat, bounds, kept);
+        }
+    }
+
+    /// What lines keep of a splat in a box; `None` where all of it lies beyond them.
+    #[inline(always)]
+    fn kept<const CLIPS: bool>(
+        &self,
+        lines: Option<&Lines>,
+        bounds: Box4,
+    ) -> Option<Option<Lines>> {
+        match lines {
+            Some(lines) if CLIPS => lines.within(bounds, self.camera.centre_px),
+            _ => Some(None),
         }
     }
 
@@ -248,18 +272,11 @@ impl Placing<'_> {
         self.lookup.colour(draw, index, block.offset(k), depth).to_array()
     }
 
-    /// The shapes of codes, of points of a node of this spacing.
-    #[inline(always)]
-    fn shapes(&self, codes: [[u8; 4]; LANES], spacing: f32) -> Shapes {
-        Shapes::of(codes, spacing, self.shapes)
-    }
-
     /// Directions of the world right, down and away from the eye.
     #[inline(always)]
-    fn in_view(&self, world: [Lane; 3]) -> [Lane; 3] {
-        let along = |v: Vec3| world[0] * v.x + world[1] * v.y + world[2] * v.z;
+    fn in_view<V: Values>(&self, world: [V; 3]) -> [V; 3] {
         let [right, up, back] = self.camera.view_from_world;
-        [along(right), -along(up), -along(back)]
+        [along(world, right), -along(world, up), -along(world, back)]
     }
 
     /// The clip lines of a point.
@@ -279,16 +296,39 @@ impl Placing<'_> {
 
     /// Whether balls touch the cone of what is in view. Generous by a pixel or so for the low-pass.
     #[inline(always)]
-    fn may_show(&self, centre: [Lane; 3], radius: Lane) -> Mask {
+    fn may_show<S: Simd>(&self, centre: [f32x8<S>; 3], radius: f32x8<S>) -> mask32x8<S> {
         let half = self.lens.size * 0.5 + 4.0;
         let focal = self.lens.focal_px;
-        let within = |at: Lane, half: f32| {
-            let reach = radius * (focal * focal + half * half).sqrt();
-            (at.abs() * focal - centre[2] * half).cmple(reach)
-        };
-        let is_before = (centre[2] + radius).cmpge(Vec4::splat(self.lens.near));
-        is_before & within(centre[0], half.x) & within(centre[1], half.y)
+        let [x, y, depth] = centre;
+        let is_before = depth.like(self.lens.near).cmple(depth + radius);
+        is_before
+            & (Values::abs(x) * focal - depth * half.x).cmple(radius * reach(focal, half.x))
+            & (Values::abs(y) * focal - depth * half.y).cmple(radius * reach(focal, half.y))
     }
+}
+
+/// How far a ball reaches past the picture's side, over its radius.
+fn reach(focal: f32, half: f32) -> f32 {
+    (focal * focal + half * half).sqrt()
+}
+
+/// Eight values of a block from `first` on.
+#[inline(always)]
+fn eight<S: Simd>(simd: S, values: &[f32; BLOCK], first: usize) -> f32x8<S> {
+    let values = values[first % BLOCK..].first_chunk();
+    simd.load_array_f32x8(values.copied().unwrap_or([f32::NAN; EIGHT]))
+}
+
+/// One of eight vectors.
+#[inline(always)]
+fn one_of<S: Simd>(vectors: &[f32x8<S>; 3], k: usize) -> Vec3 {
+    Vec3::new(vectors[0][k], vectors[1][k], vectors[2][k])
+}
+
+/// Vectors along one.
+#[inline(always)]
+fn along<V: Values>(world: [V; 3], way: Vec3) -> V {
+    world[0] * way.x + world[1] * way.y + world[2] * way.z
 }
 
 impl Block {
@@ -317,40 +357,43 @@ impl Block {
 
 /// The same of unit length; zero where there is none.
 #[inline(always)]
-fn unit(v: [Lane; 3]) -> [Lane; 3] {
+fn unit<V: Values>(v: [V; 3]) -> [V; 3] {
     let length = dot(v, v).sqrt();
-    let has_length = length.cmpgt(Vec4::ZERO);
+    let has_length = length.like(0.0).cmplt(length);
     let [x, y, z] = v;
     [only(has_length, x / length), only(has_length, y / length), only(has_length, z / length)]
 }
 
 /// Greatest code of a normal's part: ten bits each, with a sign.
-const PART_MAX: f32 = 511.0;
+pub const PART_MAX: f32 = 511.0;
+/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
+const WHOLE: f32 = 8_388_608.0;
 
-/// Parts of unit vectors, whose last bits are their codes: numbers this large have no parts, so that they are rounded.
+/// Parts of unit vectors, whose last bits are their codes.
 #[inline(always)]
-fn part(c: Lane) -> Lane {
-    const WHOLE: f32 = 8_388_608.0;
-    c * PART_MAX + 512.0 + WHOLE
+fn part<S: Simd>(c: f32x8<S>) -> [f32; EIGHT] {
+    *(c * PART_MAX + 512.0 + WHOLE)
 }
 
 /// Unit vectors, or zeros, in 30 bits each: quick to take out again, which is done for every tile.
 #[inline(always)]
-fn packed(n: [Lane; 3]) -> [u32; LANES] {
-    let [x, y, z] = n;
-    let (x, y, z) = (part(x).to_array(), part(y).to_array(), part(z).to_array());
+fn packed<S: Simd>(n: [f32x8<S>; 3]) -> [u32; EIGHT] {
+    let [x, y, z] = [part(n[0]), part(n[1]), part(n[2])];
     // No closures: they were calls.
-    let mut codes = [0; LANES];
-    for k in 0..LANES {
+    let mut codes = [0; EIGHT];
+    for k in 0..EIGHT {
         let [x, y, z] = [x[k].to_bits() & 0x3ff, y[k].to_bits() & 0x3ff, z[k].to_bits() & 0x3ff];
         codes[k] = x | y << 10 | z << 20;
     }
     codes
 }
 
-/// The vector of [`packed`], of about unit length.
+/// The vector of [`packed`], times [`PART_MAX`]; each of its parts eight times.
 #[inline(always)]
-pub fn unpacked(code: u32) -> Vec3 {
-    let part = |shift: u32| (code >> shift & 0x3ff) as f32 - 512.0;
-    Vec3::new(part(0), part(10), part(20)) * (1.0 / PART_MAX)
+pub fn unpacked<S: Simd>(simd: S, code: u32) -> [f32x8<S>; 3] {
+    let code = simd.splat_u32x8(code);
+    // As floats that have no parts.
+    let part =
+        |bits: u32x8<S>| ((bits & 0x3ff) | WHOLE.to_bits()).bitcast::<f32x8<S>>() - (WHOLE + 512.0);
+    [part(code), part(code >> 10), part(code >> 20)]
 }

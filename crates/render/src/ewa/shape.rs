@@ -1,10 +1,9 @@
-//! Ellipses in the plane of the normal, where a file keeps the shapes of splats ([`esker_points::tangents`]): four at a time.
+//! Ellipses in the plane of the normal, where a file keeps the shapes of splats ([`esker_points::tangents`]): eight at a time.
 
-use super::real::{cross, dot};
-use crate::lanes::{LANES, Lane};
+use crate::values::{EIGHT, Values, cross, dot};
 use esker_points::quant::radius_factor;
 use esker_points::tangents::{ASPECT_MAX, COARSER, LEAST, ROOM, TANGENT_BYTES, aspect_of, axis_of};
-use glam::Vec4;
+use fearless_simd::{Simd, f32x8};
 
 /// A splat's longest half axis over the radius of a disc as large.
 pub const WIDEST: f32 = ASPECT_MAX;
@@ -28,68 +27,78 @@ impl Default for Codes {
     }
 }
 
-/// Four shapes.
+/// Some shapes.
 #[derive(Clone, Copy, Debug)]
-pub struct Shapes {
+pub struct Shapes<V> {
     /// Long axes, in the world.
-    pub along: [Lane; 3],
+    pub along: [V; 3],
     /// As in [`esker_points::tangents::Shape`].
-    apart: Lane,
-    aspect: Lane,
+    apart: V,
+    aspect: V,
 }
 
-impl Shapes {
-    /// The code of a point of a plane; that of a round one where the plane is too short.
-    #[inline(always)]
-    pub fn code(plane: &[u8], index: usize) -> [u8; TANGENT_BYTES] {
-        let bytes = plane.get(index * TANGENT_BYTES..).and_then(<[u8]>::first_chunk);
-        bytes.copied().unwrap_or_default()
-    }
+/// The code of a point of a plane; that of a round one where the plane is too short.
+#[inline(always)]
+pub fn shape_code(plane: &[u8], index: usize) -> [u8; TANGENT_BYTES] {
+    let bytes = plane.get(index * TANGENT_BYTES..).and_then(<[u8]>::first_chunk);
+    bytes.copied().unwrap_or_default()
+}
 
+impl<S: Simd> Shapes<f32x8<S>> {
     /// Of codes of points of a node of this spacing.
     #[inline(always)]
-    pub fn of(codes: [[u8; TANGENT_BYTES]; LANES], spacing: f32, table: &Codes) -> Self {
-        let [a, b, c, d] = codes.map(|[x, y, ..]| axis_of([x, y].map(u8::cast_signed)));
-        let along = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
-        Self {
-            along: [along(0), along(1), along(2)],
-            apart: Vec4::from_array(codes.map(|c| table.apart[usize::from(c[2])])) * spacing,
-            aspect: Vec4::from_array(codes.map(|c| table.aspect[usize::from(c[3])])),
+    pub fn of(simd: S, codes: &[[u8; TANGENT_BYTES]; EIGHT], spacing: f32, table: &Codes) -> Self {
+        let mut along = [[0.0; EIGHT]; 3];
+        let (mut apart, mut aspect) = ([0.0; EIGHT], [0.0; EIGHT]);
+        for (k, &[x, y, a, b]) in codes.iter().enumerate() {
+            let axis = axis_of([x.cast_signed(), y.cast_signed()]);
+            (along[0][k], along[1][k], along[2][k]) = (axis[0], axis[1], axis[2]);
+            (apart[k], aspect[k]) = (table.apart[usize::from(a)], table.aspect[usize::from(b)]);
         }
+        let of = |values: [f32; EIGHT]| simd.load_array_f32x8(values);
+        Self { along: along.map(of), apart: of(apart) * spacing, aspect: of(aspect) }
     }
+}
 
+impl<V: Values> Shapes<V> {
     /// Tangents of splats as large as discs of these radii, which are `factor` times the distances of points, with these
     /// normals of unit length; `along` is [`Shapes::along`] as the normals are seen. `round` where a shape tells none.
     #[inline(always)]
     pub fn tangents(
         &self,
-        along: [Lane; 3],
-        normal: [Lane; 3],
-        radius: Lane,
-        factor: Lane,
-        round: [[Lane; 3]; 2],
-    ) -> [[Lane; 3]; 2] {
-        let one = Vec4::ONE;
+        along: [V; 3],
+        normal: [V; 3],
+        radius: V,
+        factor: V,
+        round: [[V; 3]; 2],
+    ) -> [[V; 3]; 2] {
+        let one = radius.like(1.0);
         // As `esker_points::tangents::Shape::half_axes`; round ones have no extent, and are discs.
         let apart = self.apart * factor * ROOM;
         let over = radius * self.aspect / apart;
-        let coarser = (over - COARSER).max(Vec4::ZERO).min(one);
-        let share = (coarser * (1.0 - LEAST) + LEAST).max(1.0 / over).min(one);
+        let coarser = (over - COARSER).max(radius.like(0.0)).min(one);
+        let share = (coarser * (1.0 - LEAST) + LEAST).max(one / over).min(one);
         let own = radius * share;
         let long = own.max(apart.min(own * self.aspect));
         let short = own * (own / long);
         let height = dot(along, normal);
-        let flat = |i: usize| along[i] - normal[i] * height;
-        let flat = [flat(0), flat(1), flat(2)];
+        let [x, y, z] = normal;
+        let flat = [along[0] - x * height, along[1] - y * height, along[2] - z * height];
         let squared = dot(flat, flat);
-        let per_length = 1.0 / squared.sqrt();
-        let u = flat.map(|c| c * per_length);
+        let per_length = one / squared.sqrt();
+        let u = [flat[0] * per_length, flat[1] * per_length, flat[2] * per_length];
         let v = cross(normal, u);
-        let is_told = squared.cmpgt(Vec4::splat(SINE_MIN)) & self.aspect.cmpgt(one);
-        let or_round = |own: [Lane; 3], length: Lane, round: [Lane; 3]| {
-            let or_round = |i: usize| Vec4::select(is_told, own[i] * length, round[i]);
-            [or_round(0), or_round(1), or_round(2)]
-        };
-        [or_round(u, long, round[0]), or_round(v, short, round[1])]
+        let is_told = radius.like(SINE_MIN).cmplt(squared) & one.cmplt(self.aspect);
+        [or_round(is_told, u, long, round[0]), or_round(is_told, v, short, round[1])]
     }
+}
+
+/// An axis of this length where it is told, else a round splat's.
+#[inline(always)]
+fn or_round<V: Values>(is_told: V::Mask, own: [V; 3], length: V, round: [V; 3]) -> [V; 3] {
+    [
+        V::select(is_told, own[0] * length, round[0]),
+        V::select(is_told, own[1] * length, round[1]),
+        V::select(is_told, own[2] * length, round[2]),
+    ]
 }

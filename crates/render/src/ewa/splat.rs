@@ -5,8 +5,10 @@
 //! for behind the eye a projection passes the test for an ellipse too.
 
 use super::mapping::{Conic, Mapping, amplitude, inverse, mapping};
-use super::real::Real;
-use crate::lanes::{LANES, Lane, turned};
+use crate::lanes::turned;
+use crate::values::{EIGHT, Values, bits};
+use bytemuck::{Pod, Zeroable};
+use fearless_simd::{Simd, f32x8};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Reach over depth from which a splat is evaluated by rays.
@@ -46,10 +48,9 @@ pub struct Disc {
     pub radius: f32,
 }
 
-/// What a splat is in the picture.
-/// A line of the cache.
+/// What a splat is in the picture: a line of the cache.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Splat {
     /// Where its coordinates start, pixels from the picture's upper left.
     pub origin: [f32; 2],
@@ -62,9 +63,18 @@ pub struct Splat {
     /// Of an ellipse: by how much the visibility pass lessens its inverse depth. Of one evaluated by rays: by
     /// how much it lengthens its depth, negative.
     pub back: f32,
+    /// What it looks like.
+    pub dye: Dye,
+}
+
+/// What a splat looks like.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Dye {
     /// Linear light.
     pub tint: [f32; 3],
-    /// Its world normal, turned to the eye ([`super::place::unpacked`]); where the cloud has none, its radius in pixels as bits.
+    /// The world normal, turned to the eye ([`super::place::unpacked`]); where the cloud has none, the radius in pixels as
+    /// bits.
     pub normal: u32,
 }
 
@@ -180,12 +190,12 @@ impl Disc {
 
 /// How much longer a depth gets where it moves back along its line of sight; `stretch` is distance over depth.
 #[inline(always)]
-fn back<T: Real>(radius: T, stretch: T) -> T {
+fn back<T: Values>(radius: T, stretch: T) -> T {
     // A centre beside the eye still hides what is behind it.
-    T::of(BACK) * radius / stretch.min(T::of(10.0))
+    radius * BACK / stretch.min(radius.like(10.0))
 }
 
-/// The ellipse that a disc, or each of four, is in the picture, before it is known whether it is any.
+/// The ellipse that a disc, or each of several, is in the picture, before it is known whether it is any.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipse<T> {
     /// As in [`Splat`].
@@ -204,28 +214,28 @@ pub struct Ellipse<T> {
 
 /// The ellipse of a disc: its centre, tangents and radius.
 #[inline(always)]
-pub fn ellipse<T: Real>(
+pub fn ellipse<T: Values>(
     lens: &Lens,
     centre: [T; 3],
     tangents: [[T; 3]; 2],
     radius: T,
 ) -> Ellipse<T> {
-    let one = T::of(1.0);
+    let one = radius.like(1.0);
     let m = mapping(centre, tangents, lens.focal_px);
     let kernel = m.isocontour();
     let filter = kernel.with_lowpass(lens.lowpass);
     let middle = m.middle();
     let at = [m.centre[0] + middle[0], m.centre[1] + middle[1]];
-    let origin = [at[0] + T::of(lens.centre_px.x), at[1] + T::of(lens.centre_px.y)];
+    let origin = [at[0] + lens.centre_px.x, at[1] + lens.centre_px.y];
     // What rounding may take from wide ones.
-    let half = filter.bounds().map(|h| h * T::of(1.000_002));
+    let half = filter.bounds().map(|h| h * 1.000_002);
     let conic = filter.conic();
     let (nearness, reach) = (m.nearness, m.reach());
     // Over the discriminant, 1 less the square of the reach.
     let nearness_over = nearness / m.discriminant();
     let slope = m.inverse_depth_slope().map(|s| s * nearness);
     let back = back(radius, m.stretch);
-    let amplitude = amplitude(&kernel, &filter).max(T::of(AMPLITUDE_MIN));
+    let amplitude = amplitude(&kernel, &filter).max(radius.like(AMPLITUDE_MIN));
     let at_origin = nearness + (slope[0] * middle[0] + slope[1] * middle[1]);
     Ellipse {
         origin,
@@ -234,7 +244,7 @@ pub fn ellipse<T: Real>(
             conic.shear,
             conic.along,
             // Negative where it is mended.
-            amplitude.copysign(T::of(MEND_REACH) - reach),
+            amplitude.copysign(radius.like(MEND_REACH) - reach),
             nearness_over * (one - reach),
             nearness_over * (one + reach),
         ],
@@ -245,7 +255,7 @@ pub fn ellipse<T: Real>(
     }
 }
 
-/// Four ellipses and what becomes of them.
+/// Eight ellipses and what becomes of them.
 pub struct Ellipses {
     /// Those of which something may be in the picture, a bit each.
     pub shows: u32,
@@ -254,46 +264,54 @@ pub struct Ellipses {
     /// Those of them that can be evaluated.
     usable: u32,
     /// All of [`Splat`] but colour and normal, a row of four values after the other.
-    rows: [[Vec4; LANES]; 3],
-    bounds: [Box4; LANES],
+    rows: [[Vec4; EIGHT]; 3],
+    /// With [`WHOLE`] added.
+    bounds: [Vec4; EIGHT],
 }
 
 impl Ellipses {
-    /// Of four discs, as [`Disc::place`] does.
+    /// Of eight discs, as [`Disc::place`] does.
     #[inline(always)]
-    pub fn new(lens: &Lens, centre: [Lane; 3], tangents: [[Lane; 3]; 2], radius: Lane) -> Self {
+    pub fn new<S: Simd>(
+        lens: &Lens,
+        centre: [f32x8<S>; 3],
+        tangents: [[f32x8<S>; 3]; 2],
+        radius: f32x8<S>,
+    ) -> Self {
         let [a, b] = tangents;
         let depth = centre[2];
-        let extent = (a[2] * a[2] + b[2] * b[2]).sqrt();
+        let (zero, near) = (depth.like(0.0), depth.like(lens.near));
+        let extent = Values::sqrt(a[2] * a[2] + b[2] * b[2]);
         let farthest = depth + extent;
-        let is_before = farthest.cmpge(Lane::of(lens.near)) & farthest.cmplt(Lane::INFINITY);
-        let is_ellipse =
-            (depth - extent).cmpge(Lane::of(lens.near)) & extent.cmple(depth * Lane::of(REACH_MAX));
+        let is_before = near.cmple(farthest) & farthest.cmplt(near.like(f32::INFINITY));
+        let is_ellipse = near.cmple(depth - extent) & extent.cmple(depth * REACH_MAX);
         let e = ellipse(lens, centre, tangents, radius);
-        let edges = [0, 1].map(|i| {
-            let size = Lane::of(lens.size[i]);
-            let past = |place: Lane| place.max(Lane::ZERO).min(size) + WHOLE;
-            [past(e.origin[i] - e.half[i] - MARGIN), past(e.origin[i] + e.half[i] + MARGIN)]
-        });
-        let [x, y] = edges;
+        let x = edges(e.origin[0], e.half[0], lens.size.x);
+        let y = edges(e.origin[1], e.half[1], lens.size.y);
         let is_seen = x[0].cmplt(x[1]) & y[0].cmplt(y[1]);
-        let is_fine = e.condition.cmpge(Lane::ZERO) & e.condition.cmplt(Lane::of(CONDITION_MAX));
+        let is_fine = zero.cmple(e.condition) & e.condition.cmplt(zero.like(CONDITION_MAX));
         // A sum with something infinite or not a number in it is so itself.
-        let all = e.form.into_iter().chain(e.inverse_depth).map(|v| v * 0.0);
-        let sum = all.fold(Lane::ZERO, |sum, v| sum + v);
-        let is_fine = is_fine & sum.cmpeq(Lane::ZERO) & e.back.cmpgt(Lane::ZERO);
+        let mut sum = zero;
+        for value in e.form {
+            sum += value * 0.0;
+        }
+        for value in e.inverse_depth {
+            sum += value * 0.0;
+        }
+        let is_fine = is_fine & sum.cmpeq(zero) & zero.cmplt(e.back);
         let [across, shear, along, amplitude, least, greatest] = e.form;
         let [z, z_x, z_y] = e.inverse_depth;
+        let ellipses = bits(is_ellipse);
         Self {
-            shows: (is_before & (!is_ellipse | is_seen)).bitmask(),
-            ellipses: is_ellipse.bitmask(),
-            usable: is_fine.bitmask(),
+            shows: bits(is_before) & (!ellipses | bits(is_seen)),
+            ellipses,
+            usable: bits(is_fine),
             rows: [
-                turned([e.origin[0], e.origin[1], across, shear]),
-                turned([along, amplitude, least, greatest]),
-                turned([z, z_x, z_y, e.back]),
+                side_by_side([e.origin[0], e.origin[1], across, shear]),
+                side_by_side([along, amplitude, least, greatest]),
+                side_by_side([z, z_x, z_y, e.back]),
             ],
-            bounds: turned([x[0], x[1], y[0], y[1]]).map(whole),
+            bounds: side_by_side([x[0], x[1], y[0], y[1]]),
         }
     }
 
@@ -303,22 +321,39 @@ impl Ellipses {
         self.shows & self.ellipses & self.usable
     }
 
-    /// One that can be drawn as an ellipse; colour and normal are left to the caller.
+    /// One that can be drawn as an ellipse, of this colour and normal.
     #[inline(always)]
-    pub fn get(&self, k: usize) -> (Splat, Box4) {
-        // Not by `map` over the rows, which copies them.
-        let row = |i: usize| self.rows[i][k & 3].to_array();
-        let ([x, y, across, shear], [along, amplitude, least, greatest]) = (row(0), row(1));
-        let [z, z_x, z_y, back] = row(2);
-        let splat = Splat {
-            origin: [x, y],
-            form: [across, shear, along, amplitude, least, greatest],
-            inverse_depth: [z, z_x, z_y],
-            back,
-            ..Splat::default()
-        };
-        (splat, self.bounds[k & 3])
+    pub fn get(&self, k: usize, dye: Dye) -> Splat {
+        // As rows, which stay in registers.
+        let row = |i: usize| self.rows[i][k % EIGHT].to_array();
+        bytemuck::cast([row(0), row(1), row(2), bytemuck::cast(dye)])
     }
+
+    /// Its box.
+    #[inline(always)]
+    pub fn bounds(&self, k: usize) -> Box4 {
+        self.bounds[k % EIGHT].to_array().map(|c| c.to_bits() & 0xffff)
+    }
+}
+
+/// First pixels whose middles are past the least and the greatest of places so far from others, with [`WHOLE`] added.
+#[inline(always)]
+fn edges<V: Values>(origin: V, half: V, size: f32) -> [V; 2] {
+    let (zero, size) = (half.like(0.0), half.like(size));
+    let (least, greatest) = (origin - half - MARGIN, origin + half + MARGIN);
+    [least.max(zero).min(size) + WHOLE, greatest.max(zero).min(size) + WHOLE]
+}
+
+/// Four values each of eight, one's after another's.
+#[inline(always)]
+fn side_by_side<S: Simd>(values: [f32x8<S>; 4]) -> [Vec4; EIGHT] {
+    let [a, b, c, d] = [*values[0], *values[1], *values[2], *values[3]];
+    let four = |at: usize| {
+        let of = |v: &[f32; EIGHT]| Vec4::from_slice(&v[at..at + 4]);
+        turned([of(&a), of(&b), of(&c), of(&d)])
+    };
+    let ([e, f, g, h], [i, j, k, l]) = (four(0), four(4));
+    [e, f, g, h, i, j, k, l]
 }
 
 impl Ellipse<f32> {
@@ -346,12 +381,6 @@ const AMPLITUDE_MIN: f32 = 1e-12;
 const MARGIN: f32 = 0.01;
 /// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole pixels.
 const WHOLE: f32 = 8_388_608.0;
-
-/// The whole parts of numbers that [`WHOLE`] was added to.
-#[inline(always)]
-fn whole(v: Vec4) -> Box4 {
-    v.to_array().map(|c| c.to_bits() & 0xffff)
-}
 
 impl Lens {
     /// The pixels whose centres lie in a box; `None` where none does.
@@ -423,8 +452,8 @@ impl Splat {
 /// Two directions of unit length across one, and across each other (after Duff and others, Building an
 /// Orthonormal Basis, Revisited, 2017).
 #[inline(always)]
-pub fn across<T: Real>(n: [T; 3]) -> [[T; 3]; 2] {
-    let one = T::of(1.0);
+pub fn across<T: Values>(n: [T; 3]) -> [[T; 3]; 2] {
+    let one = n[2].like(1.0);
     let sign = one.copysign(n[2]);
     let a = -one / (sign + n[2]);
     let b = n[0] * n[1] * a;
@@ -436,12 +465,13 @@ pub fn across<T: Real>(n: [T; 3]) -> [[T; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fearless_simd::{Level, dispatch};
     use proptest::prelude::*;
 
     proptest! {
         #[test]
-        fn four_at_once_are_what_they_are_alone(
-            discs in [0; 4].map(|_| ([-2.0f32..2.0, -2.0f32..2.0, -0.5f32..3.0], [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0], -12f32..1.0)),
+        fn eight_at_once_are_what_they_are_alone(
+            discs in [0; EIGHT].map(|_| ([-2.0f32..2.0, -2.0f32..2.0, -0.5f32..3.0], [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0], -12f32..1.0)),
             lowpass in prop::sample::select(vec![0.0f32, 2.25]),
         ) {
             let lens = Lens { focal_px: 300.0, centre_px: Vec2::new(160.0, 120.0), size: Vec2::new(320.0, 240.0), near: 0.1, lowpass };
@@ -449,24 +479,24 @@ mod tests {
                 let normal = Vec3::from_array(normal).normalize_or(Vec3::Z);
                 Disc::round(Vec3::from_array(at), normal, log.exp2())
             });
-            let lanes = |of: &dyn Fn(&Disc) -> Vec3| {
-                [0, 1, 2].map(|i| Vec4::from_array([0, 1, 2, 3].map(|k| of(&discs[k])[i])))
-            };
-            let tangents = [lanes(&|d| d.tangents[0]), lanes(&|d| d.tangents[1])];
-            let radius = Vec4::from_array([0, 1, 2, 3].map(|k| discs[k].radius));
-            let four = Ellipses::new(&lens, lanes(&|d| d.centre), tangents, radius);
+            let eight = dispatch!(Level::new(), simd => {
+                let of = |of: &dyn Fn(&Disc) -> f32| simd.load_array_f32x8(std::array::from_fn(|k| of(&discs[k])));
+                let parts = |part: &dyn Fn(&Disc) -> Vec3| [0, 1, 2].map(|i| of(&|d| part(d)[i]));
+                let tangents = [parts(&|d| d.tangents[0]), parts(&|d| d.tangents[1])];
+                Ellipses::new(&lens, parts(&|d| d.centre), tangents, of(&|d| d.radius))
+            });
             for (k, disc) in discs.iter().enumerate() {
                 let is = |bits: u32| bits >> k & 1 == 1;
                 match disc.place(&lens) {
                     Placed::Drawn(splat, bounds) if !splat.is_by_rays() => {
-                        prop_assert!(is(four.drawn()));
-                        let (own, own_bounds) = four.get(k);
-                        prop_assert_eq!(format!("{own:?}"), format!("{splat:?}"));
-                        prop_assert_eq!(own_bounds, bounds);
+                        prop_assert!(is(eight.drawn()));
+                        let dye = Dye { tint: [0.5, 0.25, k as f32], normal: k as u32 };
+                        prop_assert_eq!(format!("{:?}", eight.get(k, dye)), format!("{:?}", Splat { dye, ..splat }));
+                        prop_assert_eq!(eight.bounds(k), bounds);
                     }
-                    Placed::Drawn(..) => prop_assert!(is(four.shows) && !is(four.ellipses)),
-                    Placed::Outside => prop_assert!(!is(four.drawn())),
-                    Placed::Dropped => prop_assert!(is(four.shows) && !is(four.drawn())),
+                    Placed::Drawn(..) => prop_assert!(is(eight.shows) && !is(eight.ellipses)),
+                    Placed::Outside => prop_assert!(!is(eight.drawn())),
+                    Placed::Dropped => prop_assert!(is(eight.shows) && !is(eight.drawn())),
                 }
             }
         }

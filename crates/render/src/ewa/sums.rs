@@ -29,12 +29,12 @@ const EMPTY: Rows = [[0.0; PAIR * STRIDE]; PLANES];
 pub struct Sums(Box<[Rows; TILE / PAIR]>);
 
 /// What a splat adds: colour, and normal or radius.
-#[derive(Clone, Copy, Debug)]
-pub struct Share {
+#[derive(Clone, Copy)]
+pub struct Share<S: Simd> {
     /// Linear light.
     pub tint: [f32; 3],
     /// Normal, or the radius and zeros.
-    pub shape: [f32; 3],
+    pub shape: [f32x8<S>; 3],
     /// Its weight in the middle.
     pub amplitude: f32,
 }
@@ -92,7 +92,7 @@ pub fn add<S: Simd, const NORMALS: bool>(
     rows: &mut Rows,
     x: usize,
     weight: f32x8<S>,
-    share: &Share,
+    share: &Share<S>,
     inverse_depth: f32x8<S>,
 ) {
     let [r, g, b] = share.tint;
@@ -115,13 +115,16 @@ pub fn replace<S: Simd>(
     rows: &mut Rows,
     x: usize,
     seen: mask32x8<S>,
-    share: &Share,
+    share: &Share<S>,
     inverse_depth: f32x8<S>,
 ) {
-    let ([r, g, b], [nx, ny, nz]) = (share.tint, share.shape);
     put(rows, FRONT, x, seen, inverse_depth);
-    for (plane, value) in (TINT..).zip([r, g, b, 1.0, nx, ny, nz]) {
+    let [r, g, b] = share.tint;
+    for (plane, value) in (TINT..).zip([r, g, b, 1.0]) {
         put(rows, plane, x, seen, inverse_depth.like(value));
+    }
+    for (plane, value) in (SHAPE..).zip(share.shape) {
+        put(rows, plane, x, seen, value);
     }
     put(rows, INVERSE_DEPTH, x, seen, inverse_depth);
 }

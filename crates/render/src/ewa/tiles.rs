@@ -50,9 +50,10 @@ pub const RUN_POINTS: usize = 1 << 14;
 pub struct Run {
     /// The splats, in the order of their points.
     pub splats: Vec<Splat>,
-    boxes: Vec<Box4>,
     /// Tiles in a row.
     columns: usize,
+    /// The tiles that splats touch, in the order of the splats, with their entries.
+    touched: Vec<(u32, Entry)>,
     /// For each tile its first entry, and one past the last of all.
     starts: Vec<u32>,
     /// Splats by tile.
@@ -80,11 +81,18 @@ impl Run {
     /// Adds a splat with its box and what is kept of it.
     #[inline(always)]
     pub fn push(&mut self, splat: Splat, bounds: Box4, lines: Option<Lines>) {
+        let is_plain = splat.is_plain() && lines.is_none_or(|l| l.kept == WHOLE);
+        let first = self.splats.len();
         self.splats.push(splat);
-        self.boxes.push(bounds);
-        for_each_tile(bounds, self.columns, |tile, _| self.starts[tile] += 1);
+        let Self { touched, starts, columns, .. } = self;
+        for_each_tile(bounds, *columns, |tile, [left, right, top, bottom]| {
+            starts[tile] += 1;
+            let is_small = is_plain && usize::from(right - left) <= LANES;
+            let entry = Entry { splat: first as u16, is_small, left, right, top, bottom };
+            touched.push((tile as u32, entry));
+        });
         if lines.is_some() || !self.lines.is_empty() {
-            self.lines.resize(self.splats.len() - 1, Lines::default());
+            self.lines.resize(first, Lines::default());
             self.lines.push(lines.unwrap_or_default());
         }
     }
@@ -92,7 +100,7 @@ impl Run {
     /// Forgets all splats.
     pub fn clear(&mut self, tiles: Tiles) {
         self.splats.clear();
-        self.boxes.clear();
+        self.touched.clear();
         self.lines.clear();
         self.starts.clear();
         self.starts.resize(tiles.columns * tiles.rows + 1, 0);
@@ -102,22 +110,17 @@ impl Run {
 
     /// Sorts the splats into tiles, by counting.
     pub fn sort(&mut self) {
-        let Self { splats, boxes, starts, entries, lines, columns, .. } = self;
         // Ends of all tiles; filled from behind, they become their starts.
         let mut end = 0;
-        for start in starts.iter_mut() {
+        for start in &mut self.starts {
             end += *start;
             *start = end;
         }
-        entries.resize(end as usize, Entry::default());
-        for (i, (&b, splat)) in boxes.iter().zip(&*splats).enumerate().rev() {
-            let is_plain = splat.is_plain() && lines.get(i).is_none_or(|l| l.kept == WHOLE);
-            for_each_tile(b, *columns, |tile, [left, right, top, bottom]| {
-                starts[tile] -= 1;
-                let is_small = is_plain && usize::from(right - left) <= LANES;
-                let entry = Entry { splat: i as u16, is_small, left, right, top, bottom };
-                entries[starts[tile] as usize] = entry;
-            });
+        self.entries.resize(end as usize, Entry::default());
+        for &(tile, entry) in self.touched.iter().rev() {
+            let start = &mut self.starts[tile as usize];
+            *start -= 1;
+            self.entries[*start as usize] = entry;
         }
     }
 }
