@@ -7,6 +7,8 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
 /// Pixels of a row that go together where a processor may have registers of as many.
 pub const EIGHT: usize = 8;
+/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
+pub const WHOLE: f32 = 8_388_608.0;
 
 /// Four values, and four more.
 #[inline(always)]

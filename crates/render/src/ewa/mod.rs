@@ -1,7 +1,7 @@
 //! Perspective-accurate EWA splatting (zwicker2004): each point is a disc on its tangent plane, drawn with the
 //! exact shape of its projection, filtered against aliasing, and blended with its neighbours by Gaussian
-//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`clip`] the lines at which it ends,
-//! [`place`] sorts splats into tiles, [`blend`] draws these.
+//! weights. [`mapping`] has the equations, [`splat`] makes a splat's record, [`ellipses`] eight of them, [`clip`] the lines
+//! at which they end, [`place`] sorts splats into tiles, [`blend`] draws these.
 //!
 //! Two remarks on the paper. It uses Q''' as the inverse of a variance (section 4.4) and as a variance
 //! (section 6); meant is R' = Q'''^-1, with the filter (Q'''^-1 + H)^-1. And equation 3 prints the inverse of
@@ -10,6 +10,7 @@
 pub mod blend;
 pub mod clip;
 pub mod cover;
+pub mod ellipses;
 pub mod gauss;
 pub mod mapping;
 pub mod place;

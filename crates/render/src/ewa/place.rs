@@ -3,15 +3,16 @@
 //! through the runs in their order: the same sums, and so the same bits, for any number of threads.
 
 use super::clip::{Clipping, Lines, WIDER};
+use super::ellipses::Ellipses;
 use super::shape::{Codes, Shapes, WIDEST, shape_code};
-use super::splat::{Box4, Disc, Dye, Ellipses, Lens, Placed, Splat, across};
+use super::splat::{Box4, Disc, Dye, Lens, Placed, Splat, across};
 use super::tiles::{RUN_POINTS, Run, Tiles};
 use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::colour::{ColourBy, linear};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gather::Lookup;
 use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
-use crate::values::{EIGHT, Values, bits, directions, dot, only};
+use crate::values::{EIGHT, Values, WHOLE, bits, directions, dot, only};
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
 use glam::Vec3;
@@ -366,8 +367,6 @@ fn unit<V: Values>(v: [V; 3]) -> [V; 3] {
 
 /// Greatest code of a normal's part: ten bits each, with a sign.
 pub const PART_MAX: f32 = 511.0;
-/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
-const WHOLE: f32 = 8_388_608.0;
 
 /// Parts of unit vectors, whose last bits are their codes.
 #[inline(always)]
