@@ -135,6 +135,14 @@ impl<'a> Lookup<'a> {
         spacing_or(octree.spacing_from(draw.entry, p), draw.node)
     }
 
+    /// The colour of all points of a draw, where they have but one, linear light.
+    pub(crate) fn only_colour(&self, draw: usize) -> Option<Vec3> {
+        let by = self.frame.colour;
+        let has_none = matches!(self.frame.draws[draw].colour, ColourPlane::None);
+        let is_one = matches!(by, ColourBy::Plain | ColourBy::Cell) || by.reads_plane() && has_none;
+        is_one.then_some(self.draws[draw].colour)
+    }
+
     /// Colour of a point, linear light.
     pub(crate) fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
         let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);

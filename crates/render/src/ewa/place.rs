@@ -58,6 +58,8 @@ struct Block {
     steps: [[f32; BLOCK]; 3],
     /// Of the cutoff; what is no number is hidden.
     radii: [f32; BLOCK],
+    /// The colour of all points of the node, where they have but one.
+    only_tint: Option<[f32; 3]>,
 }
 
 impl Placing<'_> {
@@ -98,6 +100,7 @@ impl Placing<'_> {
         let positions = Positions::of(node);
         let place = self.camera.place(node.node, positions.is_exact());
         let mut block = Block::new();
+        block.only_tint = self.lookup.only_colour(draw).map(|colour| colour.to_array());
         for start in points.clone().step_by(BLOCK) {
             (block.start, block.count) = (start, BLOCK.min(points.end - start));
             positions.offsets(start, &mut block.offsets);
@@ -263,6 +266,9 @@ impl Placing<'_> {
     /// Colour of a point, linear light.
     #[inline(always)]
     fn tint(&self, draw: usize, index: usize, block: &Block, k: usize, depth: f32) -> [f32; 3] {
+        if let Some(only) = block.only_tint {
+            return only;
+        }
         // Most files have such colours.
         if let (ColourBy::Rgb, ColourPlane::Rgba(plane)) =
             (self.frame.colour, self.frame.draws[draw].colour)
@@ -335,7 +341,7 @@ fn along<V: Values>(world: [V; 3], way: Vec3) -> V {
 impl Block {
     fn new() -> Self {
         let (offsets, steps) = ([[0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-        Self { start: 0, count: 0, offsets, steps, radii: [0.0; BLOCK] }
+        Self { start: 0, count: 0, offsets, steps, radii: [0.0; BLOCK], only_tint: None }
     }
 
     #[inline(always)]
