@@ -118,11 +118,28 @@ impl Blend<'_> {
         }
     }
 
+    /// Gives the pixels of an entry that is not small: a function of its own, so that the short way is short.
+    #[inline(always)]
+    fn for_each_large<S: Simd>(
+        &self,
+        simd: S,
+        (run, splat, entry): (&Run, &Splat, &Entry),
+        window: &Window,
+        work: impl FnMut(Pixels<S>),
+    ) {
+        let Camera { centre_px, near, .. } = *self.camera;
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for_each(simd, (splat, entry, run.lines(entry)), window, (centre_px, near), work);
+            },
+        );
+    }
+
     /// Pass 1.
     #[inline(always)]
     fn visibility<S: Simd>(&self, simd: S, tile: usize, window: &Window, sums: &mut Sums) {
         let pairs = sums.pairs();
-        let Camera { centre_px, near, .. } = *self.camera;
         self.for_each(
             tile,
             #[inline(always)]
@@ -138,25 +155,18 @@ impl Blend<'_> {
                     );
                 }
                 let is_by_rays = splat.is_by_rays();
-                // A function of its own, so that the short way is short.
-                simd.vectorize(
+                self.for_each_large(
+                    simd,
+                    (run, splat, entry),
+                    window,
                     #[inline(always)]
-                    || {
-                        for_each(
-                            simd,
-                            (splat, entry, run.lines(entry)),
-                            window,
-                            (centre_px, near),
-                            #[inline(always)]
-                            |p| {
-                                let moved = if is_by_rays {
-                                    p.inverse_depth / (p.inverse_depth * -splat.back + 1.0)
-                                } else {
-                                    moved_back(splat, &p)
-                                };
-                                advance(&mut pairs[p.pair], p.x, p.inside, moved);
-                            },
-                        );
+                    |p| {
+                        let moved = if is_by_rays {
+                            p.inverse_depth / (p.inverse_depth * -splat.back + 1.0)
+                        } else {
+                            moved_back(splat, &p)
+                        };
+                        advance(&mut pairs[p.pair], p.x, p.inside, moved);
                     },
                 );
             },
@@ -173,7 +183,6 @@ impl Blend<'_> {
         sums: &mut Sums,
     ) {
         let pairs = sums.pairs();
-        let Camera { centre_px, near, .. } = *self.camera;
         self.for_each(
             tile,
             #[inline(always)]
@@ -197,18 +206,12 @@ impl Blend<'_> {
                         |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
                     );
                 }
-                simd.vectorize(
+                self.for_each_large(
+                    simd,
+                    (run, splat, entry),
+                    window,
                     #[inline(always)]
-                    || {
-                        for_each(
-                            simd,
-                            (splat, entry, run.lines(entry)),
-                            window,
-                            (centre_px, near),
-                            #[inline(always)]
-                            |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
-                        );
-                    },
+                    |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
                 );
             },
         );
