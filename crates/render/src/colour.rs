@@ -2,8 +2,8 @@
 //! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
 //! sRGB on both ends.
 
-use crate::values::EIGHT;
-use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
+use crate::values::{Values, WHOLE};
+use fearless_simd::{Bytes, Simd, f32x8, u32x8};
 use glam::Vec3;
 use std::sync::LazyLock;
 
@@ -186,11 +186,11 @@ static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
-/// Bytes of the entries, and as many more of full light: so the last bits of a number are always within.
-type Table = [u8; 2 * ENCODE_ENTRIES];
+/// Bytes of the entries, and of full light.
+type Table = [u8; ENCODE_ENTRIES + 1];
 
 static TO_SRGB: LazyLock<Box<Table>> = LazyLock::new(|| {
-    let mut table = Box::new([255; 2 * ENCODE_ENTRIES]);
+    let mut table = Box::new([255; ENCODE_ENTRIES + 1]);
     for (i, byte) in table.iter_mut().enumerate().take(ENCODE_ENTRIES) {
         let c = i as f64 / ENCODE_ENTRIES as f64;
         let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
@@ -223,23 +223,35 @@ impl Encoder {
         c.to_array()
             .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
     }
+}
 
-    /// Where in the table eight intensities are.
-    #[inline(always)]
-    pub(crate) fn entries<S: Simd>(c: f32x8<S>) -> [u32; EIGHT] {
-        // A number this large has no bits left for fractions: adding it rounds.
-        const ROUNDS: f32 = (1 << 23) as f32;
-        let at = (c * ENCODE_ENTRIES as f32).max(0.0).min(ENCODE_ENTRIES as f32) + ROUNDS;
-        let simd = at.witness();
-        let last_bits = simd.splat_u32x8(2 * ENCODE_ENTRIES as u32 - 1);
-        simd.as_array_u32x8(simd.and_u32x8(simd.reinterpret_u32_f32x8(at), last_bits))
-    }
+/// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first; of a byte, to a
+/// hundredth of it.
+const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_585, 20.739_016];
+/// The straight part's slope, of a byte, and its end.
+const STRAIGHT: f32 = 12.92 * 255.0;
+const STRAIGHT_END: f32 = 0.003_130_8;
 
-    /// The byte of an entry.
-    #[inline(always)]
-    pub(crate) fn byte(self, entry: u32) -> u8 {
-        self.0[entry as usize % (2 * ENCODE_ENTRIES)]
-    }
+/// sRGB bytes of eight colours in linear light, a word each, red lowest, opaque; clamped, and what is no number is black.
+#[inline(always)]
+pub(crate) fn words<S: Simd>([r, g, b]: [f32x8<S>; 3]) -> u32x8<S> {
+    (bytes(r) | bytes(g) << 8) | (bytes(b) << 16 | 0xff00_0000)
+}
+
+/// Bytes in the last bits of words, whose first byte means nothing; the others are zero.
+#[inline(always)]
+fn bytes<S: Simd>(light: f32x8<S>) -> u32x8<S> {
+    let light = Values::min(Values::max(light, light.like(0.0)), light.like(1.0));
+    let x = light.sqrt().sqrt();
+    let [a, b, c, d, e] = CURVE.map(|power| x.like(power));
+    let curve = Values::mul_add(
+        x,
+        Values::mul_add(x, Values::mul_add(x, Values::mul_add(x, e, d), c), b),
+        a,
+    );
+    let is_curved = light.like(STRAIGHT_END).cmplt(light);
+    let byte = f32x8::select(is_curved, curve, light * STRAIGHT);
+    (byte + WHOLE).bitcast()
 }
 
 /// A colour map as a table in linear light.
@@ -316,6 +328,8 @@ pub fn hue(number: u32) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::values::EIGHT;
+    use fearless_simd::{Level, dispatch};
 
     #[test]
     fn bytes_survive_linear_light() {
@@ -324,6 +338,33 @@ mod tests {
             assert!(back.abs_diff(c) <= 1, "{c} came back as {back}");
         }
         assert_eq!(Encoder::get().bytes(Vec3::new(f32::NAN, 9.0, -3.0)), [0, 255, 0]);
+    }
+
+    #[test]
+    fn words_are_the_nearest_bytes() {
+        let curve = |c: f64| match c {
+            c if c <= 0.003_130_8 => 12.92 * 255.0 * c,
+            c => 255.0 * (1.055 * c.powf(1.0 / 2.4) - 0.055),
+        };
+        let words_of = |light: [f32; EIGHT]| {
+            let words = dispatch!(Level::new(), simd => {
+                let light = simd.load_array_f32x8(light);
+                <[u32; EIGHT]>::from(words([light, light * 0.5, light * 0.0]))
+            });
+            words.map(u32::to_le_bytes)
+        };
+        for step in 0..=10_000 {
+            let light = step as f32 * 1e-4;
+            let [r, g, b, a] = words_of([light; EIGHT])[step % EIGHT];
+            assert!((f64::from(r) - curve(f64::from(light))).abs() < 0.51);
+            assert!((f64::from(g) - curve(f64::from(light * 0.5))).abs() < 0.51);
+            assert_eq!([b, a], [0, 255]);
+        }
+        let any = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 9.0, -3.0, 1.0, 0.0, -0.0];
+        assert_eq!(words_of(any).map(|[r, ..]| r), [0, 255, 0, 255, 0, 255, 0, 0]);
+        for c in 0..=255u8 {
+            assert_eq!(words_of([linear([c; 3]).x; EIGHT])[0][0], c);
+        }
     }
 
     #[test]

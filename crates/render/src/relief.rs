@@ -165,7 +165,7 @@ impl Surroundings<'_> {
     /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
     #[inline(always)]
     pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
-        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let mut room = None;
         let [above, here, below] = runs([self.above, self.here, self.below], first, &mut room);
         let d = eight::<S, REACH>(simd, here);
         let left = eight::<S, { REACH - 1 }>(simd, here);
@@ -194,7 +194,7 @@ impl Surroundings<'_> {
     #[inline(always)]
     pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
-        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let mut room = None;
         let [above, middle, below] = runs(self.far, first, &mut room);
         let here = eight::<S, REACH>(simd, middle);
         let per_slope = self.focal_px / (here * REACH as f32);
@@ -222,7 +222,7 @@ impl Surroundings<'_> {
     #[inline(always)]
     pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
-        let mut room = [[0.0; EIGHT + 2 * REACH]; 3];
+        let mut room = None;
         let [above, middle, below] = runs(self.far, first, &mut room);
         let here = eight::<S, REACH>(simd, middle);
         let sides = [
@@ -244,32 +244,26 @@ impl Surroundings<'_> {
 /// Eight depths of a row and [`REACH`] on both sides of them.
 type Run = [f32; EIGHT + 2 * REACH];
 
-/// Those around the pixels from `first` on; infinite beyond the picture, which takes some room. One check for all of them.
+/// Those of three rows around the pixels from `first` on; infinite beyond the picture, which takes some room.
 #[inline(always)]
-fn run<'a>(row: &'a [f32], first: usize, room: &'a mut Run) -> &'a Run {
-    if first >= REACH
-        && first + EIGHT + REACH <= row.len()
-        && let Some(run) = row[first - REACH..].first_chunk()
-    {
-        return run;
+fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut Option<[Run; 3]>) -> [&'a Run; 3] {
+    // Beyond all rows where there are no columns before.
+    let from = first.wrapping_sub(REACH);
+    let run = |row: &'a [f32]| row.get(from..)?.first_chunk();
+    if let (Some(a), Some(b), Some(c)) = (run(rows[0]), run(rows[1]), run(rows[2])) {
+        return [a, b, c];
     }
-    *room = at_end(row, first);
-    room
-}
-
-/// The same of three rows.
-#[inline(always)]
-fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut [Run; 3]) -> [&'a Run; 3] {
-    let [a, b, c] = room;
-    [run(rows[0], first, a), run(rows[1], first, b), run(rows[2], first, c)]
+    room.insert(at_ends(rows, first)).each_ref()
 }
 
 /// The same where not all of them are in the picture.
 #[inline(never)]
-fn at_end(row: &[f32], first: usize) -> Run {
-    std::array::from_fn(|k| {
-        let x = (first + k).checked_sub(REACH);
-        x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY)
+fn at_ends(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
+    rows.map(|row| {
+        std::array::from_fn(|k| {
+            let x = (first + k).checked_sub(REACH);
+            x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY)
+        })
     })
 }
 

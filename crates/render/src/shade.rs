@@ -7,14 +7,14 @@
 //! surfaces off against each other.
 
 use crate::camera::Camera;
-use crate::colour::Encoder;
+use crate::colour::words;
 use crate::frame::{Background, Picture};
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
 use crate::surface::Surface;
-use crate::values::{EIGHT, Values, dot, only};
-use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8, mask32x8};
+use crate::values::{EIGHT, Values, bits, dot, only};
+use fearless_simd::{Level, Select, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -77,7 +77,6 @@ fn shade_as<const SHINES: bool, S: Surface>(
     };
     let relief = if is_bare { raw.smoothed(scratch) } else { raw };
     let nothing = vec![f32::INFINITY; width];
-    let encoder = Encoder::get();
     let rows = picture.rgba.par_chunks_mut(width * 4).with_min_len(4).enumerate();
     let found = rows.map(|(y, row)| {
         let around = relief.surroundings(y, &nothing);
@@ -89,7 +88,6 @@ fn shade_as<const SHINES: bool, S: Surface>(
             y,
             covered: 0,
             creases: Vec::new(),
-            encoder,
             out: row.as_chunks_mut().0,
         };
         dispatch!(Level::new(), simd => row.shade::<_, SHINES>(simd, &around));
@@ -111,7 +109,6 @@ struct Row<'a, S> {
     y: usize,
     covered: u64,
     creases: Vec<usize>,
-    encoder: Encoder,
     out: &'a mut [[u8; 4]],
 }
 
@@ -139,22 +136,44 @@ impl<T: Surface> Row<'_, T> {
                 self.out[first..first + run.len()].fill(self.backdrop);
                 continue;
             }
-            let light = if self.surface.has_normals() {
-                let normal = self.normals(simd, first, is_valid);
-                let dark = around.sunken(simd, first, EDGE.1) * EDGE.0;
-                self.light::<S, SHINES>(simd, first, normal, dark)
+            let to_eye = self.to_eye::<S, SHINES>(simd, first);
+            let (normal, dark) = if self.surface.has_normals() {
+                let normal = self.normals(simd, first, is_valid, to_eye);
+                (normal, around.sunken(simd, first, EDGE.1) * EDGE.0)
             } else {
-                let normal = around.normals(simd, first);
-                let dark = around.behind(simd, first, DOME.1) * DOME.0;
-                self.light::<S, SHINES>(simd, first, normal, dark)
+                (around.normals(simd, first), around.behind(simd, first, DOME.1) * DOME.0)
             };
+            let light = light::<S, SHINES>(normal, to_eye, dark);
             self.paint(simd, first, is_valid, &light);
         }
     }
 
+    /// Directions from the surface to the eye at eight pixels; without highlights along the axis, whence the eye's soft
+    /// light then comes.
+    #[inline(always)]
+    fn to_eye<S: Simd, const SHINES: bool>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
+        let (zero, one) = (simd.splat_f32x8(0.0), simd.splat_f32x8(1.0));
+        if !SHINES {
+            return [zero, zero, one];
+        }
+        let Camera { centre_px: [middle_x, middle_y], focal_px, .. } = *self.camera;
+        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let left = -(columns + (x as u32 as f32 + 0.5 - middle_x));
+        let down = self.y as u32 as f32 + 0.5 - middle_y;
+        let beside = simd.splat_f32x8(down * down + focal_px * focal_px);
+        let per_length = one / left.mul_add(left, beside).sqrt();
+        [left * per_length, per_length * down, per_length * focal_px]
+    }
+
     /// The interpolated normals of eight pixels, unit length; notes creases beside them.
     #[inline(always)]
-    fn normals<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>) -> [f32x8<S>; 3] {
+    fn normals<S: Simd>(
+        &mut self,
+        simd: S,
+        x: usize,
+        is_valid: mask32x8<S>,
+        to_eye: [f32x8<S>; 3],
+    ) -> [f32x8<S>; 3] {
         let [width, _] = self.surface.size();
         let [here, right, below] = self.surface.normals(simd, x, self.y);
         let may_bend = (are_creases(here, right) | are_creases(here, below)) & is_valid;
@@ -166,97 +185,54 @@ impl<T: Surface> Row<'_, T> {
             }
         }
         let per_length = 1.0 / dot(here, here).sqrt();
-        let mut normal = [here[0] * per_length, here[1] * per_length, here[2] * per_length];
+        let normal = [here[0] * per_length, here[1] * per_length, here[2] * per_length];
         // As `Vec3::try_normalize` has it; points without a normal are few.
         let has_length = per_length.cmplt(per_length.like(f32::INFINITY))
             & per_length.like(0.0).cmplt(per_length);
         let is_lacking = is_valid & !has_length;
         if is_lacking.any_true() {
-            for k in lanes_of(is_lacking) {
-                let found = self.surface.normal_around(x + k, self.y);
-                (0..3).for_each(|i| normal[i][k] = found[i]);
-            }
+            return self.with_normals_around(simd, x, is_lacking, normal, to_eye);
         }
         normal
     }
 
-    /// Phong lighting of eight pixels, darkened.
+    /// Normals, those that are lacking from around; what has none there either faces the eye.
     #[inline(always)]
-    fn light<S: Simd, const SHINES: bool>(
+    fn with_normals_around<S: Simd>(
         &self,
         simd: S,
         x: usize,
+        is_lacking: mask32x8<S>,
         normal: [f32x8<S>; 3],
-        dark: f32x8<S>,
-    ) -> Light<S> {
-        let zero = simd.splat_f32x8(0.0);
-        // Without highlights the eye's soft light comes along the axis.
-        let mut to_eye = [zero, zero, simd.splat_f32x8(1.0)];
-        if SHINES {
-            let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-            let right = columns + (x as f32 + 0.5 - self.camera.centre_px[0]);
-            let up = self.camera.centre_px[1] - self.y as f32 - 0.5;
-            let focal = simd.splat_f32x8(self.camera.focal_px);
-            let ray = [-right, simd.splat_f32x8(-up), focal];
-            let per_length = 1.0 / dot(ray, ray).sqrt();
-            to_eye = [ray[0] * per_length, ray[1] * per_length, ray[2] * per_length];
+        to_eye: [f32x8<S>; 3],
+    ) -> [f32x8<S>; 3] {
+        let mut normal = normal.map(|part| *part);
+        for k in lanes_of(is_lacking) {
+            let found = self.surface.normal_around(x + k, self.y);
+            let is_found = found != Vec3::ZERO;
+            (0..3).for_each(|i| normal[i][k] = if is_found { found[i] } else { to_eye[i][k] });
         }
-        // A pixel without a normal, nor any above it, faces the eye.
-        let is_none = dot(normal, normal).cmpeq(zero);
-        let [nx, ny, nz] = normal;
-        let normal = [
-            f32x8::select(is_none, to_eye[0], nx),
-            f32x8::select(is_none, to_eye[1], ny),
-            f32x8::select(is_none, to_eye[2], nz),
-        ];
-        let [nx, ny, nz] = normal;
-        let facing = nx * KEY.x + ny * KEY.y + nz * KEY.z;
-        let ambient = (ny * 0.5 + 0.5) * (SKY_SHARE - GROUND_SHARE) + GROUND_SHARE;
-        let towards = dot(normal, to_eye);
-        let diffuse = facing.max(zero) * KEY_SHARE + towards.max(zero) * EYE_SHARE;
-        let bright = darken(dark);
-        let mut shine = zero;
-        if SHINES {
-            let twice = facing * 2.0;
-            let mirrored = [nx * twice - KEY.x, ny * twice - KEY.y, nz * twice - KEY.z];
-            // To the power of 24.
-            let s1 = dot(mirrored, to_eye).max(zero);
-            let s2 = s1 * s1;
-            let s4 = s2 * s2;
-            let s8 = s4 * s4;
-            shine = only(zero.cmplt(facing), s8 * s8 * s8) * SHINE * bright;
-        }
-        Light { factor: (ambient + diffuse) * bright, shine }
+        normal.map(|part| simd.load_array_f32x8(part))
     }
 
     /// Writes eight pixels; the backdrop where there is no surface.
     #[inline(always)]
     fn paint<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>, light: &Light<S>) {
-        let encoder = self.encoder;
-        let [r, g, b] = self.surface.tints(simd, x, self.y);
-        let r = Encoder::entries(r * light.factor + light.shine);
-        let g = Encoder::entries(g * light.factor + light.shine);
-        let b = Encoder::entries(b * light.factor + light.shine);
-        let mut lit = [[0; 4]; EIGHT];
-        for k in 0..EIGHT {
-            // As one word, which is written at once.
-            let (r, g, b) = (encoder.byte(r[k]), encoder.byte(g[k]), encoder.byte(b[k]));
-            let rgb = u32::from(r) | u32::from(g) << 8 | u32::from(b) << 16;
-            lit[k] = (rgb | 255 << 24).to_le_bytes();
+        let lit = self.surface.tints(simd, x, self.y);
+        let lit = words([
+            lit[0].mul_add(light.factor, light.shine),
+            lit[1].mul_add(light.factor, light.shine),
+            lit[2].mul_add(light.factor, light.shine),
+        ]);
+        let backdrop = simd.splat_u32x8(u32::from_le_bytes(self.backdrop));
+        let words = <[u32; EIGHT]>::from(is_valid.select(lit, backdrop));
+        let shown = words.map(u32::to_le_bytes);
+        let room = &mut self.out[x..];
+        match room.first_chunk_mut() {
+            Some(out) => *out = shown,
+            None => room.copy_from_slice(&shown[..room.len()]),
         }
-        match self.out[x..].first_chunk_mut() {
-            Some(out) if is_valid.all_true() => {
-                *out = lit;
-                self.covered += EIGHT as u64;
-            }
-            _ => {
-                for (k, out) in self.out[x..].iter_mut().take(EIGHT).enumerate() {
-                    let is_valid = is_valid[k] != 0;
-                    *out = if is_valid { lit[k] } else { self.backdrop };
-                    self.covered += u64::from(is_valid);
-                }
-            }
-        }
+        self.covered += u64::from(bits(is_valid).count_ones());
     }
 
     /// Whether the surface bends sharply to the right or below.
@@ -272,6 +248,36 @@ impl<T: Surface> Row<'_, T> {
         };
         bent(x + 1, self.y) || bent(x, self.y + 1)
     }
+}
+
+/// Phong lighting of eight pixels, darkened.
+#[inline(always)]
+fn light<S: Simd, const SHINES: bool>(
+    normal: [f32x8<S>; 3],
+    to_eye: [f32x8<S>; 3],
+    dark: f32x8<S>,
+) -> Light<S> {
+    let like = |value: f32| dark.like(value);
+    let zero = like(0.0);
+    let facing = dot(normal, KEY.to_array().map(like));
+    // From below to above.
+    let ambient = normal[1]
+        .mul_add(like((SKY_SHARE - GROUND_SHARE) / 2.0), like((SKY_SHARE + GROUND_SHARE) / 2.0));
+    let towards = dot(normal, to_eye);
+    let lit = facing.max(zero).mul_add(like(KEY_SHARE), ambient);
+    let lit = towards.max(zero).mul_add(like(EYE_SHARE), lit);
+    let bright = darken(dark);
+    let mut shine = zero;
+    if SHINES {
+        // The key light's mirror image, seen from the eye.
+        let s1 = (facing * 2.0).mul_add(towards, -dot(KEY.to_array().map(like), to_eye)).max(zero);
+        // To the power of 24.
+        let s2 = s1 * s1;
+        let s4 = s2 * s2;
+        let s8 = s4 * s4;
+        shine = only(zero.cmplt(facing), s8 * s8 * s8) * (bright * SHINE);
+    }
+    Light { factor: lit * bright, shine }
 }
 
 /// Depths of fewer than eight pixels; infinite where there is none.

@@ -28,7 +28,7 @@ pub fn only<V: Values>(mask: V::Mask, value: V) -> V {
 /// Sum of products.
 #[inline(always)]
 pub fn dot<V: Values>(a: [V; 3], b: [V; 3]) -> V {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
 /// The vector product.
@@ -91,6 +91,8 @@ pub trait Values:
     fn sqrt(self) -> Self;
     /// With others' signs.
     fn copysign(self, sign: Self) -> Self;
+    /// This times `factor` and `more`; rounded once where a processor does that at no cost, else twice.
+    fn mul_add(self, factor: Self, more: Self) -> Self;
     /// Which are equal.
     fn cmpeq(self, other: Self) -> Self::Mask;
     /// Which are less.
@@ -127,6 +129,10 @@ impl Values for f32 {
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         self.copysign(sign)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self * factor + more
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> bool {
@@ -174,6 +180,10 @@ impl Values for Vec4 {
         self.copysign(sign)
     }
     #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self * factor + more
+    }
+    #[inline(always)]
     fn cmpeq(self, other: Self) -> BVec4A {
         self.cmpeq(other)
     }
@@ -217,6 +227,10 @@ impl<S: Simd> Values for f32x8<S> {
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         self.witness().copysign_f32x8(self, sign)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self.witness().mul_add_f32x8(self, factor, more)
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> mask32x8<S> {
