@@ -4,7 +4,7 @@
 
 use super::cover::{Pixels, Window, for_each, for_each_small};
 use super::gauss::Falloff;
-use super::place::{PART_MAX, unpacked};
+use super::place::{PART_MAX, along, unpacked};
 use super::planes::Planes;
 use super::splat::{Dye, Splat};
 use super::sums::{
@@ -270,11 +270,8 @@ impl Blend<'_> {
                     let nx = row.sum(simd, SHAPE, x) * share;
                     let ny = row.sum(simd, SHAPE + 1, x) * share;
                     let nz = row.sum(simd, SHAPE + 2, x) * share;
-                    let mut n = [
-                        nx * right.x + ny * right.y + nz * right.z,
-                        nx * up.x + ny * up.y + nz * up.z,
-                        nx * back.x + ny * back.y + nz * back.z,
-                    ];
+                    let n = [nx, ny, nz];
+                    let mut n = [along(n, right), along(n, up), along(n, back)];
                     let is_unknown = dot(n, n).cmplt(simd.splat_f32x8(UNKNOWN));
                     if is_unknown.any_true() {
                         // It faces the eye.

@@ -101,7 +101,11 @@ impl<S: Simd> Ellipse<S> {
         let dx = columns + (window.from[0] + f32::from(x) - splat.origin[0]);
         let dy = rows + (window.from[1] + f32::from(2 * pair) - splat.origin[1]);
         Self {
-            here: [dx * across - dy * shear, dy * along, dx * z_x + (dy * z_y + z)],
+            here: [
+                dx.mul_add(dx.like(across), -(dy * shear)),
+                dy * along,
+                dx.mul_add(dx.like(z_x), dy.mul_add(dy.like(z_y), dy.like(z))),
+            ],
             growth: [-2.0 * shear, 2.0 * along, 2.0 * z_y],
             far: least * WIDENED,
             near: greatest * (1.0 / WIDENED),
@@ -112,7 +116,7 @@ impl<S: Simd> Ellipse<S> {
     #[inline(always)]
     fn rows(&self) -> [f32x8<S>; 2] {
         let [u, v, plane] = self.here;
-        [u * u + v * v, plane]
+        [u.mul_add(u, v * v), plane]
     }
 
     #[inline(always)]

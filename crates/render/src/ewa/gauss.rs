@@ -30,9 +30,14 @@ impl Falloff {
     /// The weights at these squares of the place in the kernel.
     #[inline(always)]
     pub fn of<V: Values>(&self, squared: V) -> V {
-        let [a, b, c, d, e] = self.0;
-        let s = squared;
-        let root = s * (s * (s * (s * e + d) + c) + b) + a;
+        let [a, b, c, d, e] = self.0.map(
+            #[inline(always)]
+            |power| squared.like(power),
+        );
+        let root = squared.mul_add(e, d);
+        let root = squared.mul_add(root, c);
+        let root = squared.mul_add(root, b);
+        let root = squared.mul_add(root, a);
         root * root
     }
 }

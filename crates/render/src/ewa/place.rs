@@ -334,8 +334,9 @@ fn one_of<S: Simd>(vectors: &[f32x8<S>; 3], k: usize) -> Vec3 {
 
 /// Vectors along one.
 #[inline(always)]
-fn along<V: Values>(world: [V; 3], way: Vec3) -> V {
-    world[0] * way.x + world[1] * way.y + world[2] * way.z
+pub fn along<V: Values>(world: [V; 3], way: Vec3) -> V {
+    let [x, y, z] = way.to_array();
+    dot(world, [world[0].like(x), world[0].like(y), world[0].like(z)])
 }
 
 impl Block {

@@ -97,16 +97,16 @@ pub fn add<S: Simd, const NORMALS: bool>(
 ) {
     let [r, g, b] = share.tint;
     let [nx, ny, nz] = share.shape;
-    add_to(rows, TINT, x, weight * r);
-    add_to(rows, TINT + 1, x, weight * g);
-    add_to(rows, TINT + 2, x, weight * b);
-    add_to(rows, WEIGHT, x, weight);
-    add_to(rows, SHAPE, x, weight * nx);
+    add_to(rows, TINT, x, weight, weight.like(r));
+    add_to(rows, TINT + 1, x, weight, weight.like(g));
+    add_to(rows, TINT + 2, x, weight, weight.like(b));
+    add_to(rows, WEIGHT, x, weight, weight.like(1.0));
+    add_to(rows, SHAPE, x, weight, nx);
     if NORMALS {
-        add_to(rows, SHAPE + 1, x, weight * ny);
-        add_to(rows, SHAPE + 2, x, weight * nz);
+        add_to(rows, SHAPE + 1, x, weight, ny);
+        add_to(rows, SHAPE + 2, x, weight, nz);
     }
-    add_to(rows, INVERSE_DEPTH, x, weight * inverse_depth);
+    add_to(rows, INVERSE_DEPTH, x, weight, inverse_depth);
 }
 
 /// Puts a splat in the place of what was there, and of the front.
@@ -130,9 +130,9 @@ pub fn replace<S: Simd>(
 }
 
 #[inline(always)]
-fn add_to<S: Simd>(rows: &mut Rows, plane: usize, x: usize, value: f32x8<S>) {
+fn add_to<S: Simd>(rows: &mut Rows, plane: usize, x: usize, weight: f32x8<S>, value: f32x8<S>) {
     let own = at(rows, plane, x);
-    *own = *(value.witness().load_array_ref_f32x8(own) + value);
+    *own = *weight.mul_add(value, weight.witness().load_array_ref_f32x8(own));
 }
 
 #[inline(always)]
