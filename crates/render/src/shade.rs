@@ -12,9 +12,9 @@ use crate::frame::{Background, Picture};
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfaceRow};
 use crate::values::{EIGHT, Values, bits, dot, only};
-use fearless_simd::{Level, Select, Simd, SimdMask, dispatch, f32x8, mask32x8};
+use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8, mask32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -90,7 +90,8 @@ fn shade_as<const SHINES: bool, S: Surface>(
             creases: Vec::new(),
             out: row.as_chunks_mut().0,
         };
-        dispatch!(Level::new(), simd => row.shade::<_, SHINES>(simd, &around));
+        let pixels = surface.row(y);
+        dispatch!(Level::new(), simd => row.shade::<_, SHINES>(simd, &pixels, &around));
         (row.covered, row.creases)
     });
     let found: Vec<_> = found.collect();
@@ -122,7 +123,12 @@ struct Light<S: Simd> {
 
 impl<T: Surface> Row<'_, T> {
     #[inline(always)]
-    fn shade<S: Simd, const SHINES: bool>(&mut self, simd: S, around: &Surroundings<'_>) {
+    fn shade<S: Simd, const SHINES: bool>(
+        &mut self,
+        simd: S,
+        pixels: &impl SurfaceRow,
+        around: &Surroundings<'_>,
+    ) {
         let [width, _] = self.surface.size();
         let depths = &self.depth[self.y * width..][..width];
         let nothing = simd.splat_f32x8(f32::INFINITY);
@@ -138,13 +144,13 @@ impl<T: Surface> Row<'_, T> {
             }
             let to_eye = self.to_eye::<S, SHINES>(simd, first);
             let (normal, dark) = if self.surface.has_normals() {
-                let normal = self.normals(simd, first, is_valid, to_eye);
+                let normal = self.normals(pixels.normals(simd, first), first, is_valid, to_eye);
                 (normal, around.sunken(simd, first, EDGE.1) * EDGE.0)
             } else {
                 (around.normals(simd, first), around.behind(simd, first, DOME.1) * DOME.0)
             };
             let light = light::<S, SHINES>(normal, to_eye, dark);
-            self.paint(simd, first, is_valid, &light);
+            self.paint(pixels.tints(simd, first), first, is_valid, &light);
         }
     }
 
@@ -165,17 +171,17 @@ impl<T: Surface> Row<'_, T> {
         [left * per_length, per_length * down, per_length * focal_px]
     }
 
-    /// The interpolated normals of eight pixels, unit length; notes creases beside them.
+    /// The interpolated normals of eight pixels, of unit length; notes creases beside them. Given are these as they are, and
+    /// those to the right and below.
     #[inline(always)]
     fn normals<S: Simd>(
         &mut self,
-        simd: S,
+        [here, right, below]: [[f32x8<S>; 3]; 3],
         x: usize,
         is_valid: mask32x8<S>,
         to_eye: [f32x8<S>; 3],
     ) -> [f32x8<S>; 3] {
         let [width, _] = self.surface.size();
-        let [here, right, below] = self.surface.normals(simd, x, self.y);
         let may_bend = (are_creases(here, right) | are_creases(here, below)) & is_valid;
         if may_bend.any_true() {
             for k in lanes_of(may_bend) {
@@ -191,7 +197,7 @@ impl<T: Surface> Row<'_, T> {
             & per_length.like(0.0).cmplt(per_length);
         let is_lacking = is_valid & !has_length;
         if is_lacking.any_true() {
-            return self.with_normals_around(simd, x, is_lacking, normal, to_eye);
+            return self.with_normals_around(x, is_lacking, normal, to_eye);
         }
         normal
     }
@@ -200,12 +206,12 @@ impl<T: Surface> Row<'_, T> {
     #[inline(always)]
     fn with_normals_around<S: Simd>(
         &self,
-        simd: S,
         x: usize,
         is_lacking: mask32x8<S>,
         normal: [f32x8<S>; 3],
         to_eye: [f32x8<S>; 3],
     ) -> [f32x8<S>; 3] {
+        let simd = is_lacking.witness();
         let mut normal = normal.map(|part| *part);
         for k in lanes_of(is_lacking) {
             let found = self.surface.normal_around(x + k, self.y);
@@ -217,20 +223,25 @@ impl<T: Surface> Row<'_, T> {
 
     /// Writes eight pixels; the backdrop where there is no surface.
     #[inline(always)]
-    fn paint<S: Simd>(&mut self, simd: S, x: usize, is_valid: mask32x8<S>, light: &Light<S>) {
-        let lit = self.surface.tints(simd, x, self.y);
+    fn paint<S: Simd>(
+        &mut self,
+        [r, g, b]: [f32x8<S>; 3],
+        x: usize,
+        is_valid: mask32x8<S>,
+        light: &Light<S>,
+    ) {
         let lit = words([
-            lit[0].mul_add(light.factor, light.shine),
-            lit[1].mul_add(light.factor, light.shine),
-            lit[2].mul_add(light.factor, light.shine),
+            r.mul_add(light.factor, light.shine),
+            g.mul_add(light.factor, light.shine),
+            b.mul_add(light.factor, light.shine),
         ]);
-        let backdrop = simd.splat_u32x8(u32::from_le_bytes(self.backdrop));
+        let backdrop = r.witness().splat_u32x8(u32::from_le_bytes(self.backdrop));
         let words = <[u32; EIGHT]>::from(is_valid.select(lit, backdrop));
         let shown = words.map(u32::to_le_bytes);
         let room = &mut self.out[x..];
         match room.first_chunk_mut() {
             Some(out) => *out = shown,
-            None => room.copy_from_slice(&shown[..room.len()]),
+            None => write_last(shown, room),
         }
         self.covered += u64::from(bits(is_valid).count_ones());
     }
@@ -278,6 +289,12 @@ fn light<S: Simd, const SHINES: bool>(
         shine = only(zero.cmplt(facing), s8 * s8 * s8) * (bright * SHINE);
     }
     Light { factor: lit * bright, shine }
+}
+
+/// Writes fewer than eight pixels. Apart, or both ways would be one of any length.
+#[inline(never)]
+fn write_last(shown: [[u8; 4]; EIGHT], room: &mut [[u8; 4]]) {
+    room.copy_from_slice(&shown[..room.len()]);
 }
 
 /// Depths of fewer than eight pixels; infinite where there is none.

@@ -14,17 +14,46 @@ pub trait Surface: Sync {
     fn size(&self) -> [usize; 2];
     /// Whether pixels have normals.
     fn has_normals(&self) -> bool;
-    /// Colours, linear light, of eight pixels of a row from a column on, a multiple of eight; any where the row has no more.
-    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3];
-    /// Normals in view space (right, up, back), not of unit length, of eight pixels likewise, of those to the right of them,
-    /// and of those below them; zeros below the picture.
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3];
+    /// One of the rows.
+    fn row(&self, y: usize) -> impl SurfaceRow;
     /// The normal of a pixel.
     fn normal(&self, x: usize, y: usize) -> Vec3;
     /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
     fn normal_around(&self, x: usize, y: usize) -> Vec3;
     /// Radius of the disc or ellipse that a pixel shows, pixels; of clouds without normals.
     fn radius_px(&self, x: usize, y: usize) -> f32;
+}
+
+/// A row of pixels, eight of which are told at once from a column on, a multiple of eight.
+pub trait SurfaceRow {
+    /// Colours, linear light; any where the row has no more.
+    fn tints<S: Simd>(&self, simd: S, x: usize) -> [f32x8<S>; 3];
+    /// Normals in view space (right, up, back), not of unit length, those to the right of them, and those below them; zeros
+    /// below the picture.
+    fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3];
+}
+
+/// A row of level 0: its pixels and all after them.
+struct PixelRow<'a> {
+    width: usize,
+    tint: &'a [Vec4],
+    normal: &'a [Vec4],
+}
+
+impl SurfaceRow for PixelRow<'_> {
+    #[inline(always)]
+    fn tints<S: Simd>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
+        eight(simd, self.tint, x)
+    }
+
+    #[inline(always)]
+    fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3] {
+        [
+            eight(simd, self.normal, x),
+            eight(simd, self.normal, x + 1),
+            eight(simd, self.normal, x + self.width),
+        ]
+    }
 }
 
 impl Surface for Pyramid {
@@ -36,21 +65,15 @@ impl Surface for Pyramid {
         Pyramid::has_normals(self)
     }
 
-    #[inline(always)]
-    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
+    fn row(&self, y: usize) -> impl SurfaceRow {
         let base = &self.levels[0];
-        eight(simd, &base.tint, y * base.width + x)
-    }
-
-    #[inline(always)]
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3] {
-        let base = &self.levels[0];
-        let pixel = y * base.width + x;
-        [
-            eight(simd, &base.normal, pixel),
-            eight(simd, &base.normal, pixel + 1),
-            eight(simd, &base.normal, pixel + base.width),
-        ]
+        let from = y * base.width;
+        let after = |plane: &'_ Vec<Vec4>| from.min(plane.len());
+        PixelRow {
+            width: base.width,
+            tint: &base.tint[after(&base.tint)..],
+            normal: &base.normal[after(&base.normal)..],
+        }
     }
 
     #[inline]

@@ -2,7 +2,7 @@
 //! side, plane after plane: what a row of a tile leaves is one run of memory, which is written in half the time that
 //! planes a whole row apart take.
 
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfaceRow};
 use crate::values::EIGHT;
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
@@ -49,14 +49,6 @@ impl Planes {
         self.values.get(first..first + self.planes()).unwrap_or(&[])
     }
 
-    #[inline(always)]
-    fn three<S: Simd>(&self, simd: S, plane: usize, x: usize, y: usize) -> [f32x8<S>; 3] {
-        let Some([a, b, c]) = self.eight(x, y).get(plane..).and_then(<[_]>::first_chunk) else {
-            return [simd.splat_f32x8(0.0); 3];
-        };
-        [simd.load_array_ref_f32x8(a), simd.load_array_ref_f32x8(b), simd.load_array_ref_f32x8(c)]
-    }
-
     fn one(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.eight(x, y)[plane][x % EIGHT]
     }
@@ -64,6 +56,42 @@ impl Planes {
     /// Colour of a pixel, linear light.
     pub fn tint(&self, x: usize, y: usize) -> Vec3 {
         Vec3::from_array([0, 1, 2].map(|i| self.one(TINT + i, x, y)))
+    }
+}
+
+/// A row of planes, and the one below it.
+struct PlaneRow<'a> {
+    planes: usize,
+    here: &'a [[f32; EIGHT]],
+    below: &'a [[f32; EIGHT]],
+}
+
+/// Three planes of eight pixels, from one on; zeros where there are none.
+#[inline(always)]
+fn three<S: Simd>(simd: S, row: &[[f32; EIGHT]], plane: usize) -> [f32x8<S>; 3] {
+    let Some([a, b, c]) = row.get(plane..).and_then(<[_]>::first_chunk) else {
+        return [simd.splat_f32x8(0.0); 3];
+    };
+    [simd.load_array_ref_f32x8(a), simd.load_array_ref_f32x8(b), simd.load_array_ref_f32x8(c)]
+}
+
+impl SurfaceRow for PlaneRow<'_> {
+    #[inline(always)]
+    fn tints<S: Simd>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
+        three(simd, self.here, x / EIGHT * self.planes + TINT)
+    }
+
+    #[inline(always)]
+    fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3] {
+        let plane = x / EIGHT * self.planes + SHAPE;
+        let here = three(simd, self.here, plane);
+        let next = three(simd, self.here, plane + self.planes);
+        let right = [
+            simd.slide_f32x8::<1>(here[0], next[0]),
+            simd.slide_f32x8::<1>(here[1], next[1]),
+            simd.slide_f32x8::<1>(here[2], next[2]),
+        ];
+        [here, right, three(simd, self.below, plane)]
     }
 }
 
@@ -76,21 +104,12 @@ impl Surface for Planes {
         self.has_normals
     }
 
-    #[inline(always)]
-    fn tints<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
-        self.three(simd, TINT, x, y)
-    }
-
-    #[inline(always)]
-    fn normals<S: Simd>(&self, simd: S, x: usize, y: usize) -> [[f32x8<S>; 3]; 3] {
-        let here = self.three(simd, SHAPE, x, y);
-        let next = self.three(simd, SHAPE, x + EIGHT, y);
-        let right = [
-            simd.slide_f32x8::<1>(here[0], next[0]),
-            simd.slide_f32x8::<1>(here[1], next[1]),
-            simd.slide_f32x8::<1>(here[2], next[2]),
-        ];
-        [here, right, self.three(simd, SHAPE, x, y + 1)]
+    fn row(&self, y: usize) -> impl SurfaceRow {
+        let of = |y: usize| {
+            let from = (y * self.row_len()).min(self.values.len());
+            &self.values[from..self.values.len().min(from + self.row_len())]
+        };
+        PlaneRow { planes: self.planes(), here: of(y), below: of(y + 1) }
     }
 
     #[inline]
