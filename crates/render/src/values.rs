@@ -40,12 +40,13 @@ pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
 /// Which of eight are yes, a bit each.
 #[inline(always)]
 pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
-    let yes = <[i32; EIGHT]>::from(mask);
-    let mut bits = 0;
-    for (k, yes) in yes.into_iter().enumerate() {
-        bits |= (yes.cast_unsigned() >> 31) << k;
-    }
-    bits
+    let simd = mask.witness();
+    let bits = simd.load_array_u32x8([1, 2, 4, 8, 16, 32, 64, 128]);
+    let (low, high) = simd.split_u32x8(mask.select(bits, simd.splat_u32x8(0)));
+    // Four words, two, and one: no compiler sees that there is an instruction for this.
+    let [a, b]: [u64; 2] = bytemuck::cast(<[u32; EIGHT / 2]>::from(low | high));
+    let both = a | b;
+    (both | both >> 32) as u32
 }
 
 /// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
