@@ -116,9 +116,19 @@ impl<'a> Lookup<'a> {
     /// Drawn radius of a point, from its offset and its radius code.
     #[inline(always)]
     pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
-        let spacing = self.spacing(draw, offset);
+        self.radius_in(self.spacing(draw, offset), code)
+    }
+
+    /// The same where the points have this effective spacing.
+    #[inline(always)]
+    pub(crate) fn radius_in(&self, spacing: f32, code: u8) -> f32 {
         let radius = spacing * self.radius_factors[usize::from(code)];
         if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
+    }
+
+    /// The effective spacing of all points of a draw, where they have but one.
+    pub(crate) fn only_spacing(&self, draw: usize) -> Option<f32> {
+        self.draws[draw].spacing
     }
 
     /// Effective spacing of the finest drawn cell that holds the point.

@@ -100,14 +100,19 @@ impl Placing<'_> {
         let positions = Positions::of(node);
         let place = self.camera.place(node.node, positions.is_exact());
         let mut block = Block::new();
+        let only_spacing = self.lookup.only_spacing(draw);
         block.only_tint = self.lookup.only_colour(draw).map(|colour| colour.to_array());
         for start in points.clone().step_by(BLOCK) {
             (block.start, block.count) = (start, BLOCK.min(points.end - start));
             positions.offsets(start, &mut block.offsets);
             block.see(&place);
-            for k in 0..block.count {
-                let code = node.position[(start + k) * HOT_POSITION_BYTES + RADIUS_AT];
-                let radius = self.lookup.radius(draw, block.offset(k), code);
+            let hot = node.position[start * HOT_POSITION_BYTES..].as_chunks().0;
+            let codes = hot.iter().map(|hot: &[u8; HOT_POSITION_BYTES]| hot[RADIUS_AT]);
+            for (k, code) in codes.take(block.count).enumerate() {
+                let radius = match only_spacing {
+                    Some(spacing) => self.lookup.radius_in(spacing, code),
+                    None => self.lookup.radius(draw, block.offset(k), code),
+                };
                 block.radii[k] = radius * self.radius_factor;
             }
             if self.frame.hides_points {
