@@ -227,7 +227,7 @@ impl Encoder {
 
 /// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first; of a byte, to a
 /// hundredth of it.
-const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_585, 20.739_016];
+const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_58, 20.739_016];
 /// The straight part's slope, of a byte, and its end.
 const STRAIGHT: f32 = 12.92 * 255.0;
 const STRAIGHT_END: f32 = 0.003_130_8;

@@ -68,12 +68,8 @@ impl Surface for Pyramid {
     fn row(&self, y: usize) -> impl SurfaceRow {
         let base = &self.levels[0];
         let from = y * base.width;
-        let after = |plane: &'_ Vec<Vec4>| from.min(plane.len());
-        PixelRow {
-            width: base.width,
-            tint: &base.tint[after(&base.tint)..],
-            normal: &base.normal[after(&base.normal)..],
-        }
+        let (tint, normal) = (base.tint.get(from..), base.normal.get(from..));
+        PixelRow { width: base.width, tint: tint.unwrap_or(&[]), normal: normal.unwrap_or(&[]) }
     }
 
     #[inline]
