@@ -201,6 +201,8 @@ const CLIP_SHIFT_MAX: u32 = 22u;
 // As in crates/render/src/ewa/clip.rs.
 const CLIP_FLAT: f32 = 0.1;
 const CLIP_WIDER: f32 = 1.3;
+const CLIP_STROKE: f32 = 0.5;
+const CLIP_PAST: f32 = 1.0;
 
 // Three numbers of 9 bits with a sign.
 fn parts(word: u32) -> vec3<i32> {
@@ -211,21 +213,31 @@ fn in_view(world: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(frame.right, world), -dot(frame.up, world), -dot(frame.back, world));
 }
 
-// A line over the homogeneous pixel, not negative where the splat is kept; zeros where it is none.
-fn clip_line(at: u32, way: u32, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3<f32> {
-    let shifts = batch.grain + vec3<u32>(at >> 27u);
+// A line as the file has it: a point of it and the way to another one, which has no length where there is none.
+struct Line {
+    c: vec3<f32>,
+    e: vec3<f32>,
+    keeps_right: bool,
+}
+
+fn line_of(words: vec2<u32>, hot: vec3<u32>) -> Line {
+    let shifts = batch.grain + vec3<u32>(words.x >> 27u);
     if any(shifts > vec3<u32>(CLIP_SHIFT_MAX)) {
-        return vec3<f32>(0.0);
+        return Line();
     }
-    let along = parts(way) << shifts;
-    let begin = ((hot >> shifts) + bitcast<vec3<u32>>(parts(at))) << shifts;
+    let along = parts(words.y) << shifts;
+    let begin = ((hot >> shifts) + bitcast<vec3<u32>>(parts(words.x))) << shifts;
     let high = vec3<i32>(begin >> vec3<u32>(16u)) - batch.eye_high;
     let low = vec3<i32>(begin & vec3<u32>(0xffffu)) - batch.eye_low;
     let steps = vec3<f32>(high) * 65536.0 + vec3<f32>(low) - batch.eye_rest;
-    let c = in_view(steps * frame.step);
-    let plane = cross(c, in_view(vec3<f32>(along) * frame.step));
-    let keeps_right = (way & 0x8000000u) != 0u;
-    let by_normal = (dot(normal, p) < 0.0) != keeps_right;
+    let e = in_view(vec3<f32>(along) * frame.step);
+    return Line(in_view(steps * frame.step), e, (words.y & 0x8000000u) != 0u);
+}
+
+// A line over the homogeneous pixel, not negative where the splat is kept; zeros where it is none.
+fn clip_line(line: Line, p: vec3<f32>, normal: vec3<f32>, is_flat: bool) -> vec3<f32> {
+    let plane = cross(line.c, line.e);
+    let by_normal = (dot(normal, p) < 0.0) != line.keeps_right;
     let sign = select(1.0, -1.0, select(by_normal, dot(plane, p) < 0.0, is_flat));
     let own = vec3<f32>(plane.xy / frame.focal_px, plane.z) * sign;
     let fine = !(is_infinite(own.x) || is_infinite(own.y) || is_infinite(own.z));
@@ -233,23 +245,63 @@ fn clip_line(at: u32, way: u32, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>,
 }
 
 // Makes lines of the words of a point.
-fn make_lines(i: u32, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>) {
-    let words = clips[2u * i];
+fn make_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>) {
     let either = ((words.w & 0x10000000u) != 0u) && any(parts(words.w) != vec3<i32>(0));
     let is_flat = abs(dot(normal, p)) < CLIP_FLAT * length(p) && !either;
     var first = vec3<f32>(0.0);
     if any(normal != vec3<f32>(0.0)) {
-        first = clip_line(words.x, words.y, hot, p, normal, is_flat);
+        first = clip_line(line_of(words.xy, hot), p, normal, is_flat);
     }
     var second = vec3<f32>(0.0);
     if any(first != vec3<f32>(0.0)) {
-        second = clip_line(words.z, words.w, hot, p, normal, is_flat);
+        second = clip_line(line_of(words.zw, hot), p, normal, is_flat);
     }
     var kept = select(KEPT_WHOLE, KEPT_ONE, any(first != vec3<f32>(0.0)));
     if any(second != vec3<f32>(0.0)) {
         kept = select(KEPT_BOTH, KEPT_EITHER, either);
     }
     clips[2u * i] = vec4<u32>(bitcast<vec3<u32>>(first), kept);
+    clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
+}
+
+// Where what a line keeps of a splat ends along the stroke that it is seen as: the plane there through the eye and along the
+// normal; zeros where the line does not cut the stroke short.
+fn end_of(line: Line, p: vec3<f32>, normal: vec3<f32>, a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let flat = normal * dot(normal, p) - p;
+    let eye = vec2<f32>(dot(flat, a) / dot(a, a), dot(flat, b) / dot(b, b));
+    let way = cross(normal, line.e) * select(-1.0, 1.0, line.keeps_right);
+    let on_disc = vec2<f32>(dot(way, a), dot(way, b));
+    let out = on_disc / length(on_disc);
+    let reach = dot(way, line.c - p) / length(on_disc);
+    let away = dot(eye, eye);
+    let aside = vec2<f32>(-eye.y, eye.x) * sqrt(max(away - 1.0, 0.0));
+    let first = dot(out, eye + aside) / away - reach;
+    let second = dot(out, eye - aside) / away - reach;
+    let side = select(-1.0, 1.0, first >= second);
+    if !(away > 1.0 && max(first, second) > 0.0 && abs(reach) < 1.0) {
+        return vec3<f32>(0.0);
+    }
+    let half = vec2<f32>(-out.y, out.x) * sqrt(1.0 - reach * reach);
+    let u = out * reach + half;
+    let v = out * reach - half;
+    let turn = (v.x - eye.x) * (u.y - eye.y) - (v.y - eye.y) * (u.x - eye.x);
+    let place = select(v, u, turn * side < 0.0);
+    let hand = select(1.0, -1.0, dot(normal, cross(a, b)) < 0.0);
+    return cross(p + a * place.x + b * place.y, normal) * (-side * hand);
+}
+
+// Gives a splat with one line a second one where it is seen flat.
+fn end_lines(i: u32, words: vec4<u32>, hot: vec3<u32>, p: vec3<f32>, normal: vec3<f32>, a: vec3<f32>, b: vec3<f32>) {
+    if clips[2u * i].w != KEPT_ONE || !(abs(dot(normal, p)) < CLIP_STROKE * length(p)) {
+        return;
+    }
+    let end = end_of(line_of(words.xy, hot), p, normal, a, b);
+    let xy = end.xy / frame.focal_px;
+    let second = vec3<f32>(xy, end.z + length(xy) * CLIP_PAST);
+    if all(second == vec3<f32>(0.0)) || !(is_number(second.x) && is_number(second.y) && is_number(second.z)) {
+        return;
+    }
+    clips[2u * i].w = KEPT_BOTH;
     clips[2u * i + 1u] = vec4<u32>(bitcast<vec3<u32>>(second), 0u);
 }
 
@@ -310,9 +362,12 @@ fn place(i: u32) -> Placed {
         world = normal_of(own.w);
     }
     var normal = in_view(world);
+    var clip_words = vec4<u32>(0u);
+    let dropped = vec3<u32>((*d).shift);
+    let hot = (*d).box_min + ((offset >> dropped) << dropped);
     if CLIPS {
-        let dropped = vec3<u32>((*d).shift);
-        make_lines(i, (*d).box_min + ((offset >> dropped) << dropped), p, normal);
+        clip_words = clips[2u * i];
+        make_lines(i, clip_words, hot, p, normal);
         if clips[2u * i].w != KEPT_WHOLE {
             radius *= CLIP_WIDER;
             factor *= CLIP_WIDER;
@@ -347,6 +402,10 @@ fn place(i: u32) -> Placed {
             a = u * long;
             b = cross(normal, u) * (own * (own / long));
         }
+    }
+
+    if CLIPS {
+        end_lines(i, clip_words, hot, p, normal, a, b);
     }
 
     let extent = sqrt(a.z * a.z + b.z * b.z);

@@ -7,7 +7,7 @@
 use crate::camera::Camera;
 use crate::values::Values;
 use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::splat::Box4;
 
@@ -41,6 +41,11 @@ const FLAT: f32 = 0.1;
 /// hold what would stick out.
 pub const WIDER: f32 = 1.3;
 
+/// The same sine under which a line may cross a splat so that its low-pass reaches far.
+const STROKE: f32 = 0.5;
+/// Pixels by which a splat may reach past what is kept of it, for the low-pass.
+const PAST: f32 = 1.0;
+
 /// What of a rectangle of pixels lies on a line's kept side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
@@ -70,14 +75,7 @@ impl Clipping<'_> {
         centre: Vec3,
         normal: Vec3,
     ) -> Option<Lines> {
-        let bytes = plane.get(index * CLIP_BYTES..(index + 1) * CLIP_BYTES)?;
-        let words = [0, 4, 8, 12]
-            .map(|i| u32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]));
-        // Most splats have none.
-        if words[1] == 0 || normal == Vec3::ZERO {
-            return None;
-        }
-        let clip = Clip::of_words(words, hot, self.grain);
+        let clip = self.clip(plane, index, hot, normal)?;
         let seen = normal.dot(centre);
         // Round surfaces leave their lines a little; seen flat, that is all that is seen of the way to the line. The
         // centre is on its own side then, unless the other line keeps it.
@@ -93,14 +91,64 @@ impl Clipping<'_> {
         Some(Lines { first, kept, second: second.unwrap_or_default(), unused: 0.0 })
     }
 
-    /// A line over the homogeneous pixel; `None` where it is no number, or the eye lies in it.
+    /// The lines of a point as the file has them; `None` where there are none, as most splats have.
     #[inline]
-    fn line(&self, line: &ClipLine, seen: f32, own: Option<Vec3>) -> Option<[f32; 3]> {
+    fn clip(&self, plane: &[u8], index: usize, hot: [u32; 3], normal: Vec3) -> Option<Clip> {
+        let bytes = plane.get(index * CLIP_BYTES..(index + 1) * CLIP_BYTES)?;
+        let words = [0, 4, 8, 12]
+            .map(|i| u32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]));
+        if words[1] == 0 || normal == Vec3::ZERO {
+            return None;
+        }
+        Some(Clip::of_words(words, hot, self.grain))
+    }
+
+    /// The lines of a splat with one line, with a second one where it is seen flat; arguments as in [`Clipping::lines`].
+    ///
+    /// Seen flat a splat is a stroke, and the low-pass is most of its width. A line crosses it at any angle, so that pixels
+    /// beside the stroke are on the kept side far beyond what is kept of the stroke itself. The second line ends it there.
+    pub fn ended(
+        &self,
+        lines: Lines,
+        plane: &[u8],
+        index: usize,
+        hot: [u32; 3],
+        [centre, normal, a, b]: [Vec3; 4],
+    ) -> Lines {
+        let is_stroke = normal.dot(centre).abs() < STROKE * centre.length();
+        if lines.kept != ONE || !is_stroke {
+            return lines;
+        }
+        let end = || {
+            let line = self.clip(plane, index, hot, normal)?.lines[0]?;
+            let [c, e] = self.seen(&line);
+            let out = normal.cross(e) * if line.keeps_right { 1.0 } else { -1.0 };
+            end([centre, normal, a, b], out, out.dot(c - centre))
+        };
+        let Some(end) = end() else { return lines };
+        let focal = self.camera.focal_px;
+        let [x, y, z] = [end.x / focal, end.y / focal, end.z];
+        let second = [x, y, z + x.hypot(y) * PAST];
+        if !second.iter().all(|p| p.is_finite()) || second == [0.0; 3] {
+            return lines;
+        }
+        Lines { second, kept: BOTH, ..lines }
+    }
+
+    /// A point of a line and the way to another one: right, down and away from the eye.
+    #[inline]
+    fn seen(&self, line: &ClipLine) -> [Vec3; 2] {
         let camera = self.camera;
         let [right, up, back] = camera.view_from_world;
         let view = |v: Vec3| Vec3::new(right.dot(v), -up.dot(v), -back.dot(v));
-        let c = view(camera.steps_from_eye(line.from) * camera.step);
-        let e = view(Vec3::from_array(line.along.map(|a| a as f32)) * camera.step);
+        let way = Vec3::from_array(line.along.map(|a| a as f32));
+        [camera.steps_from_eye(line.from), way].map(|v| view(v * camera.step))
+    }
+
+    /// A line over the homogeneous pixel; `None` where it is no number, or the eye lies in it.
+    #[inline]
+    fn line(&self, line: &ClipLine, seen: f32, own: Option<Vec3>) -> Option<[f32; 3]> {
+        let [c, e] = self.seen(line);
         let plane = c.cross(e);
         // The splat's own side: left of the way, as its normal looks at it.
         let is_other = match own {
@@ -108,11 +156,37 @@ impl Clipping<'_> {
             None => (seen < 0.0) != line.keeps_right,
         };
         let sign = if is_other { -1.0 } else { 1.0 };
-        let inverse = 1.0 / camera.focal_px;
+        let inverse = 1.0 / self.camera.focal_px;
         let own = [plane.x * inverse, plane.y * inverse, plane.z].map(|p| p * sign);
         let is_usable = own.iter().all(|p| p.is_finite()) && own != [0.0; 3];
         is_usable.then_some(own)
     }
+}
+
+/// Where what a line keeps of a splat ends along the stroke that it is seen as, where the line cuts that short: the plane
+/// there through the eye and along the normal, right, down and away from the eye, towards what is kept. Kept is what is as
+/// far as `reach` along `out`, from the centre; `None` also where the eye is over the splat.
+fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3> {
+    // In the splat's plane, in tangents from its centre: the disc is a unit circle, and seen from below the eye the ends of the
+    // stroke are where rays touch it.
+    let flat = normal * normal.dot(centre) - centre;
+    let eye = Vec2::new(flat.dot(a) / a.length_squared(), flat.dot(b) / b.length_squared());
+    let on_disc = Vec2::new(out.dot(a), out.dot(b));
+    let (out, reach) = (on_disc / on_disc.length(), reach / on_disc.length());
+    let away = eye.length_squared();
+    let aside = eye.perp() * (away - 1.0).max(0.0).sqrt();
+    let past = [1.0, -1.0].map(|side| out.dot(eye + aside * side) / away - reach);
+    let side = if past[0] >= past[1] { 1.0 } else { -1.0 };
+    if !(away > 1.0 && past[0].max(past[1]) > 0.0 && reach.abs() < 1.0) {
+        return None;
+    }
+    // The end of the line on the disc that is seen farther to that side.
+    let half = out.perp() * (1.0 - reach * reach).sqrt();
+    let [p, q] = [out * reach + half, out * reach - half];
+    let place = if (q - eye).perp_dot(p - eye) * side < 0.0 { p } else { q };
+    let at = centre + a * place.x + b * place.y;
+    let hand = if normal.dot(a.cross(b)) < 0.0 { -1.0 } else { 1.0 };
+    Some(at.cross(normal) * -side * hand)
 }
 
 impl Lines {

@@ -13,6 +13,7 @@ use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gather::Lookup;
 use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
 use crate::values::{EIGHT, Values, WHOLE, bits, directions, dot, only};
+use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
 use glam::Vec3;
@@ -216,6 +217,13 @@ impl Placing<'_> {
             let along = self.in_view(shapes.along);
             tangents = shapes.tangents(along, facing, radius, factor, tangents);
         }
+        if CLIPS {
+            for (k, lines) in lines.iter_mut().enumerate() {
+                let own = [centre, normal, tangents[0], tangents[1]].map(|v| one_of(&v, k));
+                let offset = block.offset(first + k);
+                *lines = lines.map(|lines| self.ended(lines, node, index(k), offset, own));
+            }
+        }
         let placed = Ellipses::new(&self.lens, centre, tangents, radius);
         shows &= placed.shows;
         let drawn = placed.drawn();
@@ -301,9 +309,24 @@ impl Placing<'_> {
         normal: Vec3,
     ) -> Option<Lines> {
         let (clipping, plane) = (self.clipping.as_ref()?, draw.clip?);
-        let (node, shift) = (draw.node, draw.node.hot_shift.min(SHIFT_MAX));
-        let hot = [0, 1, 2].map(|i| node.box_min[i].wrapping_add(offset[i] >> shift << shift));
-        clipping.lines(plane, index, hot, centre, normal)
+        clipping.lines(plane, index, hot(draw.node, offset), centre, normal)
+    }
+
+    /// The lines of a point of this centre, normal and tangents, ended where it is seen flat.
+    fn ended(
+        &self,
+        lines: Lines,
+        draw: &DrawNode<'_>,
+        index: usize,
+        offset: [u32; 3],
+        own: [Vec3; 4],
+    ) -> Lines {
+        match (&self.clipping, draw.clip) {
+            (Some(clipping), Some(plane)) => {
+                clipping.ended(lines, plane, index, hot(draw.node, offset), own)
+            }
+            _ => lines,
+        }
     }
 
     /// Whether balls touch the cone of what is in view. Generous by a pixel or so for the low-pass.
@@ -317,6 +340,13 @@ impl Placing<'_> {
             & (Values::abs(x) * focal - depth * half.x).cmple(radius * reach(focal, half.x))
             & (Values::abs(y) * focal - depth * half.y).cmple(radius * reach(focal, half.y))
     }
+}
+
+/// A point's place on the lattice without its dropped bits.
+#[inline]
+fn hot(node: &Node, offset: [u32; 3]) -> [u32; 3] {
+    let shift = node.hot_shift.min(SHIFT_MAX);
+    [0, 1, 2].map(|i| node.box_min[i].wrapping_add(offset[i] >> shift << shift))
 }
 
 /// How far a ball reaches past the picture's side, over its radius.

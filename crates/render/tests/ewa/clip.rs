@@ -4,12 +4,15 @@
 use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
-use esker_points::{Clip, ClipLine, Grain, Lattice};
+use esker_points::{Clip, ClipLine, Grain, Lattice, quant};
 use esker_render::ewa::Options;
 use esker_render::ewa::clip::WIDER;
-use glam::{DMat3, DQuat, DVec3, Vec3Swizzles};
+use glam::{DMat3, DQuat, DVec2, DVec3, Vec3Swizzles};
+use std::f64::consts::TAU;
 
 const STEP: f64 = 1e-5;
+/// Stored radii of single splats.
+const RADIUS: f64 = 0.06;
 
 fn direction(dice: &mut Dice) -> DVec3 {
     loop {
@@ -75,13 +78,22 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
         // A node each, so that the pair's numbers come from different places.
         let seen = |points: &[ScenePoint], first: usize, clips: bool| {
             let clip = |lattice: &Lattice, i: usize| both(lattice, first + i);
-            covered(&Scene::clipped(points, clip, STEP, 0.06, 0.06, 1), &view, clips)
+            covered(&Scene::clipped(points, clip, STEP, RADIUS, RADIUS, 1), &view, clips)
         };
         let whole = [0, 1].map(|i| seen(&points[i..=i], i, false));
         let parts = [0, 1].map(|i| seen(&points[i..=i], i, true));
         let pair = seen(&points, 0, true);
+        let kept = [0, 1].map(|i| {
+            let reach = faces[i].dot(points[i].at - edge);
+            Kept::new(&view, points[i].at, [-faces[i], along], reach)
+        });
+        // A splat seen flat leaves the low-pass beyond its end.
+        let sine = |i: usize| normals[i].dot((eye - points[i].at).normalize_or_zero());
+        let is_flat = (0..2).any(|i| sine(i) < 0.5);
         for i in 0..pair.len() {
-            if whole[0][i] && whole[1][i] {
+            let at = DVec2::new((i % 160) as f64, (i / 160) as f64) + 0.5;
+            let is_on = |kept: &Option<Kept>| kept.as_ref().is_none_or(|k| k.distance(at) < 0.0);
+            if whole[0][i] && whole[1][i] && (!is_flat || kept.iter().any(is_on)) {
                 pixels += 1;
                 assert!(parts[0][i] || parts[1][i], "pixel {i}: the line is nobody's");
                 assert!(pair[i], "pixel {i}");
@@ -93,6 +105,85 @@ fn what_one_splat_of_a_pair_leaves_the_other_takes() {
     }
     assert!(pixels > 100_000 && cut > 100_000, "{pixels} {cut}");
     assert!(twice < 20, "{twice}");
+}
+
+/// What a line keeps of a disc, in the picture.
+struct Kept {
+    /// Around it; an outline without an area is a stroke.
+    outline: Vec<DVec2>,
+}
+
+impl Kept {
+    /// Of a splat as wide as drawn, of which what is nearer than `reach` along `out` is kept; `None` where some of it is
+    /// behind the eye.
+    fn new(view: &View, at: DVec3, [out, along]: [DVec3; 2], reach: f64) -> Option<Self> {
+        let factor = quant::radius_factor(quant::radius_code(RADIUS, RADIUS));
+        let radius = RADIUS * f64::from(factor * Options::default().radius_factor * WIDER);
+        let seen = |p: DVec3| {
+            let v = view.view_from_world() * (p - view.eye);
+            let middle = DVec2::new(f64::from(view.width), f64::from(view.height)) * 0.5;
+            (v.z < -view.near).then(|| middle + DVec2::new(v.x, -v.y) * view.focal_px() / -v.z)
+        };
+        // The rim, from the line to the line.
+        let first = (reach / radius).clamp(-1.0, 1.0).acos();
+        let rim = (0..=48).map(|i| first + f64::from(i) / 48.0 * (TAU - 2.0 * first));
+        let outline = rim.map(|turn| seen(at + (out * turn.cos() + along * turn.sin()) * radius));
+        Some(Self { outline: outline.collect::<Option<_>>()? })
+    }
+
+    fn sides(&self) -> impl Iterator<Item = [DVec2; 2]> {
+        let next = self.outline.iter().cycle().skip(1);
+        self.outline.iter().zip(next).map(|(a, b)| [*a, *b])
+    }
+
+    /// How far a place is from the outline, pixels; negative inside.
+    fn distance(&self, at: DVec2) -> f64 {
+        let apart = self.sides().map(|[a, b]| {
+            let way = b - a;
+            let along = ((at - a).dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (at - a - way * along).length()
+        });
+        let turns = || self.sides().map(|[a, b]| (b - a).perp_dot(at - a));
+        let is_inside = turns().all(|turn| turn > 0.0) || turns().all(|turn| turn < 0.0);
+        apart.fold(f64::INFINITY, f64::min) * if is_inside { -1.0 } else { 1.0 }
+    }
+}
+
+#[test]
+fn splats_end_where_their_line_crosses_them_also_seen_flat() {
+    let mut dice = Dice(8);
+    let (mut pixels, mut inside) = (0, 0);
+    for round in 0..600 {
+        let axes = rotation(&mut dice);
+        let (out, along, normal) = (axes.x_axis, axes.y_axis, axes.z_axis);
+        // Down to a sine of a hundredth, from where the splat is 15 to 80 pixels wide.
+        let sine = 0.01 * 60f64.powf(dice.unit());
+        let (s, c) = (dice.unit() * TAU).sin_cos();
+        let way = (out * c + along * s) * (1.0 - sine * sine).sqrt() + normal * sine;
+        let eye = way * RADIUS * (3.0 + 18.0 * dice.unit());
+        let mut view = View::look_at(eye, direction(&mut dice) * 0.02, DVec3::Z, 1.2, 160, 120);
+        view.near = 1e-4;
+        let reach = RADIUS * (0.02 + 1.5 * dice.unit());
+        let ends = [-1.0, 1.0].map(|side| out * reach + along * side * RADIUS);
+        let point = ScenePoint { at: DVec3::ZERO, normal, colour: [255; 3] };
+        let clip = |lattice: &Lattice, _: usize| Clip {
+            lines: [line(lattice, ends[0], ends[1]), None],
+            either: false,
+        };
+        let scene = Scene::clipped(&[point], clip, STEP, RADIUS, RADIUS, 1);
+        let seen = covered(&scene, &view, true);
+        let kept = Kept::new(&view, DVec3::ZERO, [out, along], reach).unwrap();
+        for (i, is_seen) in seen.into_iter().enumerate() {
+            let distance = kept.distance(DVec2::new((i % 160) as f64, (i / 160) as f64) + 0.5);
+            let case = || format!("round {round}, sine {sine}: {distance} px, pixel {i}");
+            // The low-pass is 1.5 pixels wide.
+            assert!(!is_seen || distance < 2.5, "{}", case());
+            assert!(is_seen || distance > -0.5, "{}", case());
+            pixels += usize::from(is_seen);
+            inside += usize::from(distance < -0.5);
+        }
+    }
+    assert!(pixels > 50_000 && inside > 30_000, "{pixels} {inside}");
 }
 
 /// A splat of which all but the lower left quarter is kept.
@@ -232,7 +323,7 @@ fn figure_5_a_cube_has_the_analytic_outline_and_edges_and_smooth_faces() {
             let (x, y) = ((i % 240) as f64 + 0.5, (i / 240) as f64 + 0.5);
             // What is seen half a pixel around: where that is one face, or nothing, the picture must say so.
             let around = (0..16).map(|k| {
-                let (s, c) = (f64::from(k) * std::f64::consts::TAU / 16.0).sin_cos();
+                let (s, c) = (f64::from(k) * TAU / 16.0).sin_cos();
                 cube.meets(eye, ray(x + 0.5 * c, y + 0.5 * s)).map(|(_, face)| face)
             });
             let own = cube.meets(eye, ray(x, y));
