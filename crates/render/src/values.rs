@@ -1,7 +1,7 @@
 //! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::lanes`]), or eight where the
 //! processor has them. Names and meanings are those of `glam`'s vectors.
 
-use fearless_simd::{Select, Simd, SimdBase, f32x8, mask32x8};
+use fearless_simd::{Bytes, Select, Simd, SimdBase, f32x8, mask32x8, u32x8};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
@@ -22,7 +22,7 @@ pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
 /// `value` where the mask says yes, else zero.
 #[inline(always)]
 pub fn only<V: Values>(mask: V::Mask, value: V) -> V {
-    V::select(mask, value, value.like(0.0))
+    value.only(mask)
 }
 
 /// Sum of products.
@@ -42,7 +42,7 @@ pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
 pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
     let simd = mask.witness();
     let bits = simd.load_array_u32x8([1, 2, 4, 8, 16, 32, 64, 128]);
-    let (low, high) = simd.split_u32x8(mask.select(bits, simd.splat_u32x8(0)));
+    let (low, high) = simd.split_u32x8(mask.bitcast::<u32x8<S>>() & bits);
     // Four words, two, and one: no compiler sees that there is an instruction for this.
     let [a, b]: [u64; 2] = bytemuck::cast(<[u32; EIGHT / 2]>::from(low | high));
     let both = a | b;
@@ -102,6 +102,11 @@ pub trait Values:
     fn cmple(self, other: Self) -> Self::Mask;
     /// Those of `a` where the mask says yes, else of `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// Those where the mask says yes, else zeros.
+    #[inline(always)]
+    fn only(self, mask: Self::Mask) -> Self {
+        Self::select(mask, self, self.like(0.0))
+    }
 }
 
 impl Values for f32 {
@@ -248,5 +253,10 @@ impl<S: Simd> Values for f32x8<S> {
     #[inline(always)]
     fn select(mask: mask32x8<S>, a: Self, b: Self) -> Self {
         mask.select(a, b)
+    }
+    #[inline(always)]
+    fn only(self, mask: mask32x8<S>) -> Self {
+        // All bits of a mask's are its yes or no; selecting made it one from its signs first.
+        (self.bitcast::<u32x8<S>>() & mask.bitcast::<u32x8<S>>()).bitcast()
     }
 }
