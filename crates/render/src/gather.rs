@@ -121,14 +121,15 @@ impl<'a> Lookup<'a> {
 
     /// The same where the points have this effective spacing.
     #[inline(always)]
-    pub(crate) fn radius_in(&self, spacing: f32, code: u8) -> f32 {
+    fn radius_in(&self, spacing: f32, code: u8) -> f32 {
         let radius = spacing * self.radius_factors[usize::from(code)];
         if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
     }
 
-    /// The effective spacing of all points of a draw, where they have but one.
-    pub(crate) fn only_spacing(&self, draw: usize) -> Option<f32> {
-        self.draws[draw].spacing
+    /// The radii of all codes, where all points of a draw have the same effective spacing.
+    pub(crate) fn radii(&self, draw: usize) -> Option<[f32; 256]> {
+        let spacing = self.draws[draw].spacing?;
+        Some(std::array::from_fn(|code| self.radius_in(spacing, code as u8)))
     }
 
     /// Effective spacing of the finest drawn cell that holds the point.

@@ -8,7 +8,7 @@ use super::place::{PART_MAX, along, unpacked};
 use super::planes::Planes;
 use super::splat::{Dye, Splat};
 use super::sums::{
-    INVERSE_DEPTH, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
+    INVERSE_DEPTH, PAIRS, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
 };
 use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
@@ -118,20 +118,22 @@ impl Blend<'_> {
         }
     }
 
-    /// Gives the pixels of an entry that is not small: a function of its own, so that the short way is short.
+    /// Gives the pixels of a splat that is not small: a function of its own, so that the short way is short.
     #[inline(always)]
-    fn for_each_large<S: Simd>(
+    fn for_each_large<S: Simd, const NEAREST: bool>(
         &self,
         simd: S,
         (run, splat, entry): (&Run, &Splat, &Entry),
         window: &Window,
-        work: impl FnMut(Pixels<S>),
+        sums: &mut [Rows; PAIRS],
+        work: impl FnMut(&mut Rows, Pixels<S>),
     ) {
         let Camera { centre_px, near, .. } = *self.camera;
         simd.vectorize(
             #[inline(always)]
             || {
-                for_each(simd, (splat, entry, run.lines(entry)), window, (centre_px, near), work);
+                let own = (splat, &entry.part, run.lines(entry));
+                for_each::<_, NEAREST>(simd, own, window, (centre_px, near), sums, work);
             },
         );
     }
@@ -144,29 +146,31 @@ impl Blend<'_> {
             tile,
             #[inline(always)]
             |run, splat, entry| {
-                if entry.is_small {
-                    return for_each_small(
+                if entry.part.is_small {
+                    return for_each_small::<_, true>(
                         simd,
                         splat,
-                        entry,
+                        &entry.part,
                         window,
+                        pairs,
                         #[inline(always)]
-                        |p| advance(&mut pairs[p.pair], p.x, p.inside, moved_back(splat, &p)),
+                        |rows, p| advance(rows, p.x, p.inside, p.inverse_depth - splat.back),
                     );
                 }
                 let is_by_rays = splat.is_by_rays();
-                self.for_each_large(
+                self.for_each_large::<_, true>(
                     simd,
                     (run, splat, entry),
                     window,
+                    pairs,
                     #[inline(always)]
-                    |p| {
+                    |rows, p| {
                         let moved = if is_by_rays {
                             p.inverse_depth / (p.inverse_depth * -splat.back + 1.0)
                         } else {
-                            moved_back(splat, &p)
+                            p.inverse_depth - splat.back
                         };
-                        advance(&mut pairs[p.pair], p.x, p.inside, moved);
+                        advance(rows, p.x, p.inside, moved);
                     },
                 );
             },
@@ -194,24 +198,27 @@ impl Blend<'_> {
                     let zero = simd.splat_f32x8(0.0);
                     [simd.splat_f32x8(f32::from_bits(normal)), zero, zero]
                 };
-                let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
-                let share = Share { tint, shape, amplitude };
-                if entry.is_small {
-                    return for_each_small(
+                if entry.part.is_small {
+                    let share = Share { tint, shape, amplitude: splat.form[3] };
+                    return for_each_small::<_, false>(
                         simd,
                         splat,
-                        entry,
+                        &entry.part,
                         window,
+                        pairs,
                         #[inline(always)]
-                        |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
+                        |rows, p| self.share::<_, BLENDS, NORMALS>(rows, &p, &share),
                     );
                 }
-                self.for_each_large(
+                let amplitude = if splat.is_by_rays() { 1.0 } else { splat.form[3].abs() };
+                let share = Share { tint, shape, amplitude };
+                self.for_each_large::<_, false>(
                     simd,
                     (run, splat, entry),
                     window,
+                    pairs,
                     #[inline(always)]
-                    |p| self.share::<_, BLENDS, NORMALS>(&mut pairs[p.pair], &p, &share),
+                    |rows, p| self.share::<_, BLENDS, NORMALS>(rows, &p, &share),
                 );
             },
         );
@@ -316,11 +323,4 @@ impl Blend<'_> {
         let length = (x * x + y * y + z * z).sqrt();
         [x / length, y / length, z / length]
     }
-}
-
-/// The inverse depth of an ellipse's pixels, moved back; nothing of a disc is nearer than its nearest.
-#[inline(always)]
-fn moved_back<S: Simd>(splat: &Splat, p: &Pixels<S>) -> f32x8<S> {
-    let nearest = p.inverse_depth.like(splat.form[5]);
-    Values::min(p.inverse_depth, nearest) - splat.back
 }

@@ -167,7 +167,7 @@ impl Clipping<'_> {
 /// there through the eye and along the normal, right, down and away from the eye, towards what is kept. Kept is what is as
 /// far as `reach` along `out`, from the centre; `None` also where the eye is over the splat.
 fn end([centre, normal, a, b]: [Vec3; 4], out: Vec3, reach: f32) -> Option<Vec3> {
-    // In the splat's plane, in tangents from its centre: the disc is a unit circle, and seen from below the eye the ends of the
+    // In the splat's plane, in tangents from its centre: the disc is a unit circle, and from under the eye the ends of the
     // stroke are where rays touch it.
     let flat = normal * normal.dot(centre) - centre;
     let eye = Vec2::new(flat.dot(a) / a.length_squared(), flat.dot(b) / b.length_squared());

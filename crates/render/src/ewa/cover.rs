@@ -4,16 +4,16 @@
 
 use super::clip::Lines;
 use super::splat::{Splat, WIDENED};
-use super::tiles::{Entry, LANES, TILE};
+use super::sums::{PAIR, PAIRS, Rows};
+use super::tiles::{LANES, Part, TILE};
 use crate::values::{EIGHT, Values};
 use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, mask32x8};
-use std::ops::Range;
 
 /// Pixels of a tile's row in its buffers: what is worked on together may end past the tile.
 pub const STRIDE: usize = TILE + LANES;
 
 /// The part of the picture that a tile is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Window {
     /// Its first column.
     pub left: usize,
@@ -24,18 +24,27 @@ pub struct Window {
     /// Rows of it that are in the picture.
     pub height: usize,
     /// Middle of its first pixel.
-    pub from: [f32; 2],
+    from: [f32; 2],
+    /// For each column, where the middles of pixels are that are worked on together from there on.
+    columns: [[f32; EIGHT]; TILE],
+    /// The same for each pair of rows.
+    pairs: [[f32; EIGHT]; PAIRS],
 }
 
 impl Window {
     /// Of a tile whose first pixel is given, in a picture of so many columns and rows.
     pub fn new([left, top]: [usize; 2], [width, height]: [usize; 2]) -> Self {
+        let from = [left as f32 + 0.5, top as f32 + 0.5];
+        let column = |x: usize| COLUMNS.map(|own| own + (from[0] + x as f32));
+        let pair = |pair: usize| ROWS.map(|own| own + (from[1] + (PAIR * pair) as f32));
         Self {
             left,
             top,
             width: TILE.min(width - left),
             height: TILE.min(height - top),
-            from: [left as f32 + 0.5, top as f32 + 0.5],
+            from,
+            columns: std::array::from_fn(column),
+            pairs: std::array::from_fn(pair),
         }
     }
 }
@@ -75,12 +84,6 @@ impl<S: Simd> Pixels<S> {
 const COLUMNS: [f32; EIGHT] = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0];
 const ROWS: [f32; EIGHT] = [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0];
 
-/// Pairs of rows that an entry touches.
-#[inline(always)]
-fn pairs(entry: &Entry) -> Range<u8> {
-    entry.top / 2..entry.bottom.div_ceil(2)
-}
-
 /// An ellipse over the columns that are worked on together: what it takes to go from two rows to the next by additions.
 struct Ellipse<S: Simd> {
     /// Across it, along it, and the inverse depth on its plane, in two rows; and their growth to the next.
@@ -92,14 +95,21 @@ struct Ellipse<S: Simd> {
 }
 
 impl<S: Simd> Ellipse<S> {
-    /// At the columns from `x` on in a pair of rows of a tile.
+    /// At the columns from `x` on in a pair of rows of a tile. Its plane is followed to its nearest, or also a little
+    /// before it.
     #[inline(always)]
-    fn new(simd: S, splat: &Splat, window: &Window, x: u8, pair: u8) -> Self {
+    fn new<const NEAREST: bool>(
+        simd: S,
+        splat: &Splat,
+        window: &Window,
+        x: usize,
+        pair: usize,
+    ) -> Self {
         let [across, shear, along, _, least, greatest] = splat.form;
         let [z, z_x, z_y] = splat.inverse_depth;
-        let (columns, rows) = (simd.load_array_f32x8(COLUMNS), simd.load_array_f32x8(ROWS));
-        let dx = columns + (window.from[0] + f32::from(x) - splat.origin[0]);
-        let dy = rows + (window.from[1] + f32::from(2 * pair) - splat.origin[1]);
+        let columns = simd.load_array_ref_f32x8(&window.columns[x % TILE]);
+        let rows = simd.load_array_ref_f32x8(&window.pairs[pair % PAIRS]);
+        let (dx, dy) = (columns - splat.origin[0], rows - splat.origin[1]);
         Self {
             here: [
                 dx.mul_add(dx.like(across), -(dy * shear)),
@@ -108,7 +118,7 @@ impl<S: Simd> Ellipse<S> {
             ],
             growth: [-2.0 * shear, 2.0 * along, 2.0 * z_y],
             far: least * WIDENED,
-            near: greatest * (1.0 / WIDENED),
+            near: if NEAREST { greatest } else { greatest * (1.0 / WIDENED) },
         }
     }
 
@@ -131,66 +141,83 @@ impl<S: Simd> Ellipse<S> {
     }
 }
 
-/// Gives the pixels of a tile under an entry of its that is small.
+/// Pairs of rows of a tile that a part of it lies in, each with its number.
 #[inline(always)]
-pub fn for_each_small<S: Simd>(
+fn pairs<'a>(
+    part: &Part,
+    sums: &'a mut [Rows; PAIRS],
+) -> impl Iterator<Item = (usize, &'a mut Rows)> {
+    let (first, past) = (usize::from(part.first_pair), usize::from(part.past_pair));
+    (first..).zip(&mut sums[first..past])
+}
+
+/// Gives the pixels of a tile under a small splat, with the pair of rows that they are in. Where `NEAREST`, none is nearer
+/// than the nearest of the disc.
+#[inline(always)]
+pub fn for_each_small<S: Simd, const NEAREST: bool>(
     simd: S,
     splat: &Splat,
-    entry: &Entry,
+    part: &Part,
     window: &Window,
-    mut work: impl FnMut(Pixels<S>),
+    sums: &mut [Rows; PAIRS],
+    mut work: impl FnMut(&mut Rows, Pixels<S>),
 ) {
-    let pairs = pairs(entry);
-    let mut ellipse = Ellipse::new(simd, splat, window, entry.left, pairs.start);
-    let x = usize::from(entry.left);
-    for pair in pairs {
+    let (x, first) = (usize::from(part.left), usize::from(part.first_pair));
+    // First of all, so that nothing is read before it is known to be needed.
+    let pairs = pairs(part, sums);
+    let mut ellipse = Ellipse::new::<NEAREST>(simd, splat, window, x, first);
+    for (pair, rows) in pairs {
         let [squared, plane] = ellipse.rows();
         let inverse_depth = ellipse.within(plane);
         let inside = squared.cmplt(squared.like(1.0));
-        work(Pixels { pair: usize::from(pair), x, inside, squared, inverse_depth });
+        work(rows, Pixels { pair, x, inside, squared, inverse_depth });
         ellipse.step();
     }
 }
 
-/// Gives the pixels of a tile under any entry of its, as far as its lines keep them; of the camera the picture's middle
-/// and the near plane.
+/// Gives the pixels of a tile under any splat, as far as its lines keep them; of the camera the picture's middle and the
+/// near plane. Otherwise as [`for_each_small`].
 #[inline(always)]
-pub fn for_each<S: Simd>(
+pub fn for_each<S: Simd, const NEAREST: bool>(
     simd: S,
-    (splat, entry, lines): (&Splat, &Entry, Option<&Lines>),
+    (splat, part, lines): (&Splat, &Part, Option<&Lines>),
     window: &Window,
     (middle, near): ([f32; 2], f32),
-    mut work: impl FnMut(Pixels<S>),
+    sums: &mut [Rows; PAIRS],
+    mut work: impl FnMut(&mut Rows, Pixels<S>),
 ) {
     if splat.is_by_rays() {
         for_each_by_rays(
             simd,
             splat,
-            entry,
+            part,
             window,
             near,
+            sums,
             #[inline(always)]
-            |pixels| work(pixels.kept(lines, window, middle)),
+            |rows, pixels| work(rows, pixels.kept(lines, window, middle)),
         );
     } else {
-        for_each_of_ellipse(
+        for_each_of_ellipse::<_, NEAREST>(
             simd,
             splat,
-            entry,
+            part,
             window,
+            sums,
             #[inline(always)]
-            |pixels| work(pixels.kept(lines, window, middle)),
+            |rows, pixels| work(rows, pixels.kept(lines, window, middle)),
         );
     }
 }
 
 #[inline(always)]
-fn for_each_of_ellipse<S: Simd>(
+fn for_each_of_ellipse<S: Simd, const NEAREST: bool>(
     simd: S,
     splat: &Splat,
-    entry: &Entry,
+    part: &Part,
     window: &Window,
-    mut work: impl FnMut(Pixels<S>),
+    sums: &mut [Rows; PAIRS],
+    mut work: impl FnMut(&mut Rows, Pixels<S>),
 ) {
     let [across, shear, along, amplitude, least, greatest] = splat.form;
     // The exact Gaussian of an ellipse: section 4.4's conic is that of the plane times the square of the inverse
@@ -198,11 +225,11 @@ fn for_each_of_ellipse<S: Simd>(
     let mend = if amplitude < 0.0 { least * greatest } else { 0.0 };
     let half_width = 1.0 / across;
     let from = splat.origin[0] - window.from[0] + 0.5;
-    let (left, right) = (f32::from(entry.left), f32::from(entry.right));
-    for pair in pairs(entry) {
+    let (left, right) = (f32::from(part.left), f32::from(part.right));
+    for (pair, rows) in pairs(part, sums) {
         // Where the two rows cross the ellipse, and a pixel more.
         let [upper, lower] = [0.0, 1.0].map(|row| {
-            let dy = window.from[1] + f32::from(2 * pair) + row - splat.origin[1];
+            let dy = window.from[1] + (PAIR * pair) as f32 + row - splat.origin[1];
             let v = along * dy;
             let half = (1.0 - v * v).max(0.0).sqrt() * half_width + 1.0;
             let middle = from + shear * half_width * dy;
@@ -212,7 +239,8 @@ fn for_each_of_ellipse<S: Simd>(
         let past = |place: f32| (place + 0.5).clamp(left, right) as u8;
         let columns = past(upper[0].min(lower[0]))..past(upper[1].max(lower[1]));
         for x in columns.step_by(LANES) {
-            let ellipse = Ellipse::new(simd, splat, window, x, pair);
+            let x = usize::from(x);
+            let ellipse = Ellipse::new::<NEAREST>(simd, splat, window, x, pair);
             let [mut squared, plane] = ellipse.rows();
             let one = squared.like(1.0);
             let inside = squared.cmplt(one);
@@ -225,8 +253,7 @@ fn for_each_of_ellipse<S: Simd>(
                 squared = Values::max(one - lacking, one.like(0.0));
             }
             let inverse_depth = ellipse.within(plane);
-            let (x, pair) = (usize::from(x), usize::from(pair));
-            work(Pixels { pair, x, inside, squared, inverse_depth });
+            work(rows, Pixels { pair, x, inside, squared, inverse_depth });
         }
     }
 }
@@ -236,19 +263,20 @@ fn for_each_of_ellipse<S: Simd>(
 fn for_each_by_rays<S: Simd>(
     simd: S,
     splat: &Splat,
-    entry: &Entry,
+    part: &Part,
     window: &Window,
     near: f32,
-    mut work: impl FnMut(Pixels<S>),
+    sums: &mut [Rows; PAIRS],
+    mut work: impl FnMut(&mut Rows, Pixels<S>),
 ) {
     let [ux, uy, u0, vx, vy, v0] = splat.form;
     let [z, z_x, z_y] = splat.inverse_depth;
     let greatest = simd.splat_f32x8(1.0 / near);
     let (zero, one) = (greatest.like(0.0), greatest.like(1.0));
     let from = [window.from[0] - splat.origin[0], window.from[1] - splat.origin[1]];
-    for pair in pairs(entry) {
-        let dy = simd.load_array_f32x8(ROWS) + (from[1] + f32::from(2 * pair));
-        for x in (entry.left..entry.right).step_by(LANES) {
+    for (pair, rows) in pairs(part, sums) {
+        let dy = simd.load_array_f32x8(ROWS) + (from[1] + (PAIR * pair) as f32);
+        for x in (part.left..part.right).step_by(LANES) {
             let dx = simd.load_array_f32x8(COLUMNS) + (from[0] + f32::from(x));
             let inverse_depth = dx * z_x + (dy * z_y + z);
             let u = (dx * ux + (dy * uy + u0)) / inverse_depth;
@@ -262,8 +290,8 @@ fn for_each_by_rays<S: Simd>(
             }
             let squared = <f32x8<S> as Values>::select(inside, squared, one);
             let inverse_depth = <f32x8<S> as Values>::select(inside, inverse_depth, greatest);
-            let (x, pair) = (usize::from(x), usize::from(pair));
-            work(Pixels { pair, x, inside, squared, inverse_depth });
+            let x = usize::from(x);
+            work(rows, Pixels { pair, x, inside, squared, inverse_depth });
         }
     }
 }
@@ -271,7 +299,8 @@ fn for_each_by_rays<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::super::splat::{Disc, Lens, Placed};
-    use super::super::tiles::{Run, Tiles};
+    use super::super::sums::Sums;
+    use super::super::tiles::{Entry, Run, Tiles};
     use super::*;
     use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
@@ -293,15 +322,17 @@ mod tests {
             let tiles = Tiles::new(SIZE[0], SIZE[1]);
             let mut run = Run::default();
             run.clear(tiles);
-            run.push(splat, bounds, None);
+            run.room()[0] = splat;
+            run.take(splat.dye, bounds, None);
             run.sort();
+            let mut sums = Sums::default();
             let mut found = vec![None; SIZE[0] * SIZE[1]];
             for tile in 0..tiles.columns * tiles.rows {
                 let [left, top] = [tile % tiles.columns * TILE, tile / tiles.columns * TILE];
                 let window = Window::new([left, top], SIZE);
-                for (splat, entry) in run.of_tile(tile) {
+                for (splat, Entry { part, .. }) in run.of_tile(tile) {
                     dispatch!(Level::new(), simd => {
-                        let work = |p: Pixels<_>| {
+                        let work = |_: &mut Rows, p: Pixels<_>| {
                             let inside = <[i32; EIGHT]>::from(p.inside);
                             for k in (0..EIGHT).filter(|&k| inside[k] != 0) {
                                 let (x, y) = (p.x + k / 2, 2 * p.pair + k % 2);
@@ -313,10 +344,10 @@ mod tests {
                                 found[pixel] = Some([p.squared[k], p.inverse_depth[k]]);
                             }
                         };
-                        if entry.is_small {
-                            for_each_small(simd, splat, entry, &window, work);
+                        if part.is_small {
+                            for_each_small::<_, false>(simd, splat, part, &window, sums.pairs(), work);
                         } else {
-                            for_each(simd, (splat, entry, None), &window, ([0.0; 2], NEAR), work);
+                            for_each::<_, false>(simd, (splat, part, None), &window, ([0.0; 2], NEAR), sums.pairs(), work);
                         }
                     });
                 }

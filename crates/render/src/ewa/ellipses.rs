@@ -1,30 +1,46 @@
 //! Eight splats at once: what [`super::splat`] does with one disc, in registers of eight.
 
-use super::splat::{Box4, CONDITION_MAX, Dye, Lens, MARGIN, REACH_MAX, Splat, ellipse};
+use super::splat::{Box4, CONDITION_MAX, Lens, MARGIN, REACH_MAX, Splat, ellipse};
+use super::sums::PAIR;
+use super::tiles::{LANES, Part, TILE};
 use crate::lanes::turned;
 use crate::values::{EIGHT, Values, WHOLE, bits};
-use fearless_simd::{Simd, f32x8};
+use fearless_simd::{Bytes, Simd, SimdInt, f32x8, mask32x8, u32x8};
 use glam::Vec4;
 
 /// Eight ellipses and what becomes of them.
-pub struct Ellipses {
+pub struct Ellipses<S: Simd> {
     /// Those of which something may be in the picture, a bit each.
     pub shows: u32,
     /// Those that are ellipses.
     pub ellipses: u32,
     /// Those of them that can be evaluated.
     usable: u32,
-    /// All of [`Splat`] but colour and normal, a row of four values after the other.
-    rows: [[Vec4; EIGHT]; 3],
-    /// With [`WHOLE`] added.
-    bounds: [Vec4; EIGHT],
+    /// All of [`Splat`] but its dye, a row of four values after the other.
+    rows: [[f32x8<S>; 4]; 3],
+    parts: Parts,
 }
 
-impl Ellipses {
-    /// Of eight discs, as [`super::splat::Disc::place`] does.
+/// The parts of tiles that eight splats touch, where they touch no more than one.
+struct Parts {
+    /// Boxes: first columns and one past the last ones, first rows and one past the last ones.
+    bounds: [[u32; EIGHT]; 4],
+    /// The tile's number.
+    tile: [u32; EIGHT],
+    /// Columns and pairs of rows as in [`Part`], a byte each.
+    sides: [u32; EIGHT],
+    /// Those that touch one tile, a bit each.
+    single: u32,
+    /// Those that are narrow, a bit each.
+    narrow: u32,
+}
+
+impl<S: Simd> Ellipses<S> {
+    /// Of eight discs, as [`super::splat::Disc::place`] does, in a picture of so many columns of tiles.
     #[inline(always)]
-    pub fn new<S: Simd>(
+    pub fn new(
         lens: &Lens,
+        columns: usize,
         centre: [f32x8<S>; 3],
         tangents: [[f32x8<S>; 3]; 2],
         radius: f32x8<S>,
@@ -58,11 +74,11 @@ impl Ellipses {
             ellipses,
             usable: bits(is_fine),
             rows: [
-                side_by_side([e.origin[0], e.origin[1], across, shear]),
-                side_by_side([along, amplitude, least, greatest]),
-                side_by_side([z, z_x, z_y, e.back]),
+                [e.origin[0], e.origin[1], across, shear],
+                [along, amplitude, least, greatest],
+                [z, z_x, z_y, e.back],
             ],
-            bounds: side_by_side([x[0], x[1], y[0], y[1]]),
+            parts: Parts::new(x, y, zero.cmplt(amplitude), columns),
         }
     }
 
@@ -72,19 +88,87 @@ impl Ellipses {
         self.shows & self.ellipses & self.usable
     }
 
-    /// One that can be drawn as an ellipse, of this colour and normal.
+    /// Writes some of them, a bit each, one after another. Dyes are left as they are.
     #[inline(always)]
-    pub fn get(&self, k: usize, dye: Dye) -> Splat {
-        // As rows, which stay in registers.
-        let row = |i: usize| self.rows[i][k % EIGHT].to_array();
-        bytemuck::cast([row(0), row(1), row(2), bytemuck::cast(dye)])
+    pub fn write(&self, which: u32, into: &mut [Splat; EIGHT]) {
+        if which == 0xff {
+            self.write_to([0, 1, 2, 3, 4, 5, 6, 7], into);
+        } else {
+            // Each over the one before, unless that is to stay.
+            let mut places = [0; EIGHT];
+            for k in 1..EIGHT {
+                places[k] = places[k - 1] + (which >> (k - 1) & 1) as usize;
+            }
+            self.write_to(places, into);
+        }
     }
 
-    /// Its box.
+    #[inline(always)]
+    fn write_to(&self, places: [usize; EIGHT], into: &mut [Splat; EIGHT]) {
+        for (i, row) in self.rows.iter().enumerate() {
+            for (values, place) in side_by_side(*row).iter().zip(places) {
+                let rows: &mut [[f32; 4]; 4] = bytemuck::cast_mut(&mut into[place % EIGHT]);
+                rows[i] = values.to_array();
+            }
+        }
+    }
+
+    /// The box of one.
     #[inline(always)]
     pub fn bounds(&self, k: usize) -> Box4 {
-        self.bounds[k % EIGHT].to_array().map(|c| c.to_bits() & 0xffff)
+        self.parts.bounds.map(|c| c[k % EIGHT])
     }
+
+    /// The tile that one touches, and what of that, where it is no more than one.
+    #[inline(always)]
+    pub fn part(&self, k: usize) -> Option<(usize, Part)> {
+        let Parts { tile, sides, single, narrow, .. } = &self.parts;
+        let [left, right, first_pair, past_pair] = sides[k % EIGHT].to_le_bytes();
+        let is_small = narrow >> k & 1 == 1;
+        (single >> k & 1 == 1).then(|| {
+            (tile[k % EIGHT] as usize, Part { is_small, left, right, first_pair, past_pair })
+        })
+    }
+}
+
+impl Parts {
+    /// Of the boxes of ellipses, and whether they are plain.
+    #[inline(always)]
+    fn new<S: Simd>(
+        x: [f32x8<S>; 2],
+        y: [f32x8<S>; 2],
+        is_plain: mask32x8<S>,
+        columns: usize,
+    ) -> Self {
+        let [left, right, top, bottom] = [whole(x[0]), whole(x[1]), whole(y[0]), whole(y[1])];
+        let (column, row) = (left >> TILE_LOG2, top >> TILE_LOG2);
+        let is_single =
+            column.simd_eq((right - 1) >> TILE_LOG2) & row.simd_eq((bottom - 1) >> TILE_LOG2);
+        let is_narrow = (right - left).simd_le(LANES as u32);
+        let (from_x, from_y) = (column << TILE_LOG2, row << TILE_LOG2);
+        let sides = (left - from_x)
+            | (right - from_x) << 8
+            | (top - from_y) >> PAIR_LOG2 << 16
+            | (bottom - from_y + (PAIR as u32 - 1)) >> PAIR_LOG2 << 24;
+        Self {
+            bounds: [left.into(), right.into(), top.into(), bottom.into()],
+            tile: (row * columns as u32 + column).into(),
+            sides: sides.into(),
+            single: bits(is_single),
+            narrow: bits(is_narrow & is_plain),
+        }
+    }
+}
+
+/// Log2 of [`TILE`].
+const TILE_LOG2: u32 = TILE.ilog2();
+/// Log2 of [`PAIR`].
+const PAIR_LOG2: u32 = PAIR.ilog2();
+
+/// Whole numbers with [`WHOLE`] added.
+#[inline(always)]
+fn whole<S: Simd>(edge: f32x8<S>) -> u32x8<S> {
+    edge.bitcast::<u32x8<S>>() & 0xffff
 }
 
 /// First pixels whose middles are past the least and the greatest of places so far from others, with [`WHOLE`] added.
@@ -126,24 +210,28 @@ mod tests {
                 let normal = Vec3::from_array(normal).normalize_or(Vec3::Z);
                 Disc::round(Vec3::from_array(at), normal, log.exp2())
             });
-            let eight = dispatch!(Level::new(), simd => {
+            let (shows, ellipses, drawn, splats, bounds) = dispatch!(Level::new(), simd => {
                 let of = |of: &dyn Fn(&Disc) -> f32| simd.load_array_f32x8(std::array::from_fn(|k| of(&discs[k])));
                 let parts = |part: &dyn Fn(&Disc) -> Vec3| [0, 1, 2].map(|i| of(&|d| part(d)[i]));
                 let tangents = [parts(&|d| d.tangents[0]), parts(&|d| d.tangents[1])];
-                Ellipses::new(&lens, parts(&|d| d.centre), tangents, of(&|d| d.radius))
+                let eight = Ellipses::new(&lens, 10, parts(&|d| d.centre), tangents, of(&|d| d.radius));
+                let mut splats = [Splat::default(); EIGHT];
+                eight.write(eight.drawn(), &mut splats);
+                let bounds: [Box4; EIGHT] = std::array::from_fn(|k| eight.bounds(k));
+                (eight.shows, eight.ellipses, eight.drawn(), splats, bounds)
             });
+            let mut written = splats.iter();
             for (k, disc) in discs.iter().enumerate() {
                 let is = |bits: u32| bits >> k & 1 == 1;
                 match disc.place(&lens) {
-                    Placed::Drawn(splat, bounds) if !splat.is_by_rays() => {
-                        prop_assert!(is(eight.drawn()));
-                        let dye = Dye { tint: [0.5, 0.25, k as f32], normal: k as u32 };
-                        prop_assert_eq!(format!("{:?}", eight.get(k, dye)), format!("{:?}", Splat { dye, ..splat }));
-                        prop_assert_eq!(eight.bounds(k), bounds);
+                    Placed::Drawn(splat, box4) if !splat.is_by_rays() => {
+                        prop_assert!(is(drawn));
+                        prop_assert_eq!(format!("{:?}", written.next()), format!("{:?}", Some(splat)));
+                        prop_assert_eq!(bounds[k], box4);
                     }
-                    Placed::Drawn(..) => prop_assert!(is(eight.shows) && !is(eight.ellipses)),
-                    Placed::Outside => prop_assert!(!is(eight.drawn())),
-                    Placed::Dropped => prop_assert!(is(eight.shows) && !is(eight.drawn())),
+                    Placed::Drawn(..) => prop_assert!(is(shows) && !is(ellipses)),
+                    Placed::Outside => prop_assert!(!is(drawn)),
+                    Placed::Dropped => prop_assert!(is(shows) && !is(drawn)),
                 }
             }
         }

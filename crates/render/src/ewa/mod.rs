@@ -115,7 +115,7 @@ impl Ewa {
         };
         placing.place(Tiles::new(width, height), &mut self.runs);
         Counts {
-            drawn: self.runs.iter().map(|r| r.splats.len() as u64).sum(),
+            drawn: self.runs.iter().map(|r| r.count() as u64).sum(),
             dropped: self.runs.iter().map(|r| r.dropped).sum(),
         }
     }

@@ -5,7 +5,7 @@
 use super::clip::{Clipping, Lines, WIDER};
 use super::ellipses::Ellipses;
 use super::shape::{Codes, Shapes, WIDEST, shape_code};
-use super::splat::{Box4, Disc, Dye, Lens, Placed, Splat, across};
+use super::splat::{Box4, Disc, Dye, Lens, Placed, across};
 use super::tiles::{RUN_POINTS, Run, Tiles};
 use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
 use crate::colour::{ColourBy, linear};
@@ -101,7 +101,7 @@ impl Placing<'_> {
         let positions = Positions::of(node);
         let place = self.camera.place(node.node, positions.is_exact());
         let mut block = Block::new();
-        let only_spacing = self.lookup.only_spacing(draw);
+        let radii = self.lookup.radii(draw).map(|radii| radii.map(|r| r * self.radius_factor));
         block.only_tint = self.lookup.only_colour(draw).map(|colour| colour.to_array());
         for start in points.clone().step_by(BLOCK) {
             (block.start, block.count) = (start, BLOCK.min(points.end - start));
@@ -110,11 +110,10 @@ impl Placing<'_> {
             let hot = node.position[start * HOT_POSITION_BYTES..].as_chunks().0;
             let codes = hot.iter().map(|hot: &[u8; HOT_POSITION_BYTES]| hot[RADIUS_AT]);
             for (k, code) in codes.take(block.count).enumerate() {
-                let radius = match only_spacing {
-                    Some(spacing) => self.lookup.radius_in(spacing, code),
-                    None => self.lookup.radius(draw, block.offset(k), code),
+                block.radii[k] = match &radii {
+                    Some(radii) => radii[usize::from(code)],
+                    None => self.lookup.radius(draw, block.offset(k), code) * self.radius_factor,
                 };
-                block.radii[k] = radius * self.radius_factor;
             }
             if self.frame.hides_points {
                 for k in 0..block.count {
@@ -204,10 +203,12 @@ impl Placing<'_> {
             }
             (radius, factor) = (simd.load_array_f32x8(radii), simd.load_array_f32x8(factors));
         }
-        let mut tangents = across(facing);
-        for along in tangents.iter_mut().flatten() {
-            *along *= radius;
-        }
+        // No loop, which went through memory.
+        let [a, b] = across(facing);
+        let mut tangents = [
+            [a[0] * radius, a[1] * radius, a[2] * radius],
+            [b[0] * radius, b[1] * radius, b[2] * radius],
+        ];
         if SHAPES && let Some(plane) = node.tangents {
             let mut codes = [[0; 4]; EIGHT];
             for (k, code) in codes.iter_mut().enumerate() {
@@ -224,41 +225,57 @@ impl Placing<'_> {
                 *lines = lines.map(|lines| self.ended(lines, node, index(k), offset, own));
             }
         }
-        let placed = Ellipses::new(&self.lens, centre, tangents, radius);
+        let placed = Ellipses::new(&self.lens, run.columns(), centre, tangents, radius);
         shows &= placed.shows;
-        let drawn = placed.drawn();
-        while shows != 0 {
-            let k = shows.trailing_zeros() as usize;
-            shows &= shows - 1;
+        let dye = |k: usize| {
             let depth = centre[2][k];
-            let dye = Dye {
-                tint: self.tint(draw, index(k), block, first + k, depth),
-                normal: if NORMALS {
-                    codes[k]
-                } else {
-                    (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
-                },
-            };
-            if drawn >> k & 1 == 1 {
-                let bounds = placed.bounds(k);
-                if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
-                    run.push(placed.get(k, dye), bounds, kept);
-                }
-            } else if placed.ellipses >> k & 1 == 1 {
-                run.dropped += 1;
+            let normal = if NORMALS {
+                codes[k]
             } else {
-                let tangents = [one_of(&tangents[0], k), one_of(&tangents[1], k)];
-                let disc = Disc { centre: one_of(&centre, k), tangents, radius: radius[k] };
-                match disc.by_rays(&self.lens) {
-                    Placed::Drawn(splat, bounds) => {
-                        if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
-                            let splat = Splat { dye, ..splat };
-                            run.push(splat, bounds, kept);
-                        }
-                    }
-                    Placed::Dropped => run.dropped += 1,
-                    Placed::Outside => {}
+                (radius[k] * self.lens.focal_px / depth.max(self.lens.near)).to_bits()
+            };
+            Dye { tint: self.tint(draw, index(k), block, first + k, depth), normal }
+        };
+        let mut drawn = shows & placed.drawn();
+        let mut kept: [Option<Lines>; EIGHT] = [None; EIGHT];
+        if CLIPS {
+            for (k, kept) in kept.iter_mut().enumerate().filter(|(k, _)| lines[*k].is_some()) {
+                match self.kept::<CLIPS>(lines[k].as_ref(), placed.bounds(k)) {
+                    Some(own) => *kept = own,
+                    None => drawn &= !(1 << k),
                 }
+            }
+        }
+        placed.write(drawn, run.room());
+        let mut others = shows & !placed.drawn();
+        while drawn != 0 {
+            let k = drawn.trailing_zeros() as usize;
+            drawn &= drawn - 1;
+            match placed.part(k) {
+                Some((tile, part)) if !CLIPS || kept[k].is_none() => {
+                    run.take_single(dye(k), tile, part);
+                }
+                _ => run.take(dye(k), placed.bounds(k), kept[k]),
+            }
+        }
+        while others != 0 {
+            let k = others.trailing_zeros() as usize;
+            others &= others - 1;
+            if placed.ellipses >> k & 1 == 1 {
+                run.dropped += 1;
+                continue;
+            }
+            let tangents = [one_of(&tangents[0], k), one_of(&tangents[1], k)];
+            let disc = Disc { centre: one_of(&centre, k), tangents, radius: radius[k] };
+            match disc.by_rays(&self.lens) {
+                Placed::Drawn(splat, bounds) => {
+                    if let Some(kept) = self.kept::<CLIPS>(lines[k].as_ref(), bounds) {
+                        run.room()[0] = splat;
+                        run.take(dye(k), bounds, kept);
+                    }
+                }
+                Placed::Dropped => run.dropped += 1,
+                Placed::Outside => {}
             }
         }
     }

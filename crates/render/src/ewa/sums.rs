@@ -20,13 +20,15 @@ pub const INVERSE_DEPTH: usize = 8;
 
 /// Rows that lie together.
 pub const PAIR: usize = 2;
+/// Pairs of rows of a tile.
+pub const PAIRS: usize = TILE / PAIR;
 /// Two rows of a tile: of a plane the first column's pixels, the second's, and so on.
 pub type Rows = [[f32; PAIR * STRIDE]; PLANES];
 /// Nothing in them.
 const EMPTY: Rows = [[0.0; PAIR * STRIDE]; PLANES];
 
 /// A tile's sums.
-pub struct Sums(Box<[Rows; TILE / PAIR]>);
+pub struct Sums(Box<[Rows; PAIRS]>);
 
 /// What a splat adds: colour, and normal or radius.
 #[derive(Clone, Copy)]
@@ -41,7 +43,7 @@ pub struct Share<S: Simd> {
 
 impl Default for Sums {
     fn default() -> Self {
-        Self(Box::new([EMPTY; TILE / PAIR]))
+        Self(Box::new([EMPTY; PAIRS]))
     }
 }
 
@@ -59,7 +61,7 @@ impl Sums {
 
     /// Its pairs of rows.
     #[inline(always)]
-    pub fn pairs(&mut self) -> &mut [Rows; TILE / PAIR] {
+    pub fn pairs(&mut self) -> &mut [Rows; PAIRS] {
         &mut self.0
     }
 }
