@@ -24,6 +24,7 @@ use std::time::Duration;
 
 const SIZE: [u32; 2] = [256, 192];
 const CAMERAS: [&str; 2] = ["", "direction=0.3,1,-0.5;fovy=12"];
+const LOOKS: [&str; 3] = [CAMERAS[0], "fovy=30", CAMERAS[1]];
 
 fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) -> Picture {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
@@ -33,8 +34,8 @@ fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) 
     draw(file, &request, &Silent).unwrap().0
 }
 
-/// How far one picture is from another.
-#[derive(Clone, Copy, Debug)]
+/// How far one picture is from another; or sums of that.
+#[derive(Clone, Copy, Debug, Default)]
 struct Apart {
     /// Mean FLIP.
     flip: f64,
@@ -43,6 +44,15 @@ struct Apart {
     off: f64,
     holes: f64,
     blobs: f64,
+}
+
+impl Apart {
+    fn add(&mut self, other: Self) {
+        self.flip += other.flip;
+        self.off += other.off;
+        self.holes += other.holes;
+        self.blobs += other.blobs;
+    }
 }
 
 fn apart(a: &Picture, b: &Picture) -> Apart {
@@ -69,23 +79,26 @@ fn parts_give_the_picture_of_the_whole() {
         let other = whole(scan, 2048);
         for split in [Split::Space, Split::Shuffled, Split::Thinned] {
             let Both { at_once, forest, .. } = built(scan, split, 4096);
-            for camera in CAMERAS {
+            let (mut parts, mut sizes) = (Apart::default(), Apart::default());
+            for camera in LOOKS {
                 let of = |file, method, target| picture(file, method, target, camera);
                 // Every point by itself: the very same, but for coincident ones of other colours.
                 let points = [&at_once, &forest].map(|file| of(file, Method::Points, 0.0));
                 assert_eq!(points[0].stats.points_drawn, points[1].stats.points_drawn);
                 let same = apart(&points[0], &points[1]);
                 assert!(same.off <= 0.001 && same.flip <= 0.01, "{split:?} {camera}: {same:?}");
-                // Surfaces: each choice of points is a little different, as in nodes of another size. Two
-                // trees of one ground have wider splats each (1.3 times the FLIP at most when this was made).
                 let whole = of(&at_once, Method::PullPush, 1.0);
-                let parts = apart(&whole, &of(&forest, Method::PullPush, 1.0));
-                let sizes = apart(&whole, &of(&other.file, Method::PullPush, 1.0));
-                println!("{} {split:?} {camera:?}: {parts:?} {sizes:?}", scan.display());
-                assert!(parts.flip <= sizes.flip * 1.4 + 0.002, "{parts:?} {sizes:?}");
-                assert!(parts.holes <= sizes.holes * 1.5 + 0.002, "{parts:?} {sizes:?}");
-                assert!(parts.blobs <= sizes.blobs * 1.5 + 0.003, "{parts:?} {sizes:?}");
+                parts.add(apart(&whole, &of(&forest, Method::PullPush, 1.0)));
+                sizes.add(apart(&whole, &of(&other.file, Method::PullPush, 1.0)));
             }
+            // Surfaces: each choice of points is a little different, as in nodes of another size, in one picture more
+            // than in another. Two trees of one ground have wider splats each (1.3 times the FLIP at most when this
+            // was made).
+            println!("{} {split:?}: {parts:?} {sizes:?}", scan.display());
+            let pictures = LOOKS.len() as f64;
+            assert!(parts.flip <= sizes.flip * 1.4 + 0.002 * pictures, "{parts:?} {sizes:?}");
+            assert!(parts.holes <= sizes.holes * 1.5 + 0.002 * pictures, "{parts:?} {sizes:?}");
+            assert!(parts.blobs <= sizes.blobs * 1.5 + 0.003 * pictures, "{parts:?} {sizes:?}");
         }
     }
 }

@@ -101,6 +101,12 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
     sum / (255.0 * a.depth.len() as f64)
 }
 
+/// Share of the pixels that a picture covers.
+fn covered(picture: &Picture) -> f64 {
+    let covered = picture.depth.iter().filter(|z| z.is_finite()).count();
+    covered as f64 / picture.depth.len() as f64
+}
+
 /// Shares of the pixels that one picture covers and the other one does not: of `b` in `a`, of `a` in `b`.
 fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
     let pixels = a.depth.len() as f64;
@@ -116,7 +122,7 @@ fn uncovered(a: &Picture, b: &Picture) -> [f64; 2] {
 struct Worst {
     /// Rise of the difference through an arrival, a share of the difference before.
     rise: f64,
-    /// Shares of the picture that were covered at full density alone, and by the cut alone.
+    /// What was covered at full density alone, and by the cut alone, over what full density covers.
     holes: f64,
     blobs: f64,
     /// What an arrival, or several, added to the latter at a view.
@@ -186,7 +192,7 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
             let error = difference(&picture, &full);
             worst.rise = worst.rise.max(error / before - 1.0);
             before = error;
-            let [holes, blobs] = uncovered(&picture, &full);
+            let [holes, blobs] = uncovered(&picture, &full).map(|share| share / covered(&full));
             (worst.holes, worst.blobs) = (worst.holes.max(holes), worst.blobs.max(blobs));
             blobs_least = blobs.min(blobs_least);
             worst.blobs_added = worst.blobs_added.max(blobs - blobs_least);
@@ -213,9 +219,9 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32) {
         assert!(worst.arrivals > 60, "{order:?}: {worst:?}");
         assert!(worst.rise <= 0.02, "{order:?}: a node pops: {worst:?}");
         assert!(worst.holes <= 0.02, "{order:?}: holes: {worst:?}");
-        assert!(worst.blobs_added <= 0.005, "{order:?}: blobs: {worst:?}");
+        assert!(worst.blobs_added <= 0.01, "{order:?}: blobs: {worst:?}");
         // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to chance.
-        let blobs_max = if matches!(order, Order::Random(_)) { 0.05 } else { 0.02 };
+        let blobs_max = if matches!(order, Order::Random(_)) { 0.11 } else { 0.1 };
         assert!(worst.blobs <= blobs_max, "{order:?}: blobs: {worst:?}");
     }
 }

@@ -2,7 +2,7 @@
 //! View space has x to the right, y up, and looks along -z; pixels count from the top left corner.
 //! Made here from eye and target, or fitted to a box; consumed by the choice and by the renderer.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 
 /// Least and greatest vertical field of view, radians: what is outside is clamped.
 const FOVY_MIN_RAD: f64 = 1e-4;
@@ -55,8 +55,9 @@ impl View {
         }
     }
 
-    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of
-    /// it. Up is the world's z where that can be. A box without extent is looked at from distance 1.
+    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with as much room
+    /// left of it as right of it, and above as below. Up is the world's z where that can be. A box without extent is
+    /// looked at from distance 1.
     pub fn fit(
         bounds_min: DVec3,
         bounds_max: DVec3,
@@ -71,19 +72,24 @@ impl View {
         let world_from_view = axes(forward, DVec3::Z);
         let fovy_rad = clamp_fovy(fovy_rad);
         let tan_y = (fovy_rad * 0.5).tan();
-        let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
-        let mut distance = 0.0f64;
+        let tan = DVec2::new(tan_y * f64::from(width.max(1)) / f64::from(height.max(1)), tan_y);
+        // From a distance d behind the centre and p beside it a corner v, in view, is in the picture where
+        // |v.x - p.x| is no more than tan.x (d - v.z): of all corners the greatest v.x + tan.x v.z, less p.x, and the
+        // greatest tan.x v.z - v.x, plus p.x, are no more than tan.x d. The same for y.
+        let mut ends = [DVec2::ZERO; 2];
         for corner in 0..8 {
             let sign = |bit: u32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-            let offset = DVec3::new(sign(0), sign(1), sign(2)) * half;
-            let v = world_from_view.transpose() * offset;
-            distance = distance.max(v.z + (v.x.abs() / tan_x).max(v.y.abs() / tan_y));
+            let v = world_from_view.transpose() * (DVec3::new(sign(0), sign(1), sign(2)) * half);
+            ends[0] = ends[0].max(tan * v.z + v.xy());
+            ends[1] = ends[1].max(tan * v.z - v.xy());
         }
-        distance *= FIT_MARGIN;
+        let beside = (ends[0] - ends[1]) * 0.5;
+        let mut distance = ((ends[0] + ends[1]) * 0.5 / tan).max_element() * FIT_MARGIN;
         if !(distance.is_finite() && distance > 0.0) {
             distance = 1.0;
         }
-        Self::look_at(centre - forward * distance, centre, DVec3::Z, fovy_rad, width, height)
+        let target = centre + world_from_view * beside.extend(0.0);
+        Self::look_at(target - forward * distance, target, DVec3::Z, fovy_rad, width, height)
     }
 
     /// Half the tangent span of the picture: horizontal, vertical.
@@ -233,12 +239,29 @@ mod tests {
             let b = a + extent.abs();
             let view = View::fit(a, b, direction, fovy, width, height);
             assert_orthonormal(view.world_from_view);
-            for corner in 0..8u32 {
-                let pick = |bit: u32, axis: usize| if corner >> bit & 1 == 1 { b[axis] } else { a[axis] };
-                let p = DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2));
+            let corners = (0..8u32).map(|corner| {
+                let pick = |axis: usize| if corner >> axis & 1 == 1 { b[axis] } else { a[axis] };
+                DVec3::new(pick(0), pick(1), pick(2))
+            });
+            for p in corners.clone() {
                 let on = view.project(p);
                 prop_assert!(on.is_some_and(|on| view.is_on_picture(on)), "{:?}", on);
             }
+            // Without the margin it touches two sides that lie opposite: no nearer view shows all of it.
+            let middle = view.depth(a.midpoint(b));
+            let ahead = -view.world_from_view.z_axis * middle * (1.0 - 1.0 / FIT_MARGIN);
+            let nearest = View { eye: view.eye + ahead, ..view };
+            let size = DVec2::new(f64::from(width), f64::from(height));
+            let (mut low, mut high) = (size, DVec2::ZERO);
+            for p in corners {
+                // On the eye's own plane a corner is on the rim, or anywhere.
+                let v = nearest.to_view(p);
+                prop_assume!(v.z < -1e-6 * middle);
+                let at = size * 0.5 + DVec2::new(v.x, -v.y) / -v.z * nearest.focal_px();
+                (low, high) = (low.min(at), high.max(at));
+            }
+            let spare = (low / size).max(1.0 - high / size);
+            prop_assert!(spare.min_element().abs() < 1e-6 && (low / size).min(1.0 - high / size).min_element() > -1e-6, "{} {}", low, high);
         }
 
         #[test]

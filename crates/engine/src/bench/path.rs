@@ -135,7 +135,9 @@ impl Path {
         let [low, high] = info::bounds(file).map(DVec3::from_array);
         let middle = low.midpoint(high);
         let (dense, spacing) = dense_place(file).unwrap_or((middle, 0.0));
-        let far = overview.eye.distance(middle);
+        // In the overview's middle, where the scan's is not.
+        let far = overview.depth(middle);
+        let ahead = overview.eye + overview.forward() * far;
         let near = (overview.focal_px() * spacing).clamp(far * 1e-4, far * 0.25);
         let stop = |name: &str, target: DVec3, distance: f64| {
             let eye = target - overview.forward() * distance;
@@ -144,7 +146,7 @@ impl Path {
         };
         Self {
             views: vec![
-                Stop { view: overview, ..stop("overview", middle, far) },
+                Stop { view: overview, ..stop("overview", ahead, far) },
                 stop("close", dense, (far * near).sqrt()),
                 stop("detail", dense, near),
             ],
