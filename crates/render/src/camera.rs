@@ -7,9 +7,11 @@
 
 use crate::error::RenderError;
 use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
+use crate::values::Values;
 use esker_lod::View;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
+use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 
 /// Differences are clamped here; nothing this far away is on a picture.
@@ -80,6 +82,20 @@ impl Camera {
     pub fn to_view(&self, v: Vec3) -> Vec3 {
         let [right, up, back] = self.view_from_world;
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
+    }
+
+    /// Directions to the eye from the middles of eight pixels of a row, the first of which is given; right, up and back, of
+    /// unit length.
+    #[inline(always)]
+    pub(crate) fn to_eye<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
+        let [middle_x, middle_y] = self.centre_px;
+        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        // By 32 bits, which take an instruction.
+        let left = -(columns + (x as u32 as f32 + 0.5 - middle_x));
+        let down = y as u32 as f32 + 0.5 - middle_y;
+        let beside = simd.splat_f32x8(down * down + self.focal_px * self.focal_px);
+        let per_length = 1.0 / Values::sqrt(Values::mul_add(left, left, beside));
+        [left * per_length, per_length * down, per_length * self.focal_px]
     }
 
     /// A place of the lattice against the eye, in steps: the same bits from whichever node it is asked.

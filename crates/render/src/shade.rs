@@ -158,17 +158,11 @@ impl<T: Surface> Row<'_, T> {
     /// light then comes.
     #[inline(always)]
     fn to_eye<S: Simd, const SHINES: bool>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
-        let (zero, one) = (simd.splat_f32x8(0.0), simd.splat_f32x8(1.0));
-        if !SHINES {
-            return [zero, zero, one];
+        if SHINES {
+            return self.camera.to_eye(simd, x, self.y);
         }
-        let Camera { centre_px: [middle_x, middle_y], focal_px, .. } = *self.camera;
-        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        let left = -(columns + (x as u32 as f32 + 0.5 - middle_x));
-        let down = self.y as u32 as f32 + 0.5 - middle_y;
-        let beside = simd.splat_f32x8(down * down + focal_px * focal_px);
-        let per_length = one / left.mul_add(left, beside).sqrt();
-        [left * per_length, per_length * down, per_length * focal_px]
+        let (zero, one) = (simd.splat_f32x8(0.0), simd.splat_f32x8(1.0));
+        [zero, zero, one]
     }
 
     /// The interpolated normals of eight pixels, of unit length; notes creases beside them. Given are these as they are, and

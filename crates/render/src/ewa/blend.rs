@@ -282,7 +282,7 @@ impl Blend<'_> {
                     let is_unknown = dot(n, n).cmplt(simd.splat_f32x8(UNKNOWN));
                     if is_unknown.any_true() {
                         // It faces the eye.
-                        let to_eye = self.rays_back(simd, window, x, y);
+                        let to_eye = self.camera.to_eye(simd, window.left + x, window.top + y);
                         for i in 0..3 {
                             n[i] = f32x8::select(is_unknown, to_eye[i], n[i]);
                         }
@@ -310,17 +310,5 @@ impl Blend<'_> {
             }
         }
         covered
-    }
-
-    /// Directions from pixels to the eye, right, up and back.
-    #[inline(always)]
-    fn rays_back<S: Simd>(&self, simd: S, window: &Window, x: usize, y: usize) -> [f32x8<S>; 3] {
-        let [middle_x, middle_y] = self.camera.centre_px;
-        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        let x = -(columns + ((window.left + x) as f32 + 0.5 - middle_x));
-        let y = simd.splat_f32x8((window.top + y) as f32 + 0.5 - middle_y);
-        let z = simd.splat_f32x8(self.camera.focal_px);
-        let length = (x * x + y * y + z * z).sqrt();
-        [x / length, y / length, z / length]
     }
 }
