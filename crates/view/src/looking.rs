@@ -14,6 +14,7 @@ use crate::shots::Shots;
 use crate::source::Opened;
 use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
+use esker_engine::camera::Camera as Asked;
 use esker_engine::quantity::grouped;
 use esker_engine::session::Image;
 use esker_engine::{Forest, View, colour, info};
@@ -28,6 +29,8 @@ const RESIZE_S: f64 = 0.4;
 pub struct Looking {
     scene: Option<Scene>,
     camera: Camera,
+    /// What the arguments say of the first view.
+    asked: Asked,
     gestures: Gestures,
     canvas: Canvas,
     sharpness: Sharpness,
@@ -47,25 +50,30 @@ pub struct Looking {
     opened: Opened,
 }
 
+/// A camera as it is asked for, in a picture of so many pixels.
+fn camera_at(file: &Forest, asked: &Asked, size: [u32; 2]) -> Camera {
+    let bounds = info::bounds(file);
+    let view = asked.view(bounds, size);
+    let [low, high] = bounds.map(DVec3::from_array);
+    let target = match (asked.eye, asked.target) {
+        (Some(_), Some(target)) => target,
+        _ => view.eye + view.forward() * view.eye.distance(low.midpoint(high)).max(1e-6),
+    };
+    Camera::new(view.eye, target, asked.up.unwrap_or(DVec3::Z), view.fovy_rad)
+}
+
 impl Looking {
     /// At what was opened, from where the arguments say.
     pub fn new(opened: Opened, args: &Args, shown: &ShownBy, is_coarser_moving: bool) -> Self {
         let file = &opened.file;
-        let bounds = info::bounds(file);
-        let view = args.camera.view(bounds, args.size);
-        let [low, high] = bounds.map(DVec3::from_array);
-        let target = match (args.camera.eye, args.camera.target) {
-            (Some(_), Some(target)) => target,
-            _ => view.eye + view.forward() * view.eye.distance(low.midpoint(high)).max(1e-6),
-        };
-        let up = args.camera.up.unwrap_or(DVec3::Z);
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
         let built = if opened.is_temporary() { "; built for this window alone" } else { "" };
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
             scene: None,
-            camera: Camera::new(view.eye, target, up, view.fovy_rad),
+            camera: camera_at(file, &args.camera, args.size),
+            asked: args.camera,
             gestures: Gestures::default(),
             canvas: Canvas::new(shown.painter.clone()),
             device: shown.device(args.backend),
@@ -181,6 +189,11 @@ impl Looking {
 
     /// Lets the input of this pass move the camera; whether the hand holds the scene.
     pub fn follow(&mut self, ui: &Ui, response: &Response, now_s: f64) -> bool {
+        if self.place.is_none() {
+            // Only now is it known how wide the picture is.
+            let size = pixels(response.rect, ui.ctx().pixels_per_point(), 1.0);
+            self.camera = camera_at(self.file(), &self.asked, size);
+        }
         let before = self.camera.pose();
         self.gestures.update(ui, response, &mut self.camera);
         if self.camera.pose() != before {
