@@ -24,6 +24,7 @@ use std::time::Duration;
 
 const SIZE: [u32; 2] = [256, 192];
 const CAMERAS: [&str; 2] = ["", "direction=0.3,1,-0.5;fovy=12"];
+/// Views over which differences are summed: of one, chance decides.
 const LOOKS: [&str; 3] = [CAMERAS[0], "fovy=30", CAMERAS[1]];
 
 fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) -> Picture {

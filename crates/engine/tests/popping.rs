@@ -208,8 +208,9 @@ fn fly(whole: &Whole, path: &Flight, steps: usize, arrivals: usize, order: Order
     worst
 }
 
-/// Asserts that nothing pops while a scan arrives in each order.
-fn assert_only_sharpens(scan: &Path, node_capacity: u32) {
+/// Asserts that nothing pops while a scan arrives in each order, and that no more is covered in excess than a share of what
+/// full density covers.
+fn assert_only_sharpens(scan: &Path, node_capacity: u32, blobs_max: f64) {
     let folder = tempfile::tempdir().unwrap();
     let whole = Whole::build(scan, node_capacity, folder.path());
     let path = Flight::of(&whole.file, [SIDE; 2]);
@@ -221,7 +222,7 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32) {
         assert!(worst.holes <= 0.02, "{order:?}: holes: {worst:?}");
         assert!(worst.blobs_added <= 0.01, "{order:?}: blobs: {worst:?}");
         // What a camera comes near to is drawn as coarsely as it is known: no loader leaves that to chance.
-        let blobs_max = if matches!(order, Order::Random(_)) { 0.11 } else { 0.1 };
+        let blobs_max = blobs_max * if matches!(order, Order::Random(_)) { 1.1 } else { 1.0 };
         assert!(worst.blobs <= blobs_max, "{order:?}: blobs: {worst:?}");
     }
 }
@@ -229,7 +230,7 @@ fn assert_only_sharpens(scan: &Path, node_capacity: u32) {
 #[test]
 fn no_arriving_node_takes_the_picture_away_from_full_density() {
     let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
-    assert_only_sharpens(&scan, 8192);
+    assert_only_sharpens(&scan, 8192, 0.045);
 }
 
 #[test]
@@ -238,5 +239,5 @@ fn no_arriving_node_takes_the_picture_of_rooms_around_the_origin_away_from_full_
         println!("skipped: ESKER_DATA is not set");
         return;
     };
-    assert_only_sharpens(&Path::new(&data).join("laz/indoor.laz"), 8192);
+    assert_only_sharpens(&Path::new(&data).join("laz/indoor.laz"), 8192, 0.1);
 }

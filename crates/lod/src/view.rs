@@ -55,8 +55,8 @@ impl View {
         }
     }
 
-    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with as much room
-    /// left of it as right of it, and above as below. Up is the world's z where that can be. A box without extent is
+    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with a small margin; the
+    /// box is in the picture's middle, not its centre. Up is the world's z where that can be. A box without extent is
     /// looked at from distance 1.
     pub fn fit(
         bounds_min: DVec3,
