@@ -134,6 +134,15 @@ pub fn halves_of_values(run: &[f32]) -> [Lane; 2] {
     }
 }
 
+/// The first four of a run of single values; zero where the run is shorter.
+#[inline(always)]
+pub fn four_values(run: &[f32]) -> Lane {
+    Vec4::from_array(match run.first_chunk() {
+        Some(four) => *four,
+        None => filled(run, 0.0),
+    })
+}
+
 /// A run that is too short, with something for what is missing.
 #[inline(never)]
 fn filled<T: Copy, const N: usize>(run: &[T], missing: T) -> [T; N] {
@@ -195,7 +204,7 @@ pub struct Line {
 /// [`LANES`] pixels of a line, with the one before and the one after them: plane after plane.
 pub type Run = [[f32; LANES + 2]; PLANES];
 
-const PLANES: usize = 13;
+const PLANES: usize = 14;
 
 impl Line {
     /// Where the planes of a run are: least and greatest depth, displacement.
@@ -204,31 +213,41 @@ impl Line {
     pub const TINT: usize = 4;
     /// Mean depth.
     pub const DEPTH: usize = 8;
-    /// Normal, minor axis over the major one.
+    /// Normal, minor axis over the major one; then [`Line::FACING`].
     pub const NORMAL: usize = 9;
+    /// q of the plane at the ellipse's centre ([`crate::tangent`]).
+    pub const FACING: usize = 13;
 
     /// Takes a row of a level; without one, all pixels are invalid.
     #[inline(always)]
-    pub fn take(&mut self, level: &Level, y: Option<usize>) {
+    pub fn take(&mut self, lens: &Lens, level: &Level, y: Option<usize>) {
         let mut nothing = [[0.0; LANES + 2]; PLANES];
-        (nothing[0], nothing[1]) = ([f32::INFINITY; LANES + 2], [f32::INFINITY; LANES + 2]);
+        nothing[Self::FRONT] = [f32::INFINITY; LANES + 2];
         self.blocks.resize(level.width.div_ceil(LANES), nothing);
-        let Some(start) = y.map(|y| y * level.width) else { return self.blocks.fill(nothing) };
-        for i in 0..self.blocks.len() {
-            let first = start + i * LANES;
-            let run = first..(first + LANES).min(start + level.width);
-            let front = four(&level.front[run.clone()], INVALID);
-            self.put(Self::FRONT, i, front);
-            if !valid(front[0]).any() {
+        let Some(y) = y else { return self.blocks.fill(nothing) };
+        let edge_px = level.edge_px;
+        let row = y * level.width..(y + 1) * level.width;
+        let normals = level.normal.get(row.clone()).unwrap_or_default();
+        let fronts = level.front[row.clone()].chunks(LANES);
+        let tints = level.tint[row.clone()].chunks(LANES);
+        let depths = level.depth[row].chunks(LANES);
+        for (i, ((fronts, tints), depths)) in fronts.zip(tints).zip(depths).enumerate() {
+            if is_empty(fronts) {
+                self.put(Self::FRONT, i, [Vec4::INFINITY]);
                 continue;
             }
-            self.put(Self::TINT, i, four(&level.tint[run.clone()], Vec4::ZERO));
-            let mut depth = [0.0; LANES];
-            depth[..run.len()].copy_from_slice(&level.depth[run.clone()]);
-            self.put(Self::DEPTH, i, [Vec4::from_array(depth)]);
-            if let Some(normal) = level.normal.get(run) {
-                self.put(Self::NORMAL, i, four(normal, Vec4::ZERO));
-            }
+            let front = four(fronts, INVALID);
+            self.put(Self::FRONT, i, front);
+            self.put(Self::TINT, i, four(tints, Vec4::ZERO));
+            self.put(Self::DEPTH, i, [four_values(depths)]);
+            let Some(normals) = normals.get(i * LANES..i * LANES + fronts.len()) else { continue };
+            let [nx, ny, nz, share] = four(normals, Vec4::ZERO);
+            let from = [
+                counting(((i * LANES) as f32 + 0.5) * edge_px, edge_px) - front[2],
+                Vec4::splat((y as f32 + 0.5) * edge_px) - front[3],
+            ];
+            let facing = lens.facing([nx, ny, nz], from);
+            self.put(Self::NORMAL, i, [nx, ny, nz, share, facing]);
         }
     }
 
@@ -245,10 +264,10 @@ impl Line {
         }
     }
 
-    /// The pixels of a block, and those beside it.
+    /// The pixels of each block, and those beside it.
     #[inline(always)]
-    pub fn run(&self, block: usize) -> &Run {
-        &self.blocks[block]
+    pub fn runs(&self) -> impl Iterator<Item = &Run> {
+        self.blocks.iter()
     }
 }
 

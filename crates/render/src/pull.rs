@@ -183,7 +183,8 @@ impl Four {
         let mut factors = [Vec4::ONE; 4];
         for i in (0..4).filter(|_| NORMALS) {
             let [x, y] = self.displaced[i];
-            let moved = factor(facing[i], turn(self.normal(i), [x - middle[0], y - middle[1]]));
+            let [nx, ny, _] = self.normal(i);
+            let moved = factor(facing[i], turn([nx, ny], [x - middle[0], y - middle[1]]));
             factors[i] = Vec4::select(self.kept[i], moved, Vec4::ONE);
         }
         factors

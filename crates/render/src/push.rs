@@ -17,7 +17,7 @@
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::covers_at;
-use crate::lanes::{LANES, Line, Pixels, Run, counting, halves, has_pixels, is_empty};
+use crate::lanes::{LANES, Line, Pixels, Run, halves, has_pixels, is_empty};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
 use crate::values::{Values, join, only};
@@ -77,33 +77,35 @@ fn push_rows<S: Simd, const NORMALS: bool>(
         for y in [over, beside] {
             let (held, line) = &mut lines[y & 1];
             if *held != Some(y) {
-                line.take(coarser, Some(y).filter(|&y| y < coarser.height));
+                line.take(lens, coarser, Some(y).filter(|&y| y < coarser.height));
                 *held = Some(y);
             }
         }
         let (over, beside) = (&lines[over & 1].1, &lines[beside & 1].1);
-        for block in 0..coarser.width.div_ceil(LANES) {
-            let runs = [over.run(block), beside.run(block)];
-            if has_pixels(runs[0]) || has_pixels(runs[1]) {
-                push_block::<S, NORMALS>(simd, lens, edge_px, runs, block * LANES, &mut row);
+        for (block, runs) in over.runs().zip(beside.runs()).enumerate() {
+            let first = 2 * LANES * block;
+            if has_pixels(runs.0) || has_pixels(runs.1) {
+                push_block::<S, NORMALS>(simd, edge_px, [runs.0, runs.1], first, &mut row);
+                row.write_image(lens, edge_px, first);
+            } else {
+                // What is valid here would have made them so.
+                row.write_nothing(first);
             }
         }
-        row.write_image(lens, edge_px);
     }
 }
 
-/// Recomputes the pixels of a row below four coarser ones. `runs` are of the row above it and of the nearer one beside
-/// that.
+/// Recomputes the pixels of a row, from `first` on, below four coarser ones. `runs` are of the row above it and of the
+/// nearer one beside that.
 #[inline(always)]
 fn push_block<S: Simd, const NORMALS: bool>(
     simd: S,
-    lens: &Lens,
     edge_px: f32,
     runs: [&Run; 2],
     first: usize,
     row: &mut RowMut<'_>,
 ) {
-    let own = &row.front[2 * first..row.front.len().min(2 * (first + LANES))];
+    let own = &row.front[first..row.front.len().min(first + 2 * LANES)];
     let half = 0.5 * edge_px;
     let beside = join(simd, Vec4::splat(-half), Vec4::splat(half));
     let (above, below) = if row.y & 1 == 1 { (half, half * -3.0) } else { (-half, half * 3.0) };
@@ -116,27 +118,23 @@ fn push_block<S: Simd, const NORMALS: bool>(
         Near { simd, run: runs[1], at: [1, 1], to_finer: [beside, below] },
         Near { simd, run: runs[1], at: [0, 2], to_finer: [beside * -3.0, below] },
     ];
-    let left = counting(((2 * first) as f32 + 0.5) * edge_px, 2.0 * edge_px);
-    let right = counting(((2 * first + 1) as f32 + 0.5) * edge_px, 2.0 * edge_px);
-    let centre = [join(simd, left, right), simd.splat_f32x8((row.y as f32 + 0.5) * edge_px)];
-    let infinite = simd.splat_f32x8(f32::INFINITY);
+    let (zero, infinite) = (simd.splat_f32x8(0.0), simd.splat_f32x8(f32::INFINITY));
     if is_empty(own) {
         // Most blocks have no pixel of their own.
-        let block = Block { least: infinite, centre, place: centre };
-        let asking = infinite.cmpeq(infinite);
-        return block.fill::<NORMALS>(lens, &near, asking, row, 2 * first);
+        let block = Block { least: infinite, displaced: [zero; 2] };
+        return block.fill::<NORMALS>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
     let least = join(simd, own[0][0], own[1][0]);
     let is_valid = least.cmplt(infinite);
-    let place = [
-        centre[0] - only(is_valid, join(simd, own[0][2], own[1][2])),
-        centre[1] - only(is_valid, join(simd, own[0][3], own[1][3])),
+    let displaced = [
+        only(is_valid, join(simd, own[0][2], own[1][2])),
+        only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let block = Block { least, centre, place };
-    let asking = !(is_valid & block.is_within::<NORMALS>(lens, &near[0]));
+    let block = Block { least, displaced };
+    let asking = !(is_valid & block.is_within::<NORMALS>(&near[0]));
     if asking.any_true() {
-        block.fill::<NORMALS>(lens, &near, asking, row, 2 * first);
+        block.fill::<NORMALS>(&near, asking, row, first);
     }
 }
 
@@ -167,10 +165,11 @@ impl<S: Simd> Near<'_, S> {
         )
     }
 
+    /// Of depths moved from the ellipses' centres by so many pixels, what they are multiplied by.
     #[inline(always)]
-    fn normal(&self) -> [f32x8<S>; 3] {
-        let at = Line::NORMAL;
-        [self.lane(at), self.lane(at + 1), self.lane(at + 2)]
+    fn moved(&self, [x, y]: [f32x8<S>; 2]) -> f32x8<S> {
+        let (nx, ny) = (self.lane(Line::NORMAL), self.lane(Line::NORMAL + 1));
+        factor(self.lane(Line::FACING), turn([nx, ny], [x, y]))
     }
 
     /// From the ellipses' centres to the finer pixels'.
@@ -181,74 +180,55 @@ impl<S: Simd> Near<'_, S> {
     }
 }
 
-/// Coarser pixels as seen from the finer ones.
-struct Seen<S: Simd> {
-    /// Depths where they are compared; infinite where the ellipse does not cover the finer pixel.
-    depths: [f32x8<S>; 2],
-    /// q of their planes at the ellipses' centres ([`crate::tangent`]).
-    facing: f32x8<S>,
-}
-
 /// A run of finer pixels: every second one, then the others.
 struct Block<S: Simd> {
     /// Their own least depths.
     least: f32x8<S>,
-    centre: [f32x8<S>; 2],
-    /// Where depths are compared: at their ellipses' centres, or at their own where they are invalid.
-    place: [f32x8<S>; 2],
+    /// To their centres from where depths are compared: from their ellipses' centres, from their own where they are invalid.
+    displaced: [f32x8<S>; 2],
 }
 
 impl<S: Simd> Block<S> {
     /// Which are within the intervals of the coarser pixels above.
     #[inline(always)]
-    fn is_within<const NORMALS: bool>(&self, lens: &Lens, above: &Near<'_, S>) -> mask32x8<S> {
+    fn is_within<const NORMALS: bool>(&self, above: &Near<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
         if !NORMALS {
             return least.cmple(self.least) & self.least.cmple(most);
         }
-        let (normal, from) = (above.normal(), self.from(above));
-        let moved = factor(lens.facing(normal, from), turn(normal, self.by(from)));
+        let moved = above.moved(self.from(above.displaced()));
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
-    /// The centres of coarser pixels' ellipses.
+    /// To where depths are compared from the centres of ellipses that are so far from the pixels.
     #[inline(always)]
-    fn from(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
-        let displaced = near.displaced();
-        [self.centre[0] - displaced[0], self.centre[1] - displaced[1]]
+    fn from(&self, displaced: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
+        [displaced[0] - self.displaced[0], displaced[1] - self.displaced[1]]
     }
 
-    /// From a place to where depths are compared.
+    /// Depths of coarser pixels where they are compared; infinite where the ellipse does not cover the finer pixel.
     #[inline(always)]
-    fn by(&self, from: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
-        [self.place[0] - from[0], self.place[1] - from[1]]
-    }
-
-    #[inline(always)]
-    fn see<const NORMALS: bool>(&self, lens: &Lens, near: &Near<'_, S>) -> Seen<S> {
-        let (least, most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
-        let (zero, one) = (least.like(0.0), least.like(1.0));
-        let infinite = least.like(f32::INFINITY);
-        let (mut facing, mut moved) = (zero, one);
-        let mut disc = [zero, zero, one];
-        if NORMALS {
-            let (normal, from) = (near.normal(), self.from(near));
-            facing = lens.facing(normal, from);
-            moved = factor(facing, turn(normal, self.by(from)));
-            disc = [normal[0], normal[1], near.lane(Line::NORMAL + 3)];
-        }
-        let covers =
-            covers_at(near.displaced(), near.lane(Line::TINT + 3), disc) & least.cmplt(infinite);
-        let least = f32x8::select(covers, least * moved, infinite);
-        let most = f32x8::select(covers, most * moved, infinite);
-        Seen { depths: [least, most], facing }
+    fn see<const NORMALS: bool>(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
+        let (mut least, mut most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
+        let (zero, infinite) = (least.like(0.0), least.like(f32::INFINITY));
+        let (displaced, radius) = (near.displaced(), near.lane(Line::TINT + 3));
+        let is_valid = least.cmplt(infinite);
+        let covers = if NORMALS {
+            let moved = near.moved(self.from(displaced));
+            (least, most) = (least * moved, most * moved);
+            let at = Line::NORMAL;
+            let disc = [near.lane(at), near.lane(at + 1), near.lane(at + 3)];
+            covers_at(displaced, radius, disc) & is_valid
+        } else {
+            covers_at(displaced, radius, [zero, zero, zero.like(1.0)]) & is_valid
+        };
+        [f32x8::select(covers, least, infinite), f32x8::select(covers, most, infinite)]
     }
 
     /// Interpolates those that are `asking`, and writes those that something covers.
     #[inline(always)]
     fn fill<const NORMALS: bool>(
         &self,
-        lens: &Lens,
         near: &[Near<'_, S>; 4],
         asking: mask32x8<S>,
         row: &mut RowMut<'_>,
@@ -256,14 +236,14 @@ impl<S: Simd> Block<S> {
     ) {
         let [a, b, c, d] = near;
         let seen = [
-            self.see::<NORMALS>(lens, a),
-            self.see::<NORMALS>(lens, b),
-            self.see::<NORMALS>(lens, c),
-            self.see::<NORMALS>(lens, d),
+            self.see::<NORMALS>(a),
+            self.see::<NORMALS>(b),
+            self.see::<NORMALS>(c),
+            self.see::<NORMALS>(d),
         ];
         let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
         let (mut nearest, mut limit) = (infinite, infinite);
-        for Seen { depths: [least, most], .. } in &seen {
+        for [least, most] in &seen {
             let is_nearer = least.cmplt(nearest);
             limit = f32x8::select(is_nearer, *most, limit);
             nearest = f32x8::select(is_nearer, *least, nearest);
@@ -275,7 +255,7 @@ impl<S: Simd> Block<S> {
         }
         let (mut weights, mut sum) = ([zero; 4], zero);
         for (t, weight) in weights.iter_mut().enumerate() {
-            let least = seen[t].depths[0];
+            let least = seen[t][0];
             let takes_part = least.cmplt(infinite) & least.cmple(limit);
             *weight = only(takes_part, zero.like(WEIGHTS[t]));
             sum += *weight;
@@ -287,12 +267,10 @@ impl<S: Simd> Block<S> {
             middle[0] += displaced[0] * *weight;
             middle[1] += displaced[1] * *weight;
         }
-        let place = [self.centre[0] - middle[0], self.centre[1] - middle[1]];
         let mut moved = weights;
-        for (t, near) in near.iter().enumerate().filter(|_| NORMALS) {
-            let (normal, from) = (near.normal(), self.from(near));
-            let by = [place[0] - from[0], place[1] - from[1]];
-            moved[t] *= factor(seen[t].facing, turn(normal, by));
+        for (near, moved) in near.iter().zip(&mut moved).filter(|_| NORMALS) {
+            let displaced = near.displaced();
+            *moved *= near.moved([displaced[0] - middle[0], displaced[1] - middle[1]]);
         }
         let least = part(mean_of(near, Line::FRONT, &moved));
         let most = part(mean_of(near, Line::FRONT + 1, &moved));

@@ -5,7 +5,7 @@
 //! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The centre of
 //! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
 
-use crate::lanes::{LANES, counting, four, to_centres, valid};
+use crate::lanes::{LANES, counting, four, four_values, to_centres, valid};
 use crate::tangent::Lens;
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec2, Vec4};
@@ -137,28 +137,31 @@ impl Row<'_> {
     /// Writes the depths at its pixels' centres; infinite where a pixel is invalid.
     #[inline(always)]
     pub fn depths_at_centres(&self, lens: &Lens, edge_px: f32, out: &mut [f32]) {
-        for (first, out) in (0..).step_by(LANES).zip(out.chunks_mut(LANES)) {
-            let run = first..first + out.len();
-            let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
-            let is_valid = valid(least);
-            if !is_valid.any() {
-                out.fill(f32::INFINITY);
-                continue;
-            }
-            let mut factors = Vec4::ONE;
-            if let Some(normals) = self.normal.get(run.clone()) {
-                let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
-                let [_, _, _, radius] = four(&self.tint[run.clone()], Vec4::ZERO);
-                let centre = [
-                    counting((first as f32 + 0.5) * edge_px, edge_px),
-                    Vec4::splat((self.y as f32 + 0.5) * edge_px),
-                ];
-                factors = to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
-            }
-            for (k, (out, depth)) in out.iter_mut().zip(&self.depth[run]).enumerate() {
-                *out = if is_valid.test(k) { depth * factors[k] } else { f32::INFINITY };
-            }
+        for (i, out) in out.chunks_mut(LANES).enumerate() {
+            put(self.four_at_centres(lens, edge_px, i * LANES), out);
         }
+    }
+
+    /// The same of four pixels from `first` on, as far as the row goes.
+    #[inline(always)]
+    fn four_at_centres(&self, lens: &Lens, edge_px: f32, first: usize) -> [f32; LANES] {
+        let run = first..self.front.len().min(first + LANES);
+        let [least, _, right, down] = four(&self.front[run.clone()], INVALID);
+        let is_valid = valid(least);
+        if !is_valid.any() {
+            return [f32::INFINITY; LANES];
+        }
+        let mut depth = four_values(&self.depth[run.clone()]);
+        if let Some(normals) = self.normal.get(run.clone()) {
+            let [nx, ny, nz, _] = four(normals, Vec4::ZERO);
+            let [_, _, _, radius] = four(&self.tint[run], Vec4::ZERO);
+            let centre = [
+                counting((first as f32 + 0.5) * edge_px, edge_px),
+                Vec4::splat((self.y as f32 + 0.5) * edge_px),
+            ];
+            depth *= to_centres(lens, centre, [right, down], radius, [nx, ny, nz]);
+        }
+        Vec4::select(is_valid, depth, Vec4::INFINITY).to_array()
     }
 }
 
@@ -179,11 +182,34 @@ pub struct RowMut<'a> {
 }
 
 impl RowMut<'_> {
-    /// Writes the depths at its pixels' centres to the image.
+    /// Writes the depths at the centres of eight pixels from `first` on to the image, where there is one, as far as the
+    /// row goes.
     #[inline(always)]
-    pub fn write_image(&mut self, lens: &Lens, edge_px: f32) {
+    pub fn write_image(&mut self, lens: &Lens, edge_px: f32, first: usize) {
         let Self { y, front, tint, depth, normal, image } = self;
-        Row { y: *y, front, tint, depth, normal }.depths_at_centres(lens, edge_px, image);
+        let row = Row { y: *y, front, tint, depth, normal };
+        for first in [first, first + LANES] {
+            if let Some(out) = image.get_mut(first..) {
+                put(row.four_at_centres(lens, edge_px, first), out);
+            }
+        }
+    }
+
+    /// Writes that there is nothing at eight pixels from `first` on.
+    #[inline(always)]
+    pub fn write_nothing(&mut self, first: usize) {
+        if let Some(out) = self.image.get_mut(first..) {
+            put([f32::INFINITY; 2 * LANES], out);
+        }
+    }
+}
+
+/// Writes values to where they go, as far as that goes.
+#[inline(always)]
+fn put<const N: usize>(values: [f32; N], out: &mut [f32]) {
+    match out.first_chunk_mut() {
+        Some(out) => *out = values,
+        None => out.copy_from_slice(&values[..out.len()]),
     }
 }
 

@@ -52,9 +52,16 @@ impl Rims<'_> {
         if self.depth[pixel] == f32::INFINITY || !may_stick_out(self.base, pixel) {
             return None;
         }
-        let limit = self.limit(pixel, pixel);
-        let is_open = |way| self.is_open(pixel, way, self.base.tint[pixel].w, limit);
-        let mut open = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i % 2 == 0 && is_open(AROUND[i]));
+        let (limit, radius) = (self.limit(pixel, pixel), self.base.tint[pixel].w);
+        let place = self.grid().place(pixel);
+        let is_open = |way| self.is_open(place, way, radius, limit);
+        let mut open = [false; 8];
+        for i in [0, 2, 4, 6] {
+            open[i] = is_open(AROUND[i]);
+        }
+        if open == [false; 8] {
+            return None;
+        }
         for i in [1, 3, 5, 7] {
             open[i] = (open[i - 1] || open[(i + 1) % 8]) && is_open(AROUND[i]);
         }
@@ -65,21 +72,25 @@ impl Rims<'_> {
     }
 
     /// Whether nothing lies as near as `limit` from a pixel in a direction, for a radius.
-    fn is_open(&self, pixel: usize, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
+    fn is_open(&self, pixel: Place, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
         let Grid { width, height } = self.grid();
-        let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as isize;
-        let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
-        for k in 1..=reach {
-            let (u, v) = ((x + dx * k) as usize, (y + dy * k) as usize);
-            // What is left of the picture or above it wraps round to far beyond it.
-            if u >= width || v >= height {
-                return k as f32 > OPEN_PX.0;
-            }
-            if self.depth[v * width + u] <= limit {
+        let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as usize;
+        let room = |at: usize, size: usize, d: isize| match d {
+            0 => usize::MAX,
+            1.. => size - 1 - at,
+            _ => at,
+        };
+        let steps = reach.min(room(pixel.x, width, dx)).min(room(pixel.y, height, dy));
+        let stride = dx + dy * width as isize;
+        let mut at = pixel.index;
+        for _ in 0..steps {
+            at = at.wrapping_add_signed(stride);
+            if self.depth[at] <= limit {
                 return false;
             }
         }
-        true
+        // Else the next step leaves the picture.
+        steps == reach || (steps + 1) as f32 > OPEN_PX.0
     }
 
     /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
@@ -109,7 +120,7 @@ impl Rims<'_> {
         for k in 0.. {
             let Some(next) = self.grid().step(inner, inwards).filter(|&p| self.depth[p] <= limit)
             else {
-                if !self.is_open(inner, inwards, radius, limit) {
+                if !self.is_open(self.grid().place(inner), inwards, radius, limit) {
                     return false;
                 }
                 // From the far rim back to the middle.
@@ -136,6 +147,14 @@ impl Rims<'_> {
     }
 }
 
+/// A pixel, its column and its row.
+#[derive(Clone, Copy)]
+struct Place {
+    index: usize,
+    x: usize,
+    y: usize,
+}
+
 /// The pixels' places.
 #[derive(Clone, Copy)]
 pub(crate) struct Grid {
@@ -153,6 +172,10 @@ impl Grid {
             pixel.checked_sub(self.width),
             Some(pixel + self.width).filter(|&p| p < self.width * self.height),
         ]
+    }
+
+    fn place(self, index: usize) -> Place {
+        Place { index, x: index % self.width, y: index / self.width }
     }
 
     fn step(self, pixel: usize, [dx, dy]: [isize; 2]) -> Option<usize> {

@@ -35,7 +35,7 @@ impl Lens {
     /// One where there is no normal.
     #[inline(always)]
     pub(crate) fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
-        factor(self.facing(normal, from), turn(normal, by))
+        factor(self.facing(normal, from), turn([normal[0], normal[1]], by))
     }
 
     /// Depth that plates of unit thickness take along the rays at places; normals have unit length.
@@ -53,9 +53,9 @@ impl Lens {
     }
 }
 
-/// What q of the head changes by over so many pixels.
+/// What q of the head changes by over so many pixels, where normals have these parts right and up.
 #[inline(always)]
-pub(crate) fn turn<V: Values>([nx, ny, _]: [V; 3], [x, y]: [V; 2]) -> V {
+pub(crate) fn turn<V: Values>([nx, ny]: [V; 2], [x, y]: [V; 2]) -> V {
     nx * x - ny * y
 }
 
