@@ -1,5 +1,5 @@
 //! Plots the worst relative error of a projected splat's conic in `f32`, by its condition number: `ewa_error OUT.svg`.
-//! Half a million splats and views, extreme ones included, against `f64`.
+//! A million splats and views, extreme ones included, against `f64`.
 #![allow(clippy::print_stdout, reason = "a measurement")]
 
 #[allow(dead_code, reason = "shared with tests, which use more of it")]
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = std::env::args().nth(1).ok_or("name the SVG file to write")?;
     let mut dice = scene::Dice(0x9e37_79b9);
     let mut worst = [0f64; FINE * DECADES];
-    for _ in 0..500_000 {
+    for _ in 0..1_000_000 {
         let (disc, lens) = exact::case(&mut dice);
         let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
         if splat.is_by_rays() {
