@@ -103,15 +103,15 @@ impl Points {
                 }
                 self.fill(&mut group, &mut reader, end)?;
             }
-            // A group is decoded on the pool while the sink takes, on this thread, what came before, and
-            // the next one is read.
+            // A group is decoded on the pool while, on this thread, the next one is read and the sink takes what
+            // came before. The sink comes last: it finds work for cores that have no more to decode.
             let mut decoded = Ok(Vec::new());
             let (sunk, filled) = rayon::in_place_scope(|scope| {
                 scope.spawn(|_| decoded = self.decode(&group, convert));
-                let sunk = std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink);
                 next.pieces.clear();
                 let is_more = reader.point < end && self.large_chunk(&reader).is_none();
                 let filled = if is_more { self.fill(&mut next, &mut reader, end) } else { Ok(()) };
+                let sunk = std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink);
                 (sunk, filled)
             });
             sunk?;
