@@ -4,6 +4,7 @@
 
 use crate::tiles::{Cells, Filling, TILE_LOG2, Tile, between};
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, SimdFloat, f32x8, i32x8};
+use std::ops::Range;
 
 /// Points of a block: loops over them are registers where they are compiled for such.
 const LANES: usize = 8;
@@ -11,6 +12,8 @@ const LANES: usize = 8;
 const EDGE_RADII: f64 = 1.5;
 /// A tile of no more points is told as a whole.
 const FEW: u32 = 12;
+/// Blocks before and behind that of a place whose points stand beside it.
+const BESIDE_BLOCKS: usize = 2;
 /// Instead of a candidate, where a block has room left.
 pub const NONE: u32 = u32::MAX;
 
@@ -52,44 +55,66 @@ impl Rest {
     /// Takes other points: candidates in order, all of them far from picked ones.
     pub fn refill(&mut self, q: &[[i32; 3]], candidates: &[u32], log2: u32) {
         let blocks = candidates.len().div_ceil(LANES);
-        self.q.resize(blocks, Places::default());
-        self.nearest2.resize(blocks, Numbers::default());
+        self.q.clear();
+        self.nearest2.clear();
+        self.nearest2.resize(blocks, Numbers([f32::INFINITY; LANES]));
+        self.candidate.clear();
+        self.candidate.extend_from_slice(candidates);
         self.candidate.resize(blocks * LANES, NONE);
-        self.tile_of.resize(blocks * LANES, NONE);
+        self.tile_of.clear();
+        self.tile_of.reserve(blocks * LANES);
         let mut filling = Filling::new(&mut self.cells, log2);
-        for (n, &candidate) in candidates.iter().enumerate() {
-            let p = q[candidate as usize];
-            self.q[n / LANES].set(n % LANES, p);
-            self.candidate[n] = candidate;
-            self.tile_of[n] = filling.tile(p, n);
-            self.nearest2[n / LANES].0[n % LANES] = f32::INFINITY;
+        for block in candidates.chunks(LANES) {
+            let (mut places, mut tiles) = (Places::default(), [NONE; LANES]);
+            for (lane, &candidate) in block.iter().enumerate() {
+                let p = q[candidate as usize];
+                places.set(lane, p);
+                tiles[lane] = filling.tile(p, self.tile_of.len() + lane);
+            }
+            self.q.push(places);
+            self.tile_of.extend_from_slice(&tiles);
         }
+        self.cells.close(candidates.len());
         self.finish(candidates.len(), log2);
     }
 
     /// Leaves out what is picked or coincides with it, and finds neighbours by other cells.
     pub fn narrow(&mut self, log2: u32) {
+        let n = self.leave_out();
         let mut filling = Filling::new(&mut self.cells, log2);
+        for (i, tile) in self.tile_of[..n].iter_mut().enumerate() {
+            *tile = filling.tile(self.q[i / LANES].get(i % LANES), i);
+        }
+        self.cells.close(n);
+        self.finish(n, log2);
+    }
+
+    /// The same where no neighbours are found any more but those beside a place.
+    pub fn narrow_beside(&mut self) {
+        let n = self.leave_out();
+        self.finish(n, self.log2);
+    }
+
+    /// Moves what is neither picked nor coincides with what is to the front. How many that are.
+    fn leave_out(&mut self) -> usize {
         let mut n = 0;
-        for i in 0..self.candidate.len() {
-            let nearest2 = self.nearest2[i / LANES].0[i % LANES];
-            if nearest2 > 0.0 {
-                let p = self.q[i / LANES].get(i % LANES);
-                self.q[n / LANES].set(n % LANES, p);
+        for block in 0..self.q.len() {
+            let (places, Numbers(nearest2)) = (self.q[block], self.nearest2[block]);
+            for (lane, &nearest2) in nearest2.iter().enumerate() {
+                // Written in any case, to be written over: no guess what is left out goes wrong.
+                self.q[n / LANES].set(n % LANES, places.get(lane));
                 self.nearest2[n / LANES].0[n % LANES] = nearest2;
-                self.candidate[n] = self.candidate[i];
-                self.tile_of[n] = filling.tile(p, n);
-                n += 1;
+                self.candidate[n] = self.candidate[block * LANES + lane];
+                n += usize::from(nearest2 > 0.0);
             }
         }
-        self.finish(n, log2);
+        n
     }
 
     /// There are so many points.
     fn finish(&mut self, n: usize, log2: u32) {
         self.log2 = log2;
         self.points = n;
-        self.cells.close(n);
         let blocks = n.div_ceil(LANES);
         self.q.truncate(blocks);
         self.nearest2.truncate(blocks);
@@ -152,6 +177,15 @@ impl Rest {
     pub fn tell_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
         let p = self.q[i / LANES].get(i % LANES);
         self.tell_from(simd, self.tile_of[i], p, reach);
+    }
+
+    /// Tells the points that stand beside a place along the curve, most of those near it.
+    #[inline(always)]
+    pub fn tell_beside<S: Simd>(&mut self, simd: S, i: usize) {
+        let p = self.q[i / LANES].get(i % LANES).map(|c| i32x8::splat(simd, c));
+        let first = (i / LANES).saturating_sub(BESIDE_BLOCKS);
+        let end = (i / LANES + BESIDE_BLOCKS + 1).min(self.q.len());
+        self.tell_blocks(simd, first..end, p);
     }
 
     /// The same for a position that has no place.
@@ -234,7 +268,11 @@ impl Rest {
     /// millionth. Points that share a block with others are told too, which does no harm.
     #[inline(always)]
     fn tell_run<S: Simd>(&mut self, simd: S, start: u32, end: u32, p: [i32x8<S>; 3]) {
-        let run = start as usize / LANES..(end as usize).div_ceil(LANES);
+        self.tell_blocks(simd, start as usize / LANES..(end as usize).div_ceil(LANES), p);
+    }
+
+    #[inline(always)]
+    fn tell_blocks<S: Simd>(&mut self, simd: S, run: Range<usize>, p: [i32x8<S>; 3]) {
         for (Places(q), Numbers(nearest2)) in
             self.q[run.clone()].iter().zip(&mut self.nearest2[run])
         {

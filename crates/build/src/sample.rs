@@ -56,7 +56,7 @@ pub fn place(
         candidates.along_curve(taken)
     };
     let radius = above.map_or(edge, |above| (above * TAKEN_REACH).min(edge));
-    let mut thinning = Thinning::new(candidates, &[], before, radius, dimension);
+    let mut thinning = Thinning::new(candidates, &[], before, radius, dimension).of_all();
     thinning.pick(usize::MAX);
     let mut turns = vec![LAST_TURN; candidates.len()];
     for (&offer, &turn) in candidates.offer.iter().zip(&thinning.turns) {

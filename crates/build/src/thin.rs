@@ -27,6 +27,11 @@ const FINER: u32 = 2;
 /// Points that are looked through at once for those of a part.
 const SCANNED: usize = 64;
 
+/// Where all are to be picked, and one in so many is, a picked point tells only those beside it along the curve, which are
+/// most of those near it. Prefixes are as even as before (no gap over 1.39 times those of Poisson-disk samples; where it
+/// tells but 8 to 15 beside it instead of 16 to 23, a node pops by 3.9 % of a picture).
+const BESIDE_SHARE: usize = 3;
+
 /// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
 const GOLDEN: usize = 0x9e37_79b9;
 const GOLDEN_BITS: u32 = 32;
@@ -56,6 +61,9 @@ pub struct Thinning<'a> {
     /// Points share no cell of this edge's log2, or are left out of `rest` for now.
     part_log2: u8,
     is_over: bool,
+    /// From so many picked on, only those beside a picked point along the curve are told.
+    beside_from: usize,
+    is_beside: bool,
 }
 
 impl<'a> Thinning<'a> {
@@ -84,7 +92,17 @@ impl<'a> Thinning<'a> {
             octave: None,
             part_log2: Candidates::ALONE,
             is_over: false,
+            beside_from: usize::MAX,
+            is_beside: false,
         }
+    }
+
+    /// Where all are to be picked: the last of them more quickly, see [`BESIDE_SHARE`].
+    pub fn of_all(mut self) -> Self {
+        if !self.is_line {
+            self.beside_from = self.candidates.len() / BESIDE_SHARE;
+        }
+        self
     }
 
     /// Goes on turn by turn until so many are picked, or all.
@@ -108,6 +126,10 @@ impl<'a> Thinning<'a> {
                 self.turn = self.turn.max(turn_at(farthest));
             }
             self.settle(simd);
+        }
+        if !self.is_beside && self.is_complete() && self.picked.len() >= self.beside_from {
+            self.is_beside = true;
+            self.rest.narrow_beside();
         }
         self.pick_at(simd, self.radius());
         if self.radius() <= 1.0 {
@@ -137,7 +159,11 @@ impl<'a> Thinning<'a> {
             // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
             // on what is.
             let is_much = self.rest.points() / 4 * 3 > points;
-            if self.is_line || is_much || self.rest.log2() > log2 + 1 {
+            if self.is_beside {
+                if is_much {
+                    self.rest.narrow_beside();
+                }
+            } else if self.is_line || is_much || self.rest.log2() > log2 + 1 {
                 self.rest.narrow(log2);
             }
         } else {
@@ -173,19 +199,21 @@ impl<'a> Thinning<'a> {
         let shared = self.candidates.shared_log2.chunks(SCANNED);
         self.part.clear();
         for (start, shared) in (0..).step_by(SCANNED).zip(shared) {
-            let range = start..start + shared.len();
-            let turns = &self.turns[range.clone()];
-            let placed = self.placed.get(range).unwrap_or_default();
-            // Mostly there is nothing, which is seen at once.
-            let any_first = shared.iter().fold(false, |any, &l| any | (l > self.part_log2));
-            let any_placed = placed.iter().fold(false, |any, &turn| any | (turn <= until));
-            if !any_first && !any_placed {
-                continue;
+            let mut is_wanted = [0; SCANNED];
+            for (wanted, &log2) in is_wanted.iter_mut().zip(shared) {
+                *wanted = u8::from(log2 > self.part_log2);
             }
-            for (i, (&turn, &log2)) in turns.iter().zip(shared).enumerate() {
-                let is_placed = || placed.get(i).is_some_and(|&turn| turn <= until);
-                if turn == LAST_TURN && (log2 > self.part_log2 || is_placed()) {
-                    self.part.push((start + i) as u32);
+            let placed = self.placed.get(start..start + shared.len()).unwrap_or_default();
+            for (wanted, &turn) in is_wanted.iter_mut().zip(placed) {
+                *wanted |= u8::from(turn <= until);
+            }
+            // Mostly there is nothing, which is seen at once.
+            let mut wanted = bits(&is_wanted);
+            while wanted != 0 {
+                let i = start + wanted.trailing_zeros() as usize;
+                wanted &= wanted - 1;
+                if self.turns[i] == LAST_TURN {
+                    self.part.push(i as u32);
                 }
             }
         }
@@ -238,7 +266,11 @@ impl<'a> Thinning<'a> {
         let candidate = self.rest.candidate(i);
         self.turns[candidate as usize] = self.turn;
         self.picked.push(candidate);
-        self.rest.tell_around(simd, i, reach);
+        if self.is_beside {
+            self.rest.tell_beside(simd, i);
+        } else {
+            self.rest.tell_around(simd, i, reach);
+        }
     }
 
     /// What is left coincides with what is picked: it comes last.
@@ -251,6 +283,16 @@ impl<'a> Thinning<'a> {
             }
         }
     }
+}
+
+/// A bit for each of what is 0 or 1.
+#[inline(always)]
+fn bits(bytes: &[u8; SCANNED]) -> u64 {
+    let sixteen = bytes.as_chunks::<16>().0.iter().rev().map(|bytes| {
+        let signs = wide::u8x16::from(*bytes).simd_eq(wide::u8x16::splat(1));
+        u64::from(signs.to_bitmask())
+    });
+    sixteen.fold(0, |bits, sixteen| bits << 16 | sixteen)
 }
 
 #[cfg(test)]

@@ -45,7 +45,8 @@ fn within(cell: [i32; 3]) -> u32 {
 pub struct Filling<'a> {
     cells: &'a mut Cells,
     log2: u32,
-    cell: [i32; 3],
+    /// The last point; none is negative.
+    last: [i32; 3],
     tile: u32,
 }
 
@@ -53,16 +54,16 @@ impl<'a> Filling<'a> {
     /// None found yet.
     pub fn new(cells: &'a mut Cells, log2: u32) -> Self {
         cells.clear();
-        Self { cells, log2, cell: [-1; 3], tile: NONE }
+        Self { cells, log2, last: [-1; 3], tile: NONE }
     }
 
     /// The tile of the next point, whose place this is.
-    #[inline]
+    #[inline(always)]
     pub fn tile(&mut self, p: [i32; 3], place: usize) -> u32 {
-        let cell = p.map(|c| c >> self.log2);
-        if cell != self.cell {
-            self.cell = cell;
-            self.tile = self.cells.open(cell, place);
+        let differing = (p[0] ^ self.last[0]) | (p[1] ^ self.last[1]) | (p[2] ^ self.last[2]);
+        self.last = p;
+        if differing >> self.log2 != 0 {
+            self.tile = self.cells.open(p.map(|c| c >> self.log2), place);
         }
         self.tile
     }
