@@ -6,32 +6,34 @@
 use crate::shape::{Moments, Shape};
 use esker_points::node::{ALL_SIDES, SHAPE_ORIENTED, Sides, pack_rotation};
 use esker_points::{Cell, Node};
+use fearless_simd::{Level, Simd, dispatch};
 
-/// Points whose parts of the plane are marked before it is asked whether all are.
-const LOOKED_AT: usize = 1024;
 /// Points whose places are looked at in step.
 const LANES: usize = 4;
+/// Parts along an axis.
+const PARTS: usize = 8;
+/// From here on, up to twice as much, an `f64` counts whole numbers in its lowest bits.
+const WHOLE: f64 = (1u64 << 52) as f64;
 
 /// Sets contour, occupancy and orientation of `node` (whose cell is set) for these lattice positions,
 /// each of which is drawn at most `reach`, in the file's unit, off its place. Gives the contour's sides.
 pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: f64) -> Sides {
     let cell = Cell { corner: node.corner, log2: node.cell_log2 };
     let shape = Shape::of(Moments::of(positions.iter().copied(), &cell).covariance(scale));
-    let [x0, y0, z0] = node.corner;
-    let local = |&[x, y, z]: &[u32; 3]| {
-        let [x, y, z] = [x - x0, y - y0, z - z0];
-        [f64::from(x) * scale[0], f64::from(y) * scale[1], f64::from(z) * scale[2]]
-    };
     let oriented = shape.dimension == 1 || shape.dimension == 2;
     let wanted = if oriented { shape.axes } else { upright_axes(positions, scale) };
     let (packed, axes) = pack_rotation(wanted);
 
-    let [low, high] = extent(positions, |p| along(&axes, local(p)));
+    let frame = Frame { corner: node.corner, scale, axes };
+    let [low, high] = dispatch!(Level::new(), simd => simd.vectorize(
+        #[inline(always)]
+        || frame.extent(positions),
+    ));
     let middle = [0, 1, 2].map(|i| (low[i] + high[i]) / 2.0);
     let centre: [f32; 3] =
         [0, 1, 2].map(|k| (0..3).map(|i| middle[i] * axes[i][k]).sum::<f64>() as f32);
     // The stored centre is rounded: the box is measured about where it really is.
-    let about = along(&axes, centre.map(f64::from));
+    let about = axes.map(|axis| dot(&axis, centre.map(f64::from)));
     let half = [0, 1, 2].map(|i| {
         let exact = (high[i] - about[i]).max(about[i] - low[i]) + reach;
         (exact * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
@@ -42,57 +44,112 @@ pub fn enclose(node: &mut Node, positions: &[[u32; 3]], scale: [f64; 3], reach: 
     node.contour_rotation = packed;
     node.shape = (node.shape & !SHAPE_ORIENTED) | if oriented { SHAPE_ORIENTED } else { 0 };
     let across = half.map(|half| 2.0 * f64::from(half));
-    let parts_of = |p: &[u32; 3]| {
-        let p = local(p);
-        let [u, v, w] = [0, 1, 2].map(|i| {
-            let fraction = (dot(&axes[i], p) - about[i]) / across[i] + 0.5;
-            ((fraction * 8.0) as i64).clamp(0, 7)
-        });
-        [v * 8 + u, u * 8 + w, v * 8 + w].map(|bit| 1u64 << bit)
-    };
-    let mut some = positions.chunks(LOOKED_AT);
+    let marked = dispatch!(Level::new(), simd => simd.vectorize(
+        #[inline(always)]
+        || frame.parts(positions, about, across),
+    ));
     let mut masks = [0; 3];
-    // Many nodes have points everywhere, as the first ones show.
-    while masks != [u64::MAX; 3]
-        && let Some(some) = some.next()
-    {
-        let join = |a: [u64; 3], b: [u64; 3]| [a[0] | b[0], a[1] | b[1], a[2] | b[2]];
-        masks = some.iter().map(parts_of).fold(masks, join);
+    for (i, _) in marked.as_flattened().as_flattened().iter().enumerate().filter(|(_, m)| **m > 0) {
+        let (v, u, w) = (i / PARTS / PARTS, i / PARTS % PARTS, i % PARTS);
+        [v * PARTS + u, u * PARTS + w, v * PARTS + w]
+            .into_iter()
+            .zip(&mut masks)
+            .for_each(|(bit, mask)| *mask |= 1u64 << bit);
     }
     node.occupancy = masks[0];
     if positions.is_empty() { ALL_SIDES } else { [masks[1], masks[2]] }
 }
 
-/// The least and greatest that a place has of points along each axis; zero of no point.
-fn extent(positions: &[[u32; 3]], place: impl Fn(&[u32; 3]) -> [f64; 3]) -> [[f64; 3]; 2] {
-    // Several, so that none waits for the one before.
-    let (mut low, mut high) = ([[f64::INFINITY; LANES]; 3], [[f64::NEG_INFINITY; LANES]; 3]);
-    let mut add = |lanes: [[f64; 3]; LANES]| {
-        for axis in 0..3 {
+/// Axes about a cell's corner. Loops over points are inlined, and so compiled for the processor that they find.
+struct Frame {
+    corner: [u32; 3],
+    scale: [f64; 3],
+    axes: [[f64; 3]; 3],
+}
+
+impl Frame {
+    /// How far points lie along each axis.
+    #[inline(always)]
+    fn along(&self, points: &[[u32; 3]; LANES]) -> [[f64; LANES]; 3] {
+        let (mut local, mut out) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for k in 0..3 {
             for lane in 0..LANES {
-                let t = lanes[lane][axis];
-                let (low, high) = (&mut low[axis][lane], &mut high[axis][lane]);
-                *low = if t < *low { t } else { *low };
-                *high = if t > *high { t } else { *high };
+                local[k][lane] =
+                    f64::from(points[lane][k].wrapping_sub(self.corner[k])) * self.scale[k];
             }
         }
-    };
-    let (some, rest) = positions.as_chunks::<LANES>();
-    some.iter().for_each(|p| add(p.each_ref().map(&place)));
-    rest.iter().for_each(|p| add([place(p); LANES]));
-    if positions.is_empty() {
-        return [[0.0; 3]; 2];
+        for (out, axis) in out.iter_mut().zip(&self.axes) {
+            for (lane, out) in out.iter_mut().enumerate() {
+                *out = dot(axis, [local[0][lane], local[1][lane], local[2][lane]]);
+            }
+        }
+        out
     }
-    [
-        low.map(|l| l.into_iter().fold(f64::INFINITY, f64::min)),
-        high.map(|h| h.into_iter().fold(f64::NEG_INFINITY, f64::max)),
-    ]
+
+    /// The least and greatest place of points along each axis; zero of no point.
+    #[inline(always)]
+    fn extent(&self, positions: &[[u32; 3]]) -> [[f64; 3]; 2] {
+        let (mut low, mut high) = ([[f64::INFINITY; LANES]; 3], [[f64::NEG_INFINITY; LANES]; 3]);
+        for points in in_step(positions) {
+            let along = self.along(&points);
+            for axis in 0..3 {
+                for lane in 0..LANES {
+                    let t = along[axis][lane];
+                    let (low, high) = (&mut low[axis][lane], &mut high[axis][lane]);
+                    *low = if t < *low { t } else { *low };
+                    *high = if t > *high { t } else { *high };
+                }
+            }
+        }
+        if positions.is_empty() {
+            return [[0.0; 3]; 2];
+        }
+        [
+            low.map(|l| l.into_iter().fold(f64::INFINITY, f64::min)),
+            high.map(|h| h.into_iter().fold(f64::NEG_INFINITY, f64::max)),
+        ]
+    }
+
+    /// Which of 8 x 8 x 8 parts of a box about a place have points: by their parts along the second axis, the first, the third.
+    #[inline(always)]
+    fn parts(
+        &self,
+        positions: &[[u32; 3]],
+        about: [f64; 3],
+        across: [f64; 3],
+    ) -> [[[u8; PARTS]; PARTS]; PARTS] {
+        let mut marked = [[[0; PARTS]; PARTS]; PARTS];
+        for points in in_step(positions) {
+            let along = self.along(&points);
+            let mut part = [[0; LANES]; 3];
+            for axis in 0..3 {
+                for lane in 0..LANES {
+                    let fraction = (along[axis][lane] - about[axis]) / across[axis] + 0.5;
+                    let whole = (fraction * PARTS as f64).floor().clamp(0.0, PARTS as f64 - 1.0);
+                    part[axis][lane] = (whole + WHOLE).to_bits() as usize % PARTS;
+                }
+            }
+            for ((u, v), w) in part[0].into_iter().zip(part[1]).zip(part[2]) {
+                marked[v][u][w] = 1;
+            }
+        }
+        marked
+    }
 }
 
-fn along(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
-    [dot(&axes[0], p), dot(&axes[1], p), dot(&axes[2], p)]
+/// Points, so many at a time; the last one several times where they don't come out even.
+#[inline(always)]
+fn in_step(positions: &[[u32; 3]]) -> impl Iterator<Item = [[u32; 3]; LANES]> {
+    let (some, rest) = positions.as_chunks::<LANES>();
+    let last = rest.last().map(|last| {
+        let mut points = [*last; LANES];
+        points[..rest.len()].copy_from_slice(rest);
+        points
+    });
+    some.iter().copied().chain(last)
 }
 
+#[inline(always)]
 fn dot(a: &[f64; 3], p: [f64; 3]) -> f64 {
     a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
 }
