@@ -37,8 +37,8 @@ impl Context {
                 copy_row(row, rows.row(i));
             }
             let block = Rows { bytes: block, stride: rows.stride };
+            self.rows.hash_all(block.bytes, &mut scratch, &mut hash);
             for row in block.bytes.chunks_exact(block.stride) {
-                self.rows.hash(row, &mut scratch, &mut hash);
                 points.positions.push(position(row));
                 if self.rows.has_class() {
                     points.classes.push(self.rows.class(row));

@@ -15,19 +15,34 @@ const LOCAL_POINTS: usize = 8;
 /// around them is not theirs.
 const STRAY_SHARE: usize = 16;
 
-/// Typical distance, in the file's unit, of the first `drawn` of the points with these turns, in a cell of
-/// `total` points: they stand as evenly as on a grid of this edge. For a part of all points it follows from the
-/// radius at which they were picked, for more by how the number grows with shrinking radius.
-pub fn spacing(turns: &[u16], drawn: usize, total: usize, dimension: u32) -> f64 {
-    let first = turns.iter().copied().min().unwrap_or(0);
-    let last = turns.iter().copied().max().unwrap_or(0);
-    let mut counts = vec![0usize; usize::from(last - first) + 1];
-    turns.iter().for_each(|turn| counts[usize::from(turn - first)] += 1);
-    // Log2 of the radius at which so many are picked, between turns by their logarithms.
-    let radius_log2 = |wanted: usize| -> f64 {
+/// How many points were picked at each turn.
+pub struct Picked {
+    first: u16,
+    counts: Vec<usize>,
+    /// Points of all turns.
+    points: usize,
+}
+
+impl Picked {
+    /// Of points with these turns.
+    pub fn of(turns: &[u16]) -> Self {
+        let first = turns.iter().copied().min().unwrap_or(0);
+        let last = turns.iter().copied().max().unwrap_or(0);
+        let mut counts = vec![0usize; usize::from(last - first) + 1];
+        turns.iter().for_each(|turn| counts[usize::from(turn - first)] += 1);
+        Self { first, counts, points: turns.len() }
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
+    /// Log2 of the radius, in the file's unit, at which so many are picked, between turns by their logarithms.
+    fn radius_log2(&self, wanted: usize) -> f64 {
         let wanted = wanted.max(1);
-        let mut before = 0;
-        for (turn, n) in (first..).zip(&counts) {
+        let (mut before, mut last) = (0, self.first);
+        for (turn, n) in (self.first..).zip(&self.counts) {
             if before + n >= wanted {
                 let log2 = radius_at(turn).log2();
                 if before == 0 {
@@ -37,19 +52,25 @@ pub fn spacing(turns: &[u16], drawn: usize, total: usize, dimension: u32) -> f64
                 let share = ratio(wanted, before) / ratio(before + n, before);
                 return log2 + (1.0 - share) * (radius_at(turn - 1).log2() - log2);
             }
-            before += n;
+            (before, last) = (before + n, turn);
         }
         radius_at(last).log2()
-    };
-    let even = (total / EVEN_SHARE).max(1);
-    if drawn <= even {
-        return SQUARE_EDGE * radius_log2(drawn).exp2();
     }
-    let at = radius_log2(even);
-    let octaves = radius_log2(even / EVEN_SHARE) - at;
-    let growth = (EVEN_SHARE as f64).log2() / octaves;
-    let local_dimension = growth.clamp(1.0, f64::from(dimension.max(1)));
-    SQUARE_EDGE * at.exp2() * (even as f64 / drawn as f64).powf(1.0 / local_dimension)
+
+    /// Typical distance, in the file's unit, of the first `drawn` of the points, in a cell of `total` points: they stand
+    /// as evenly as on a grid of this edge. For a part of all points it follows from the radius at which they were
+    /// picked, for more by how the number grows with shrinking radius.
+    pub fn spacing(&self, drawn: usize, total: usize, dimension: u32) -> f64 {
+        let even = (total / EVEN_SHARE).max(1);
+        if drawn <= even {
+            return SQUARE_EDGE * self.radius_log2(drawn).exp2();
+        }
+        let at = self.radius_log2(even);
+        let octaves = self.radius_log2(even / EVEN_SHARE) - at;
+        let growth = (EVEN_SHARE as f64).log2() / octaves;
+        let local_dimension = growth.clamp(1.0, f64::from(dimension.max(1)));
+        SQUARE_EDGE * at.exp2() * (even as f64 / drawn as f64).powf(1.0 / local_dimension)
+    }
 }
 
 /// The covering radius of each of some points along the Morton curve, in steps: the local spacing, that is the edge

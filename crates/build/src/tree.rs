@@ -9,7 +9,7 @@ use crate::order::{order, parts};
 use crate::row::{RowLayout, Rows};
 use crate::sample::{choose, place};
 use crate::shape::{Moments, Shape};
-use crate::spacing::{radii, spacing};
+use crate::spacing::{Picked, radii};
 use crate::subtree::{Children, Subtree};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
@@ -62,6 +62,13 @@ pub struct Pending {
     pub radii: Vec<f32>,
     /// What lies below.
     pub children: Children,
+}
+
+impl Pending {
+    /// How many of the points that it offers were picked at each turn.
+    fn picked(&self) -> Picked {
+        Picked::of(&self.turns[..self.sampled])
+    }
 }
 
 impl Context {
@@ -188,7 +195,8 @@ impl Context {
             radii: chosen.iter().map(|&i| radii[i]).collect(),
             children: Children::default(),
         };
-        let above = self.spacing(&pending, chosen.len(), dimension, None);
+        let drawn = [chosen.len(), moments.count as usize];
+        let above = self.spacing(&Picked::of(&pending.turns), drawn, dimension, None);
         let mut few = few.into_iter();
         for (child, part) in parts.extract_if(.., |_| few.next() == Some(true)) {
             self.give(rows, child, &turns[part], above, &mut pending);
@@ -222,7 +230,8 @@ impl Context {
     ) {
         let dimension = Shape::of(leaf.moments.covariance(self.scale)).dimension;
         self.place(rows, &mut leaf, taken, Some(above), dimension);
-        let spacing = self.spacing(&leaf, leaf.sampled, dimension, Some(above)) as f32;
+        let drawn = [leaf.sampled, leaf.moments.count as usize];
+        let spacing = self.spacing(&leaf.picked(), drawn, dimension, Some(above)) as f32;
         for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
             to.offered.push(leaf.offered[i]);
             to.turns.push(leaf.turns[i]);
@@ -270,12 +279,14 @@ impl Context {
         let count = own.len().div_ceil(self.capacity) as u32;
         let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
         let mut drawn = pending.sampled;
-        let full = self.spacing(&pending, drawn, shape.dimension, above);
+        let (picked, total) = (pending.picked(), pending.moments.count as usize);
+        let spacing = |drawn| self.spacing(&picked, [drawn, total], shape.dimension, above);
+        let full = spacing(drawn);
         let mut below = std::mem::take(&mut pending.children);
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
-            let spacing = self.spacing(&pending, drawn, shape.dimension, above);
+            let spacing = spacing(drawn);
             drawn -= points.iter().filter(|i| !is_given(**i)).count();
             let mut tree = self.node(rows, &pending, &points, &shape, [spacing, full], below);
             if part == 0 {
@@ -368,12 +379,17 @@ impl Context {
         Subtree { node, page, statistics, hash, bounds, children }
     }
 
-    /// The spacing of the first `drawn` of a cell's points: never more than that of the sample above, never zero.
-    fn spacing(&self, pending: &Pending, drawn: usize, dimension: u32, above: Option<f64>) -> f64 {
+    /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
+    fn spacing(
+        &self,
+        picked: &Picked,
+        [drawn, total]: [usize; 2],
+        dimension: u32,
+        above: Option<f64>,
+    ) -> f64 {
         let step = self.scale.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-        let turns = &pending.turns[..pending.sampled];
-        let own = spacing(turns, drawn, pending.moments.count as usize, dimension);
-        let few = pending.sampled < 8;
+        let own = picked.spacing(drawn, total, dimension);
+        let few = picked.points() < 8;
         let spacing = match above {
             Some(above) if few || own > above => above,
             _ => own,
