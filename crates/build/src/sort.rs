@@ -108,7 +108,7 @@ impl<'a> Runs<'a> {
         } else {
             keys.sort_unstable()
         }
-        self.sort_ties(keys, index_bits);
+        self.sort_ties(keys, index_bits, dropped_bits > 0);
         let mask = (1u64 << index_bits) - 1;
         out.par_chunks_exact_mut(self.stride)
             .zip(keys)
@@ -117,22 +117,26 @@ impl<'a> Runs<'a> {
     }
 
     /// Puts keys that differ in their index alone into the order of their rows; each row is looked up
-    /// once, not for each comparison.
-    fn sort_ties(&self, keys: &mut [u64], index_bits: u32) {
+    /// once, not for each comparison. `is_part` where keys have a part of the code only; else what is alike coincides.
+    fn sort_ties(&self, keys: &mut [u64], index_bits: u32, is_part: bool) {
         let mask = (1u64 << index_bits) - 1;
+        let mut rows: Vec<(u128, &[u8], u64)> = Vec::new();
         for tied in keys.chunk_by_mut(|a, b| (a ^ b) <= mask) {
             if tied.len() < 2 {
                 continue;
             }
-            let mut rows: Vec<(u128, &[u8], u64)> = tied
-                .iter()
-                .map(|&key| {
-                    let row = self.row((key & mask) as u32);
-                    (morton::encode3(position(row)), row, key)
-                })
-                .collect();
-            rows.par_sort_unstable();
-            tied.iter_mut().zip(rows).for_each(|(key, row)| *key = row.2);
+            rows.clear();
+            rows.extend(tied.iter().map(|&key| {
+                let row = self.row((key & mask) as u32);
+                let code = if is_part { morton::encode3(position(row)) } else { 0 };
+                (code, row, key)
+            }));
+            if rows.len() > TASK_ROWS {
+                rows.par_sort_unstable();
+            } else {
+                rows.sort_unstable();
+            }
+            tied.iter_mut().zip(&rows).for_each(|(key, row)| *key = row.2);
         }
     }
 }
