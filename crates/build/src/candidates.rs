@@ -67,9 +67,9 @@ impl Candidates {
     }
 
     fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64) -> Self {
-        let shared_log2 = shared_log2(q.iter().copied());
+        let shared_log2 = shared_log2(&q);
         let mut firsts = [0; Self::ALONE as usize];
-        let mut counts = [0u32; Self::ALONE as usize + 1];
+        let mut counts = [0u32; 1 << u8::BITS];
         shared_log2.iter().for_each(|&log2| counts[usize::from(log2)] += 1);
         let mut above = 0;
         for log2 in (0..firsts.len()).rev() {
@@ -87,22 +87,45 @@ impl Candidates {
         self.offer.iter().map(|&offer| turns[offer as usize]).collect()
     }
 
+    /// Of those of the points that are wanted, which are told by their place along the curve, [`Candidates::shared_log2`] of
+    /// their own.
+    pub fn shared_of(&self, is_wanted: impl Fn(usize) -> bool) -> Vec<u8> {
+        let mut shared = Vec::new();
+        // What lies between two points along the curve shares no larger cell with them than they do.
+        let mut outer = Self::ALONE;
+        for (i, &log2) in self.shared_log2.iter().enumerate() {
+            outer = outer.max(log2);
+            if is_wanted(i) {
+                shared.push(outer);
+                outer = 0;
+            }
+        }
+        shared
+    }
+
+    /// Number of places that have points: what coincides has one.
+    pub fn places(&self) -> usize {
+        self.firsts[0] as usize
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.q.len()
     }
 }
 
-/// Of points along the Morton curve, the log2 of the edge of the smallest cell shared with the one before.
-pub fn shared_log2(q: impl Iterator<Item = [i32; 3]>) -> Vec<u8> {
-    let mut before = None;
-    q.map(|p| {
-        let differing = |b: [i32; 3]| (p[0] ^ b[0]) | (p[1] ^ b[1]) | (p[2] ^ b[2]);
-        let log2 = before.map_or(Candidates::ALONE, |b| (32 - differing(b).leading_zeros()) as u8);
-        before = Some(p);
-        log2
-    })
-    .collect()
+/// Of points along the Morton curve, none with a negative coordinate, the log2 of the edge of the smallest cell shared
+/// with the one before.
+fn shared_log2(q: &[[i32; 3]]) -> Vec<u8> {
+    // No cell has both.
+    let mut before = q.first().map_or([0; 3], |first| first.map(|c| c ^ i32::MIN));
+    let mut shared = Vec::with_capacity(q.len());
+    shared.extend(q.iter().map(|p| {
+        let differing = (p[0] ^ before[0]) | (p[1] ^ before[1]) | (p[2] ^ before[2]);
+        before = *p;
+        (i32::BITS - differing.leading_zeros()) as u8
+    }));
+    shared
 }
 
 #[cfg(test)]
@@ -126,6 +149,15 @@ pub(crate) mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_part_of_points_shares_what_it_does_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
+            let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
+            let all = candidates_of(&points, [0.5; 3]);
+            let part: Vec<_> = all.q.iter().copied().skip(every / 2).step_by(every).collect();
+            let shared = all.shared_of(|i| i % every == every / 2 % every);
+            prop_assert_eq!(shared, shared_log2(&part));
+        }
+
         #[test]
         fn points_of_a_cell_stand_together(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();

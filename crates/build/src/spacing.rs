@@ -1,7 +1,6 @@
 //! Typical distances of points: that of a node's, which choice of detail rests on, and that around each point, its
 //! covering radius.
 
-use crate::candidates::shared_log2;
 use crate::turn::radius_at;
 use std::ops::Range;
 
@@ -73,14 +72,14 @@ impl Picked {
     }
 }
 
-/// The covering radius of each of some points along the Morton curve, in steps: the local spacing, that is the edge
+/// The covering radius of each of some points along the Morton curve, in steps, told by
+/// [`shared_log2`](crate::candidates::Candidates::shared_log2): the local spacing, that is the edge
 /// of the square that a point has for itself where the points around it stand evenly. "Around it" is the smallest
 /// octree cell with at least [`LOCAL_POINTS`] points. The greatest gap of an even sample is 0.84 of it, so an even
 /// sample is covered; the diagonal of the square made silhouettes swell without closing a hole that the renderer's
 /// own margin does not close. Laser scans are surfaces also where their node is a volume, so the local dimension
 /// is at most 2. Coincident points and strays get 0, which the node's spacing replaces.
-pub fn radii(q: impl Iterator<Item = [i32; 3]>, dimension: u32) -> Vec<f32> {
-    let shared = shared_log2(q);
+pub fn radii(shared: &[u8], dimension: u32) -> Vec<f32> {
     let mut cells =
         Cells { dimension, open: Vec::new(), small: Vec::new(), out: vec![0.0; shared.len()] };
     for (i, &log2) in shared.iter().enumerate() {
@@ -144,6 +143,7 @@ impl Cells {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::candidates::tests::candidates_of;
     use esker_points::morton;
     use proptest::prelude::*;
 
@@ -164,7 +164,7 @@ mod tests {
             let mut points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
             points.sort_unstable_by_key(|&p| morton::encode3(p));
             let q: Vec<[i32; 3]> = points.iter().map(|p| p.map(|c| c as i32)).collect();
-            let found = radii(q.iter().copied(), 2);
+            let found = radii(&candidates_of(&points, [1.0; 3]).shared_log2, 2);
             let plain: Vec<f32> = (0..q.len()).map(|i| plain(&q, i)).collect();
             prop_assert_eq!(found, plain);
         }

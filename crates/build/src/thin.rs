@@ -61,6 +61,8 @@ pub struct Thinning<'a> {
     /// Points share no cell of this edge's log2, or are left out of `rest` for now.
     part_log2: u8,
     is_over: bool,
+    /// How many there are to pick; what coincides counts once where all are to be picked.
+    points: usize,
     /// From so many picked on, only those beside a picked point along the curve are told.
     beside_from: usize,
     is_beside: bool,
@@ -92,6 +94,7 @@ impl<'a> Thinning<'a> {
             octave: None,
             part_log2: Candidates::ALONE,
             is_over: false,
+            points: candidates.len(),
             beside_from: usize::MAX,
             is_beside: false,
         }
@@ -99,8 +102,9 @@ impl<'a> Thinning<'a> {
 
     /// Where all are to be picked: the last of them more quickly, see [`BESIDE_SHARE`].
     pub fn of_all(mut self) -> Self {
+        self.points = self.candidates.places();
         if !self.is_line {
-            self.beside_from = self.candidates.len() / BESIDE_SHARE;
+            self.beside_from = self.points / BESIDE_SHARE;
         }
         self
     }
@@ -154,7 +158,8 @@ impl<'a> Thinning<'a> {
         let radius = self.radius();
         let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
-            let points = self.candidates.len() - self.picked.len();
+            // Of those picked before some may coincide.
+            let points = self.points.saturating_sub(self.picked.len());
             let log2 = self.cell_log2(radius, points);
             // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
             // on what is.
@@ -222,8 +227,7 @@ impl<'a> Thinning<'a> {
     /// Which points are enough down to half a radius; 0 where most are needed.
     fn part_log2(&self, radius: f64) -> u8 {
         let log2 = (radius / 2.0 * PART_EDGE).log2().floor().clamp(0.0, 31.0) as u8;
-        let points = self.candidates.len();
-        if self.candidates.firsts[usize::from(log2)] as usize * 2 > points { 0 } else { log2 }
+        if self.candidates.firsts[usize::from(log2)] as usize * 2 > self.points { 0 } else { log2 }
     }
 
     /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a

@@ -305,12 +305,12 @@ impl Context {
         is_wanted: impl Fn(usize) -> bool,
         dimension: u32,
     ) -> Vec<f32> {
-        let wanted =
-            || candidates.offer.iter().zip(&candidates.q).filter(|(o, _)| is_wanted(**o as usize));
+        let is_wanted = |i: usize| is_wanted(candidates.offer[i] as usize);
+        let steps = radii(&candidates.shared_of(is_wanted), dimension);
         let mut out = vec![0.0; candidates.len()];
-        let steps = radii(wanted().map(|(_, q)| *q), dimension);
-        for ((&offer, _), steps) in wanted().zip(steps) {
-            out[offer as usize] = (f64::from(steps) * candidates.step) as f32;
+        let wanted = (0..candidates.len()).filter(|&i| is_wanted(i));
+        for (i, steps) in wanted.zip(steps) {
+            out[candidates.offer[i] as usize] = (f64::from(steps) * candidates.step) as f32;
         }
         out
     }
