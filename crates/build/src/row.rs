@@ -181,7 +181,7 @@ impl RowLayout {
     }
 
     /// Adds a row to the multiset hash.
-    pub fn hash(&self, row: &[u8], scratch: &mut Vec<u8>, hash: &mut MultisetHash) {
+    fn hash(&self, row: &[u8], scratch: &mut Vec<u8>, hash: &mut MultisetHash) {
         let class = &self.classes[usize::from(self.class(row))];
         if let [whole] = class.hashed.as_slice() {
             return hash.add(class.seed, &row[whole.clone()]);
