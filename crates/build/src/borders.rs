@@ -11,6 +11,7 @@ use crate::scratch::{Extent, Scratch};
 use crate::sharp::{Edge, detect};
 use crate::tangents::shapes;
 use esker_points::{Cell, Grain, quant};
+use memmap2::Mmap;
 use rayon::prelude::*;
 
 /// Rows that are looked at by one task, and tasks whose positions are put aside together.
@@ -107,19 +108,11 @@ impl Borders {
         Ok(())
     }
 
-    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's.
-    ///
-    /// # Errors
-    /// Where scratch space fails.
-    pub fn estimate(
-        &self,
-        cell: &Cell,
-        rows: &mut [u8],
-        scratch: &mut Scratch,
-    ) -> Result<(), BuildError> {
+    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.
+    pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Mmap) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
-        let halo = self.halo(cell, scratch)?;
+        let halo = self.halo(cell, scratch);
         let (codes, edges) = if self.finds_edges {
             detect(&own, &halo, &self.bounds)
         } else {
@@ -139,7 +132,6 @@ impl Borders {
                 None => self.set(row, code),
             },
         );
-        Ok(())
     }
 
     /// Sets the normal and the lines of a row near an edge.
@@ -151,11 +143,8 @@ impl Borders {
     }
 
     /// The code of the normal of a point that is alone in its cell.
-    ///
-    /// # Errors
-    /// Where scratch space fails.
-    pub fn estimate_one(&self, cell: &Cell, scratch: &mut Scratch) -> Result<[i16; 2], BuildError> {
-        Ok(estimate(&[cell.corner], &self.halo(cell, scratch)?, &self.bounds)[0])
+    pub fn estimate_one(&self, cell: &Cell, scratch: &Mmap) -> [i16; 2] {
+        estimate(&[cell.corner], &self.halo(cell, scratch), &self.bounds)[0]
     }
 
     /// Sets the normal of a row, turned to where the row says that it was scanned from.
@@ -165,7 +154,7 @@ impl Borders {
     }
 
     /// The positions within the reach of a cell that others have put aside; some more than once.
-    fn halo(&self, cell: &Cell, scratch: &mut Scratch) -> Result<Vec<[u32; 3]>, BuildError> {
+    fn halo(&self, cell: &Cell, scratch: &Mmap) -> Vec<[u32; 3]> {
         let steps = self.bounds.steps();
         let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
         let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));
@@ -178,16 +167,12 @@ impl Borders {
             .filter(|(other, _)| is_other(other))
             .flat_map(|(_, extents)| extents.iter().copied())
             .collect();
-        if extents.is_empty() {
-            return Ok(Vec::new());
-        }
-        let map = scratch.map()?;
         let within = |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
         let parts: Vec<Vec<[u32; 3]>> = extents
             .par_iter()
-            .filter_map(|e| e.of(&map))
+            .filter_map(|e| e.of(scratch))
             .map(|bytes| bytes.chunks_exact(POSITION_BYTES).map(position).filter(within).collect())
             .collect();
-        Ok(parts.concat())
+        parts.concat()
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::borders::Borders;
 use crate::clips::Clips;
+use crate::counts::Counts;
 use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::identity::Identity;
@@ -19,8 +20,7 @@ use crate::store::Store;
 use crate::subtree::assemble;
 use crate::tree::Context;
 use esker_format::{
-    Codec, CrsRecord, FileWriter, Histograms, Metadata, Normals, PageLayout, SourceRecord,
-    Statistics,
+    Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::palette::Misfit;
 use esker_points::{ColourDepth, MultisetHash, Task};
@@ -263,7 +263,7 @@ fn build_into(
         clips,
         scale: plan.lattice.scale,
         capacity: options.node_capacity as usize,
-        histograms: Context::histograms(&ranges),
+        counts: Counts::new(ranges),
     };
     let has_clip_lines = context.clips.is_some();
     task.phase("building", Some(points), "points");
@@ -276,7 +276,6 @@ fn build_into(
     }
     let root = Raiser {
         chunk_rows_max,
-        overlap_rows_max: shares.overlap_rows_max(options, plan.row_bytes()),
         context: &context,
         store: &mut *store,
         buffer_bytes_max,
@@ -292,10 +291,7 @@ fn build_into(
     if let Some(merged) = &options.onto.merged {
         prove_merged(merged, points, hash)?;
     }
-    let mut histograms = Histograms::new(ranges);
-    for part in context.histograms {
-        histograms.merge(&part.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
-    }
+    let histograms = context.counts.into_inner();
     let statistics = Statistics::assemble(&table, &plan.schema, own, histograms);
     let depth = table.depths().into_iter().max().unwrap_or(0);
     let mut metadata = metadata(&intake, &plan, &reports, options);

@@ -1,13 +1,18 @@
 //! What is built: cells that wait for the one above, and what waits to be written; and how the journal keeps it.
 
+use crate::counts::Counts;
+use crate::finishing::Unfinished;
+use crate::pending::{Below, Pending};
 use crate::record::{Kind, Reading, Record};
 use crate::row::{RowLayout, Rows};
 use crate::shape::Moments;
 use crate::store::Outgoing;
-use crate::subtree::{Children, Subtree};
-use crate::tree::{Context, Pending};
-use esker_format::{Histograms, NodeStatistics};
+use crate::subtree::Subtree;
+use crate::tree::Context;
+use esker_format::NodeStatistics;
+use esker_points::task::Silent;
 use esker_points::{Cell, MultisetHash, Node};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// What is built: cells that wait for the one above, and what waits to be written.
@@ -29,8 +34,8 @@ struct Part {
     /// Where its first page stands.
     page_offset: u64,
     pages: crc32fast::Hasher,
-    /// Of all nodes before it.
-    counted: Option<Histograms>,
+    /// Whether the journal wants to know of it.
+    is_told: bool,
 }
 
 impl Built {
@@ -43,7 +48,7 @@ impl Built {
                 tree.node.page_bytes = page.len() as u32;
                 tree.node.page_offset = self.page_offset;
                 self.page_offset += page.len() as u64;
-                if self.part.counted.is_some() {
+                if self.part.is_told {
                     self.part.pages.update(&page);
                 }
                 self.outgoing.pages.push(page);
@@ -53,39 +58,33 @@ impl Built {
         }
     }
 
-    /// A part begins. Where the journal wants to know of it, it is told what its context has counted before.
-    pub fn begin(&mut self, counted: Option<Histograms>) {
-        let (page_offset, pages) = (self.page_offset, crc32fast::Hasher::new());
-        self.part = Part { page_offset, pages, counted };
+    /// A part begins.
+    pub fn begin(&mut self, is_told: bool) {
+        self.part = Part { page_offset: self.page_offset, is_told, ..Part::default() };
     }
 
-    /// The part has ended, and what it has built is held last: this is what the journal wants to know.
-    pub fn end(&mut self, context: &Context, rows: u64) {
-        let Part { page_offset, pages, counted: Some(before) } = std::mem::take(&mut self.part)
-        else {
-            return;
-        };
-        let mut record = Record::new(Kind::Built);
-        record.put([rows, page_offset, self.page_offset]);
-        record.put(pages.finalize());
-        let after = context.counted();
-        for a in 0..context.rows.attribute_count() {
-            let counts = after.counts(a).iter().zip(before.counts(a)).map(|(a, b)| a - b);
-            record.put_all(&counts.collect::<Vec<u64>>());
+    /// The part, of so many rows, has ended, and what it has built is held last: this is what the journal wants to know.
+    pub fn end(&mut self, context: &Context, counts: Counts, rows: u64) {
+        let Part { page_offset, pages, is_told } = std::mem::take(&mut self.part);
+        if is_told {
+            let mut record = Record::new(Kind::Built);
+            record.put([rows, page_offset, self.page_offset]);
+            record.put(pages.finalize());
+            counts.put(context.rows.attribute_count(), &mut record);
+            if let Some(held) = self.held.last() {
+                held.put(&mut record);
+            }
+            self.outgoing.record = Some(record);
         }
-        if let Some(held) = self.held.last() {
-            held.put(&mut record);
-        }
-        self.outgoing.record = Some(record);
+        context.counts.merge(&counts);
     }
 
-    /// Keeps a cell with only the rows of its root.
-    pub fn hold(&mut self, mut pending: Pending, rows: &Rows<'_>) {
-        self.place(&mut pending.children);
-        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
-        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
-        pending.offered = (0..pending.offered.len() as u32).collect();
-        self.held.push(Held { pending, rows: bytes });
+    /// Keeps a cell.
+    pub fn hold(&mut self, mut held: Held) {
+        if let Below::Finished(children) = &mut held.pending.below {
+            self.place(children);
+        }
+        self.held.push(held);
     }
 
     /// Chooses a cell's points from what its children offer.
@@ -101,7 +100,13 @@ impl Built {
             pending.push(child.pending);
         }
         let rows = Rows { bytes: &bytes, stride };
-        self.hold(context.combine(&rows, cell, pending), &rows);
+        let mut pending = context.combine(&rows, cell, pending);
+        let unfinished = Unfinished::below(&mut pending);
+        // The points have been told of.
+        let finish = |i| unfinished.finish(i, context, &rows, &context.counts, &Silent);
+        (0..unfinished.len()).into_par_iter().for_each(finish);
+        pending.below = Below::Finished(unfinished.into_children());
+        self.hold(Held::new(pending, &rows));
     }
 }
 
@@ -142,9 +147,17 @@ pub struct Held {
 }
 
 impl Held {
+    /// A cell, all below which is finished, with only the rows of its root.
+    pub fn new(mut pending: Pending, rows: &Rows<'_>) -> Self {
+        let mut bytes = Vec::with_capacity(pending.offered.len() * rows.stride);
+        pending.offered.iter().for_each(|&i| bytes.extend_from_slice(rows.row(i)));
+        pending.offered = (0..pending.offered.len() as u32).collect();
+        Self { pending, rows: bytes }
+    }
+
     /// Writes it down; all pages below it have their places.
     pub fn put(&self, record: &mut Record) {
-        let Pending { cell, moments, sampled, turns, radii, children, .. } = &self.pending;
+        let Pending { cell, moments, sampled, turns, radii, below, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
@@ -153,7 +166,10 @@ impl Held {
         record.put_all(radii);
         record.put_all(&self.rows);
         // Children before parents, in their order; without recursion, since chains are long.
-        let (mut open, mut nodes): (Vec<&Subtree>, Vec<_>) = (children.iter().collect(), vec![]);
+        let (mut open, mut nodes): (Vec<&Subtree>, Vec<_>) = (vec![], vec![]);
+        if let Below::Finished(children) = below {
+            open.extend(children.iter());
+        }
         while let Some(tree) = open.pop() {
             open.extend(tree.children.iter());
             nodes.push(tree);
@@ -191,9 +207,9 @@ impl Held {
             let children = children.into_iter().collect();
             trees.push(Subtree { node, page: Vec::new(), statistics, hash, bounds, children });
         }
-        let children: Children = trees.into_iter().collect();
+        let below = Below::Finished(trees.into());
         let offered = (0..count as u32).collect();
-        let pending = Pending { cell, moments, offered, sampled, turns, radii, children };
+        let pending = Pending { cell, moments, offered, sampled, turns, radii, below };
         Some(Self { pending, rows })
     }
 }

@@ -1,8 +1,9 @@
 //! A chunk: the points of one cell, few enough for memory, sorted along the Morton curve. Its part of the tree
 //! is built in parallel over contiguous ranges.
 
+use crate::pending::Pending;
 use crate::row::Rows;
-use crate::tree::{Context, Pending};
+use crate::tree::Context;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -10,36 +11,21 @@ use std::ops::Range;
 /// Below so many points a cell is built by one task.
 const TASK_POINTS: usize = 1 << 14;
 
-/// A cell before its own points are chosen.
-pub enum Opened {
-    /// One that is not split.
-    Whole(Box<Pending>),
-    /// One made of these.
-    Split(Cell, Vec<Pending>),
-}
-
 impl Context {
-    /// Builds the tree over a range of sorted rows (at least one), down to single lattice points. Void
-    /// where the task was cancelled.
+    /// Chooses what each cell over a range of sorted rows (at least one) offers, down to single lattice points. Nodes
+    /// are yet to be finished. Void where the task was cancelled.
     pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Pending {
-        self.close(rows, self.open(rows, range, task))
-    }
-
-    /// The same but for the last step, which is not parallel.
-    pub fn open(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Opened {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
         if task.is_cancelled() {
             // Nothing is offered: what is above has nothing to do, and the caller asks again.
-            return Opened::Whole(Box::new(self.leaf(rows, range.start..range.start, cell)));
+            return self.leaf(rows, range.start..range.start, cell);
         }
         if n <= self.leaf_points_max() {
-            task.advance(n as u64);
-            return Opened::Whole(Box::new(self.leaf(rows, range, cell)));
+            return self.leaf(rows, range, cell);
         }
         if cell.log2 == 0 {
-            task.advance(n as u64);
-            return Opened::Whole(Box::new(self.coincident(rows, range, cell)));
+            return self.coincident(rows, range, cell);
         }
         let parts = octants(rows, range, &cell);
         let children = if n > TASK_POINTS {
@@ -47,15 +33,7 @@ impl Context {
         } else {
             parts.into_iter().map(|part| self.build(rows, part, task)).collect()
         };
-        Opened::Split(cell, children)
-    }
-
-    /// The last step.
-    pub fn close(&self, rows: &Rows<'_>, opened: Opened) -> Pending {
-        match opened {
-            Opened::Whole(pending) => *pending,
-            Opened::Split(cell, children) => self.combine(rows, cell, children),
-        }
+        self.combine(rows, cell, children)
     }
 }
 

@@ -1,14 +1,14 @@
 //! The levels above the chunks. Buckets are joined to chunks or parted until each fits memory: a list of steps
-//! that does not depend on time. While what a chunk's root and others offer is chosen from, for the cells above
-//! too, which few cores can share, the pages of the one before are written, and the one behind is loaded, sorted and
-//! built but for its root.
+//! that does not depend on time.
 
 use crate::built::{Built, Held, PartRead};
 use crate::coincident::Coincident;
+use crate::counts::Counts;
 use crate::error::BuildError;
 use crate::memory::Peak;
 use crate::normals::UNKNOWN;
 use crate::partition::{Bucket, Partition, block_of_rows};
+use crate::pending::Below;
 use crate::record::Kind;
 use crate::row::{Rows, position};
 use crate::shape::Moments;
@@ -17,6 +17,7 @@ use crate::subtree::Subtree;
 use crate::tree::Context;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
+use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
 
 /// Octree levels by which a bucket that is too large is parted at a time.
 const PART_LEVELS: u8 = 3;
@@ -31,8 +32,6 @@ pub struct Raiser<'a> {
     pub store: &'a mut Store,
     /// Rows that a chunk of several buckets may have, and one of a single bucket.
     pub chunk_rows_max: (u64, u64),
-    /// Rows that two chunks that are built at once may have on average.
-    pub overlap_rows_max: u64,
     /// Bytes of rows that parting a bucket may keep in memory.
     pub buffer_bytes_max: usize,
     /// Told how far it is.
@@ -42,7 +41,7 @@ pub struct Raiser<'a> {
 }
 
 /// What is done next. Each leaves one cell behind that is built but for its root.
-enum Step {
+pub enum Step {
     /// Builds the points of these buckets, which fit memory.
     Chunk(Vec<Bucket>),
     /// Parts a bucket that does not fit memory.
@@ -59,6 +58,19 @@ impl Raiser<'_> {
     /// # Errors
     /// Where scratch or the file fail, or on request.
     pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
+        let threads = rayon::current_num_threads();
+        let pool = ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.thread_name(|i| format!("build-{i}"));
+        let tree = pool.build_scoped(ThreadBuilder::run, |pool| self.raise(pool, buckets));
+        let failed = |e| format!("cannot start {threads} threads ({e}): ask for fewer");
+        tree.map_err(|e| BuildError::Options(failed(e)))?
+    }
+
+    fn raise(
+        &mut self,
+        pool: &ThreadPool,
+        buckets: Vec<Bucket>,
+    ) -> Result<Option<Subtree>, BuildError> {
         let mut built = Built::default();
         built.page_offset = self.store.writer.offset();
         let mut steps = Vec::new();
@@ -71,7 +83,8 @@ impl Raiser<'_> {
             match step {
                 Step::Chunk(buckets) => {
                     if !self.resume(&buckets, &mut built)? {
-                        self.chunks(buckets, &mut steps, &mut built)?;
+                        steps.push(Step::Chunk(buckets));
+                        self.chunks(pool, &mut steps, &mut built)?;
                     }
                 }
                 Step::Part(bucket) => {
@@ -94,7 +107,7 @@ impl Raiser<'_> {
         }
         let Some(held) = built.held.pop() else { return Ok(None) };
         let rows = Rows { bytes: &held.rows, stride: self.context.rows.bytes() };
-        let mut root = self.context.finish(&rows, held.pending, &[], None);
+        let mut root = self.context.finish(&rows, held.pending, &[], None, &self.context.counts);
         built.place(root.as_mut_slice());
         self.store.write(built.outgoing)?;
         Ok(root)
@@ -111,7 +124,9 @@ impl Raiser<'_> {
         let damaged = |store: &Store| store.journal.damaged("a part of what it has built");
         let part = part.ok_or_else(|| damaged(self.store))?;
         let page_bytes = part.pages.end - part.pages.start;
-        if !self.context.count(&part.counts) || !self.store.writer.skip(page_bytes, part.crc)? {
+        if !self.context.counts.add_all(&part.counts)
+            || !self.store.writer.skip(page_bytes, part.crc)?
+        {
             return Err(damaged(self.store));
         }
         built.page_offset = part.pages.end;
@@ -173,75 +188,6 @@ impl Raiser<'_> {
         self.store.tell_aside(known)
     }
 
-    /// Builds chunks, and the cells above that wait for them, until another step is on top.
-    fn chunks(
-        &mut self,
-        first: Vec<Bucket>,
-        steps: &mut Vec<Step>,
-        built: &mut Built,
-    ) -> Result<(), BuildError> {
-        let stride = self.context.rows.bytes();
-        let (sorted, extents) = self.store.load(first, &self.context.rows, Vec::new())?;
-        let mut loaded = Some((sorted, extents, None));
-        let mut spare = Vec::new();
-        let is_told = self.store.journal.is_live();
-        // The journal wants to know what each chunk counts, so they take turns.
-        let beside = self.context.beside();
-        let [mut context, mut next_context] = [self.context, &beside];
-        let mut counted = is_told.then(|| context.counted());
-        while let Some((sorted, extents, opened)) = loaded {
-            let above = steps.iter().rev().take_while(|s| matches!(s, Step::Combine(..))).count();
-            let above = steps.split_off(steps.len() - above);
-            let next = match steps.pop() {
-                Some(Step::Chunk(buckets)) => Some(buckets),
-                other => {
-                    steps.extend(other);
-                    None
-                }
-            };
-            let outgoing = std::mem::take(&mut built.outgoing);
-            let (task, peak, store) = (self.task, self.peak, &mut self.store);
-            let open = |context: &Context, sorted: &[u8]| {
-                let rows = Rows { bytes: sorted, stride };
-                context.open(&rows, 0..rows.len() as u32, task)
-            };
-            built.begin(counted.take());
-            counted = is_told.then(|| next_context.counted());
-            let opened = opened.unwrap_or_else(|| open(context, &sorted));
-            let (rows_max, built_bytes) = (self.overlap_rows_max as usize * 2, sorted.len());
-            let ((), next) = rayon::join(
-                || {
-                    let rows = Rows { bytes: &sorted, stride };
-                    let pending = context.close(&rows, opened);
-                    peak.sample();
-                    built.hold(pending, &rows);
-                    built.end(context, rows.len() as u64);
-                    built.outgoing.extents = extents;
-                    for step in above.into_iter().rev() {
-                        if let Step::Combine(cell, children) = step {
-                            built.combine(context, cell, children);
-                        }
-                    }
-                },
-                || {
-                    store.write(outgoing)?;
-                    let Some(buckets) = next else { return Ok(None) };
-                    let (sorted, extents) = store.load(buckets, &context.rows, spare)?;
-                    let has_room = (sorted.len() + built_bytes) / stride <= rows_max;
-                    let opened = (has_room || !is_told).then(|| open(next_context, &sorted));
-                    Ok::<_, BuildError>(Some((sorted, extents, opened)))
-                },
-            );
-            loaded = next?;
-            spare = sorted;
-            std::mem::swap(&mut context, &mut next_context);
-            self.peak.sample();
-            self.task.check()?;
-        }
-        self.context.merge(&beside);
-        Ok(())
-    }
-
     /// Parts a bucket that is too large into smaller cells: some levels below the smallest cell that
     /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
     fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
@@ -295,12 +241,13 @@ impl Raiser<'_> {
         let stride = self.context.rows.bytes();
         let borders = self.store.borders.take();
         let normal = match &borders {
-            Some(borders) => borders.estimate_one(&bucket.cell, &mut self.store.scratch)?,
+            Some(borders) => borders.estimate_one(&bucket.cell, &self.store.scratch.map()?),
             None => UNKNOWN,
         };
         self.store.write(std::mem::take(&mut built.outgoing))?;
         let is_told = self.store.journal.is_live();
-        built.begin(is_told.then(|| self.context.counted()));
+        built.begin(is_told);
+        let counts = self.context.counts.beside();
         let map = self.store.map(&bucket)?;
         let runs = bucket.runs(map.as_ref(), stride);
         self.store.check(&bucket, &runs, &self.context.rows)?;
@@ -314,14 +261,14 @@ impl Raiser<'_> {
             }
             if carry.len() == self.context.capacity * stride {
                 let rows = Rows { bytes: &carry, stride };
-                self.link(&rows, bucket.cell, built, &mut head, &mut chain)?;
+                self.link(&rows, bucket.cell, &counts, built, &mut head, &mut chain)?;
                 carry.clear();
             }
             Ok(())
         })?;
         if !carry.is_empty() {
             let rows = Rows { bytes: &carry, stride };
-            self.link(&rows, bucket.cell, built, &mut head, &mut chain)?;
+            self.link(&rows, bucket.cell, &counts, built, &mut head, &mut chain)?;
         }
         drop(rows);
         drop(map);
@@ -329,11 +276,11 @@ impl Raiser<'_> {
         let mut head = head.ok_or_else(|| BuildError::Proof("a bucket lost its rows".into()))?;
         for (moments, mut node) in chain.into_iter().rev() {
             head.pending.moments.merge(&moments);
-            node.children = std::mem::take(&mut head.pending.children);
-            head.pending.children.push(node);
+            node.children = head.pending.below.take();
+            head.pending.below = Below::Finished(vec![node].into());
         }
         built.held.push(head);
-        built.end(self.context, bucket.rows);
+        built.end(self.context, counts, bucket.rows);
         built.outgoing.extents = bucket.extents;
         Ok(())
     }
@@ -343,6 +290,7 @@ impl Raiser<'_> {
         &mut self,
         rows: &Rows<'_>,
         cell: Cell,
+        counts: &Counts,
         built: &mut Built,
         head: &mut Option<Held>,
         chain: &mut Vec<(Moments, Subtree)>,
@@ -351,7 +299,7 @@ impl Raiser<'_> {
         self.task.advance(rows.len() as u64);
         if head.is_none() {
             *head = Some(Held { pending, rows: rows.bytes.to_vec() });
-        } else if let Some((moments, mut node)) = self.context.continuation(rows, pending) {
+        } else if let Some((moments, mut node)) = self.context.continuation(rows, pending, counts) {
             built.place(std::slice::from_mut(&mut node));
             self.store.write(std::mem::take(&mut built.outgoing))?;
             chain.push((moments, node));

@@ -32,19 +32,15 @@ impl Shares {
         Self { buffer_bytes_max: part(0.35), chunk_bytes_max: part(0.45) }
     }
 
-    /// Rows of a chunk of several buckets, and of one alone. Its sorted rows, those of the next one, pages of
-    /// about the rows' size, and the samples must fit. Where memory is ample, small chunks still overlap
-    /// better and use the same memory again.
+    /// Rows of a chunk of several buckets, and of all chunks that are built at once, or of one bucket alone. Their sorted
+    /// rows, those of the chunks behind, pages of about the rows' size, those of the chunks before, and the samples must
+    /// fit. Small chunks share out better among threads; where memory is ample, they use the same memory again.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
-        let rows = self.rows_of(3.4, options, row_bytes);
+        let rows = self.rows_of(4.2, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;
         let rows = rows.clamp(nodes(4), (1 << 32) - 1);
-        (rows.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
-    }
-
-    /// Rows that two chunks may have on average to be built at once: then there are pages of both.
-    pub(crate) fn overlap_rows_max(&self, options: &Options, row_bytes: usize) -> u64 {
-        self.rows_of(5.0, options, row_bytes)
+        let joined = (rows / 2).max(nodes(4));
+        (joined.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
     }
 
     /// Rows of a chunk of each of which there are so many copies.

@@ -93,31 +93,22 @@ impl Store {
         Err(self.journal.damaged("its scratch file"))
     }
 
-    /// Sorts the rows of a chunk into `rows`; with where in scratch they lie.
+    /// The rows of a chunk, wherever they lie.
     ///
     /// # Errors
     /// Where scratch fails, or rows of an earlier build are damaged.
-    pub fn load(
+    pub fn stored(
         &mut self,
         buckets: Vec<Bucket>,
         layout: &RowLayout,
-        mut rows: Vec<u8>,
-    ) -> Result<(Vec<u8>, Vec<Extent>), BuildError> {
-        let stride = layout.bytes();
+    ) -> Result<Stored, BuildError> {
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
-        let map = if is_stored { Some(self.scratch.map()?) } else { None };
-        let runs: Vec<_> = buckets.iter().map(|b| b.runs(map.as_ref(), stride)).collect();
-        buckets
-            .par_iter()
-            .zip(&runs)
-            .try_for_each(|(bucket, runs)| self.check(bucket, runs, layout))?;
-        sort(&runs, stride, &mut rows);
-        drop(runs);
-        drop(map);
-        if let Some(borders) = &self.borders {
-            borders.estimate(&cell_of(&buckets), &mut rows, &mut self.scratch)?;
-        }
-        Ok((rows, buckets.into_iter().flat_map(|b| b.extents).collect()))
+        let is_needed = is_stored || self.borders.is_some();
+        let map = if is_needed { Some(self.scratch.map()?) } else { None };
+        buckets.par_iter().try_for_each(|bucket| {
+            self.check(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)
+        })?;
+        Ok(Stored { buckets, map })
     }
 
     /// The typical distance of points in steps.
@@ -247,6 +238,32 @@ impl Store {
         }
         self.scratch.release(bucket.extents.clone());
         Ok(Some(parts))
+    }
+}
+
+/// The rows of a chunk, in memory and in scratch.
+pub struct Stored {
+    buckets: Vec<Bucket>,
+    /// The content of scratch, where any need it.
+    map: Option<Mmap>,
+}
+
+impl Stored {
+    /// Sorts them into `rows`, with their normals where borders are known, and lets go of them; where in scratch they lie.
+    pub fn load(
+        self,
+        layout: &RowLayout,
+        borders: Option<&Borders>,
+        rows: &mut Vec<u8>,
+    ) -> Vec<Extent> {
+        let stride = layout.bytes();
+        let runs: Vec<_> = self.buckets.iter().map(|b| b.runs(self.map.as_ref(), stride)).collect();
+        sort(&runs, stride, rows);
+        drop(runs);
+        if let Some((borders, map)) = borders.zip(self.map) {
+            borders.estimate(&cell_of(&self.buckets), rows, &map);
+        }
+        self.buckets.into_iter().flat_map(|b| b.extents).collect()
     }
 }
 

@@ -19,6 +19,17 @@ pub struct Subtree {
     pub children: Children,
 }
 
+impl Subtree {
+    /// The node that continues it last; its own, where none does.
+    pub fn last_mut(&mut self) -> &mut Self {
+        let mut last = self;
+        while last.children.first().is_some_and(|child| child.node.is_continuation()) {
+            last = &mut last.children[0];
+        }
+        last
+    }
+}
+
 /// Children, which are dropped one after the other: a chain of continuations is longer than a stack.
 #[derive(Default)]
 pub struct Children(Vec<Subtree>);

@@ -1,11 +1,13 @@
 //! The tree, bottom-up: a cell with no more points than a node holds offers them all; a larger one offers
-//! an even sample of what its children offer, and what it takes, they lose. A node is finished, and its
-//! page made, when the cell above has taken its share. A cell that has few points left gives them to the node above.
+//! an even sample of what its children offer, and what it takes, they lose. A node can be finished, and its
+//! page made, once the cell above has taken its share. A cell that has few points left gives them to the node above.
 
 use crate::candidates::Candidates;
 use crate::clips::Clips;
 use crate::contour;
+use crate::counts::Counts;
 use crate::order::{order, parts};
+use crate::pending::{Below, Cut, Pending};
 use crate::row::{RowLayout, Rows};
 use crate::sample::{choose, place};
 use crate::shape::{Moments, Shape};
@@ -13,13 +15,11 @@ use crate::spacing::{Picked, radii};
 use crate::subtree::{Children, Subtree};
 use crate::turn::LAST_TURN;
 use bytemuck::Zeroable;
-use esker_format::{Histograms, NodeStatistics, PageLayout, Ranges, encode_page};
+use esker_format::{NodeStatistics, PageLayout, encode_page};
 use esker_points::node::SHAPE_CONTINUATION;
 use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{Cell, Node, morton, quant};
-use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Mutex;
 
 /// A radius is at most so many times its node's spacing: a lone point must not become a blob.
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
@@ -41,79 +41,11 @@ pub struct Context {
     pub clips: Option<Clips>,
     /// Points a node holds.
     pub capacity: usize,
-    /// One for each thread of the pool, so that none waits.
-    pub histograms: Vec<Mutex<Histograms>>,
-}
-
-/// A cell whose points the cell above has not yet chosen from.
-pub struct Pending {
-    /// The smallest cell that holds its points.
-    pub cell: Cell,
-    /// Of all points in the cell.
-    pub moments: Moments,
-    /// What it offers: rows, ascending (which is along the Morton curve); then those that it does not offer, but
-    /// has been given by cells below that had few left.
-    pub offered: Vec<u32>,
-    /// How many it offers.
-    pub sampled: usize,
-    /// The turn of each of these rows in thinning; empty where no sample has placed them.
-    pub turns: Vec<u16>,
-    /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
-    pub radii: Vec<f32>,
-    /// What lies below.
-    pub children: Children,
-}
-
-impl Pending {
-    /// How many of the points that it offers were picked at each turn.
-    fn picked(&self) -> Picked {
-        Picked::of(&self.turns[..self.sampled])
-    }
+    /// What nodes have counted.
+    pub counts: Counts,
 }
 
 impl Context {
-    /// Empty ones over these ranges.
-    pub fn histograms(ranges: &Ranges) -> Vec<Mutex<Histograms>> {
-        let threads = rayon::current_num_threads().max(1);
-        (0..threads).map(|_| Mutex::new(Histograms::new(ranges.clone()))).collect()
-    }
-
-    /// The same that counts for itself.
-    pub fn beside(&self) -> Self {
-        let histograms = Self::histograms(self.counted().ranges());
-        let (rows, pages, clips) = (self.rows.clone(), self.pages.clone(), self.clips.clone());
-        Self { rows, pages, clips, scale: self.scale, capacity: self.capacity, histograms }
-    }
-
-    /// What all nodes so far have counted.
-    pub fn counted(&self) -> Histograms {
-        let mut sum: Option<Histograms> = None;
-        for part in &self.histograms {
-            let part = part.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            match &mut sum {
-                Some(sum) => sum.merge(&part),
-                None => sum = Some(part.clone()),
-            }
-        }
-        sum.unwrap_or_else(|| Histograms::new(Ranges::from_pairs(Vec::new())))
-    }
-
-    /// Adds what another has counted.
-    pub fn merge(&self, other: &Self) {
-        if let Some(Ok(mut part)) = self.histograms.first().map(Mutex::lock) {
-            part.merge(&other.counted());
-        }
-    }
-
-    /// Adds what nodes have counted that are not made anew; whether it is of as many attributes and bins.
-    pub fn count(&self, counts: &[Vec<u64>]) -> bool {
-        let Some(Ok(mut part)) = self.histograms.first().map(Mutex::lock) else { return false };
-        counts.iter().enumerate().all(|(a, counts)| {
-            let counts = counts.as_slice().try_into();
-            counts.map(|counts| part.add_counts(a, counts)).is_ok()
-        })
-    }
-
     /// A cell that is not split: it offers all of its points.
     pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
         Pending {
@@ -123,7 +55,7 @@ impl Context {
             offered: points.collect(),
             turns: Vec::new(),
             radii: Vec::new(),
-            children: Children::default(),
+            below: Below::default(),
         }
     }
 
@@ -135,29 +67,35 @@ impl Context {
 
     /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
     pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
-        let mut head = self.leaf(rows, points.start..points.start + self.capacity as u32, cell);
-        let rest = (points.start + self.capacity as u32..points.end).step_by(self.capacity);
-        for first in rest.rev() {
-            let last = points.end.min(first + self.capacity as u32);
-            let pending = self.leaf(rows, first..last, cell);
-            if let Some((moments, mut node)) = self.continuation(rows, pending) {
-                head.moments.merge(&moments);
-                node.children = std::mem::take(&mut head.children);
-                head.children.push(node);
-            }
-        }
+        let first = points.start + self.capacity as u32;
+        let mut head = self.leaf(rows, points.start..first, cell);
+        head.below = Below::Coincident(first..points.end);
+        head.moments = Moments::of(points.map(|i| rows.position(i)), &cell);
         head
     }
 
+    /// As many rows at a time as a node holds.
+    fn nodeful(&self, rows: Range<u32>) -> impl DoubleEndedIterator<Item = Range<u32>> {
+        let capacity = self.capacity as u32;
+        rows.clone()
+            .step_by(self.capacity)
+            .map(move |i| i..rows.end.min(i.saturating_add(capacity)))
+    }
+
     /// A node that continues the one above it in the same cell, and the moments of its points.
-    pub fn continuation(&self, rows: &Rows<'_>, pending: Pending) -> Option<(Moments, Subtree)> {
+    pub fn continuation(
+        &self,
+        rows: &Rows<'_>,
+        pending: Pending,
+        counts: &Counts,
+    ) -> Option<(Moments, Subtree)> {
         let moments = pending.moments;
-        let mut node = self.finish(rows, pending, &[], None)?;
+        let mut node = self.finish(rows, pending, &[], None, counts)?;
         node.node.shape |= SHAPE_CONTINUATION;
         Some((moments, node))
     }
 
-    /// A cell made of the cells in it: takes an even sample of what they offer and finishes them.
+    /// A cell made of the cells in it: takes an even sample of what they offer. They are yet to be finished.
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
@@ -165,11 +103,11 @@ impl Context {
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
         let dimension = Shape::of(moments.covariance(self.scale)).dimension;
         let candidates = Candidates::new(rows, &offered, &cell, self.scale);
-        let placed = placed(&children, offered.len());
+        let placed = Pending::placed(&children, offered.len());
         // What is left of cells with few points has its place beside the sample.
         let (few, given_max) = self.few(&children);
         // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
-        let samples = children.iter().filter(|c| !is_leaf(c)).map(|c| c.sampled);
+        let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
         let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
         let mut parts = Vec::with_capacity(children.len());
@@ -178,7 +116,7 @@ impl Context {
             let part = start..start + child.sampled;
             start = part.end;
             // A node keeps a point of its own, or it could not stand between the one above and those below.
-            if !child.children.is_empty() && turns[part.clone()].iter().all(|t| *t != LAST_TURN) {
+            if child.has_below() && turns[part.clone()].iter().all(|t| *t != LAST_TURN) {
                 turns[part.start] = LAST_TURN;
             }
             parts.push((child, part));
@@ -193,7 +131,7 @@ impl Context {
             sampled: chosen.len(),
             turns: chosen.iter().map(|&i| turns[i]).collect(),
             radii: chosen.iter().map(|&i| radii[i]).collect(),
-            children: Children::default(),
+            below: Below::default(),
         };
         let drawn = [chosen.len(), moments.count as usize];
         let above = self.spacing(&Picked::of(&pending.turns), drawn, dimension, None);
@@ -201,15 +139,35 @@ impl Context {
         for (child, part) in parts.extract_if(.., |_| few.next() == Some(true)) {
             self.give(rows, child, &turns[part], above, &mut pending);
         }
-        let finish = |(child, part)| self.finish(rows, child, &turns[part], Some(above));
-        pending.children = parts.into_par_iter().filter_map(finish).collect::<Vec<_>>().into();
+        let parts = parts.into_iter();
+        let cut = parts.map(|(pending, part)| Cut { pending, taken: turns[part].to_vec(), above });
+        pending.below = Below::Cut(cut.collect());
         pending
+    }
+
+    /// The nodes below a cell that do not wait for others: what coincides with its points continues it.
+    pub fn nodes_below(&self, rows: &Rows<'_>, pending: &mut Pending, counts: &Counts) -> Children {
+        let mut below = Children::default();
+        match std::mem::take(&mut pending.below) {
+            Below::Finished(children) => below = children,
+            Below::Cut(_) => (),
+            Below::Coincident(rest) => {
+                for rest in self.nodeful(rest).rev() {
+                    let leaf = self.leaf(rows, rest, pending.cell);
+                    if let Some((_, mut node)) = self.continuation(rows, leaf, counts) {
+                        node.children = std::mem::take(&mut below);
+                        below.push(node);
+                    }
+                }
+            }
+        }
+        below
     }
 
     /// Which cells have few points, and how many those are, as far as the node above has room for them.
     fn few(&self, children: &[Pending]) -> (Vec<bool>, usize) {
         let mut least: Vec<usize> =
-            (0..children.len()).filter(|&i| is_leaf(&children[i])).collect();
+            (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
         least.sort_by_key(|&i| children[i].sampled);
         let (mut few, mut points) = (vec![false; children.len()], 0);
         for i in least {
@@ -253,7 +211,7 @@ impl Context {
         leaf.radii = self.radii(&candidates, |_| true, dimension);
     }
 
-    /// Finishes a cell of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
+    /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
     /// have a turn in `taken`. What a node does not hold continues it. `None` where nothing is left, which only happens
     /// to cells without children (see [`Context::combine`]).
     pub fn finish(
@@ -262,7 +220,9 @@ impl Context {
         mut pending: Pending,
         taken: &[u16],
         above: Option<f64>,
+        counts: &Counts,
     ) -> Option<Subtree> {
+        let mut below = self.nodes_below(rows, &mut pending, counts);
         let shape = Shape::of(pending.moments.covariance(self.scale));
         if pending.turns.is_empty() {
             self.place(rows, &mut pending, taken, above, shape.dimension);
@@ -282,13 +242,14 @@ impl Context {
         let (picked, total) = (pending.picked(), pending.moments.count as usize);
         let spacing = |drawn| self.spacing(&picked, [drawn, total], shape.dimension, above);
         let full = spacing(drawn);
-        let mut below = std::mem::take(&mut pending.children);
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
             let spacing = spacing(drawn);
             drawn -= points.iter().filter(|i| !is_given(**i)).count();
-            let mut tree = self.node(rows, &pending, &points, &shape, [spacing, full], below);
+            let spacing = [spacing, full];
+            let mut tree = self.node(rows, &pending, &points, &shape, spacing, counts);
+            tree.children = below;
             if part == 0 {
                 return Some(tree);
             }
@@ -324,7 +285,7 @@ impl Context {
         points: &[u32],
         shape: &Shape,
         [spacing, full]: [f64; 2],
-        children: Children,
+        counts: &Counts,
     ) -> Subtree {
         let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
         let order = order(&turns);
@@ -372,11 +333,8 @@ impl Context {
 
         let page = encode_page(&self.pages, node.box_min, node.hot_shift, &points);
         let statistics = NodeStatistics::of(&self.pages, &points).with_sides(sides);
-        let slot = rayon::current_thread_index().unwrap_or(0) % self.histograms.len();
-        if let Ok(mut histograms) = self.histograms[slot].lock() {
-            histograms.add(&self.pages, &points);
-        }
-        Subtree { node, page, statistics, hash, bounds, children }
+        counts.add(&self.pages, &points);
+        Subtree { node, page, statistics, hash, bounds, children: Children::default() }
     }
 
     /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
@@ -402,25 +360,6 @@ impl Context {
     fn edge(&self, cell: &Cell) -> f64 {
         self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
     }
-}
-
-/// Whether a cell was not split: only then it has neither turns yet nor nodes below.
-fn is_leaf(cell: &Pending) -> bool {
-    cell.turns.is_empty() && cell.children.is_empty()
-}
-
-/// The turns that cells below have given to what they offer, in all so many; empty where none has.
-fn placed(children: &[Pending], offered: usize) -> Vec<u16> {
-    if children.iter().all(|c| c.turns.is_empty()) {
-        return Vec::new();
-    }
-    let mut turns = Vec::with_capacity(offered);
-    for child in children {
-        let known = &child.turns[..child.turns.len().min(child.sampled)];
-        turns.extend_from_slice(known);
-        turns.resize(turns.len() + child.sampled - known.len(), LAST_TURN);
-    }
-    turns
 }
 
 /// Sets the integer box of a node's own points, and returns it; there is at least one.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-const LITTLE: Shares = Shares { buffer_bytes_max: 150_000, chunk_bytes_max: 200_000 };
+const LITTLE: Shares = Shares { buffer_bytes_max: 150_000, chunk_bytes_max: 300_000 };
 /// Rows fit memory, chunks do not.
 const NO_SCRATCH: Shares = Shares { buffer_bytes_max: 1 << 30, ..LITTLE };
 
