@@ -1,6 +1,6 @@
 //! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes in,
 //! whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are decoded on
-//! all cores of the current pool, a group at a time, while the sink takes the group before. What a
+//! all cores of the current pool, two groups at a time, while the sink takes the group before. What a
 //! chunk claims is checked before the decoder allocates for it.
 
 use super::laszip::{Chunk, Compression, layered_chunk};
@@ -11,11 +11,12 @@ use laz::DecompressionSelection;
 use laz::record::{
     LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor,
 };
-use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Raw records of a run at most: bounds batches of files with very long records.
 const RUN_BYTES: usize = 4 << 20;
@@ -23,6 +24,8 @@ const RUN_BYTES: usize = 4 << 20;
 const GROUP_BYTES: usize = 16 << 20;
 /// Chunks of a group at most: bounds what tiny chunks cost beside their points.
 const GROUP_PIECES: usize = 512;
+/// Pieces under way, for each thread, where a group and the next are fewer.
+const PIECES_A_THREAD: usize = 2;
 /// A chunk of more raw bytes than this is decoded in passing, on one core.
 const CHUNK_BYTES_MAX: usize = 2 * GROUP_BYTES;
 const READ_BYTES: usize = 256 << 10;
@@ -55,11 +58,18 @@ struct Reader {
     chunk: usize,
 }
 
+/// What a piece is decoded to, once it is.
+type Decoded<T> = Mutex<Option<Result<Vec<T>, ScanError>>>;
+
 /// Bytes read together and decoded in parallel.
-#[derive(Default)]
-struct Group {
+struct Group<T> {
     bytes: Vec<u8>,
     pieces: Vec<Piece>,
+    /// Of each piece.
+    decoded: Vec<Decoded<T>>,
+    /// Pieces that are not decoded.
+    left: Mutex<usize>,
+    is_done: Condvar,
 }
 
 /// A run of records or a chunk in a group.
@@ -87,60 +97,66 @@ impl Points {
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
-        let mut ready = Vec::new();
-        let (mut group, mut next) = (Group::default(), Group::default());
-        while reader.point < end || !group.pieces.is_empty() {
-            task.check()?;
-            if group.pieces.is_empty() {
-                if let Some((compression, chunk)) = self.large_chunk(&reader) {
-                    std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
+        // Groups are decoded on the pool while, on this thread, the next one is read and the sink takes what came before.
+        // One that follows is under way when the last pieces of the one before are, so that no core waits for them.
+        rayon::in_place_scope_fifo(|scope| {
+            let (mut ready, mut spare) = (Vec::new(), Vec::new());
+            let (mut window, mut filled) = (VecDeque::<Arc<Group<T>>>::new(), Ok(()));
+            loop {
+                task.check()?;
+                let pieces_max = PIECES_A_THREAD * rayon::current_num_threads();
+                let pieces =
+                    |w: &VecDeque<Arc<Group<T>>>| w.iter().map(|g| g.pieces.len()).sum::<usize>();
+                while filled.is_ok()
+                    && reader.point < end
+                    && self.large_chunk(&reader).is_none()
+                    && (window.len() < 2 || pieces(&window) < pieces_max)
+                {
+                    match self.fill(std::mem::take(&mut spare), &mut reader, end) {
+                        Ok(group) => {
+                            let group = Arc::new(group);
+                            for piece in 0..group.pieces.len() {
+                                let group = Arc::clone(&group);
+                                scope.spawn_fifo(move |_| self.decode(&group, piece, convert));
+                            }
+                            window.push_back(group);
+                        }
+                        // What comes before it is taken first, or is at fault first.
+                        Err(error) => filled = Err(error),
+                    }
+                }
+                std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
+                if let Some(group) = window.pop_front() {
+                    ready = group.wait()?;
+                    spare = Arc::into_inner(group).map(|group| group.bytes).unwrap_or_default();
+                } else if let Some((compression, chunk)) = self.large_chunk(&reader)
+                    && filled.is_ok()
+                    && reader.point < end
+                {
                     let chunk_end = end.min(reader.point + u64::from(chunk.points));
                     let behind = reader.at + u64::from(chunk.bytes);
                     self.check_large(&mut reader, compression, chunk)?;
                     self.stream(&mut reader, compression, None, chunk_end, task, convert, sink)?;
                     (reader.at, reader.chunk) = (behind, reader.chunk + 1);
-                    continue;
+                } else {
+                    return filled;
                 }
-                self.fill(&mut group, &mut reader, end)?;
             }
-            // A group is decoded on the pool while, on this thread, the next one is read and the sink takes what
-            // came before. The sink comes last: it finds work for cores that have no more to decode.
-            let mut decoded = Ok(Vec::new());
-            let (sunk, filled) = rayon::in_place_scope(|scope| {
-                scope.spawn(|_| decoded = self.decode(&group, convert));
-                next.pieces.clear();
-                let is_more = reader.point < end && self.large_chunk(&reader).is_none();
-                let filled = if is_more { self.fill(&mut next, &mut reader, end) } else { Ok(()) };
-                let sunk = std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink);
-                (sunk, filled)
-            });
-            sunk?;
-            ready = decoded?;
-            filled?;
-            std::mem::swap(&mut group, &mut next);
-        }
-        ready.into_iter().try_for_each(sink)
+        })
     }
 
-    fn decode<T: Send>(
-        &self,
-        group: &Group,
-        convert: &Convert<'_, T>,
-    ) -> Result<Vec<T>, ScanError> {
-        let decode_piece = |piece: &Piece| {
-            let bytes = &group.bytes[piece.bytes.clone()];
-            match &self.compression {
-                None => Ok(vec![convert(bytes)?]),
-                Some(compression) => self.decode_chunk(compression, bytes, piece, convert),
+    /// Decodes a piece of a group.
+    fn decode<T: Send>(&self, group: &Group<T>, piece: usize, convert: &Convert<'_, T>) {
+        let _left = Left(group);
+        let Piece { bytes, .. } = &group.pieces[piece];
+        let bytes = &group.bytes[bytes.clone()];
+        let decoded = match &self.compression {
+            None => convert(bytes).map(|run| vec![run]),
+            Some(compression) => {
+                self.decode_chunk(compression, bytes, &group.pieces[piece], convert)
             }
         };
-        // Collected before errors are looked at: the first in the file's order is reported.
-        let decoded: Vec<_> = group.pieces.par_iter().map(decode_piece).collect();
-        let mut runs = Vec::with_capacity(decoded.len());
-        for piece in decoded {
-            runs.append(&mut piece?);
-        }
-        Ok(runs)
+        *lock(&group.decoded[piece]) = Some(decoded);
     }
 
     fn decode_chunk<T>(
@@ -264,9 +280,14 @@ impl Points {
         }
     }
 
-    /// Reads the next group: at least one chunk or run.
-    fn fill(&self, group: &mut Group, reader: &mut Reader, end: u64) -> Result<(), ScanError> {
-        group.pieces.clear();
+    /// Reads the next group: at least one chunk or run, into `buffer`.
+    fn fill<T>(
+        &self,
+        mut buffer: Vec<u8>,
+        reader: &mut Reader,
+        end: u64,
+    ) -> Result<Group<T>, ScanError> {
+        let mut pieces: Vec<Piece> = Vec::new();
         let (mut compressed, mut raw) = (0, 0);
         let group_bytes = match &self.compression {
             Some(_) => GROUP_BYTES,
@@ -290,33 +311,30 @@ impl Points {
             };
             (compressed, raw) = (compressed + bytes, raw + points * self.record_bytes);
             let is_large = self.large_chunk(reader).is_some();
-            let is_full = raw.max(compressed) > group_bytes || group.pieces.len() >= GROUP_PIECES;
-            if !group.pieces.is_empty() && (is_full || is_large) {
+            let is_full = raw.max(compressed) > group_bytes || pieces.len() >= GROUP_PIECES;
+            if !pieces.is_empty() && (is_full || is_large) {
                 compressed -= bytes;
                 break;
             }
             let bytes = compressed - bytes..compressed;
-            group.pieces.push(Piece { bytes, points, first_point: reader.point });
+            pieces.push(Piece { bytes, points, first_point: reader.point });
             reader.point += points as u64;
             reader.chunk += 1;
         }
-        // As many pieces for one core as for another: the slowest decides when the group is done.
-        let excess = group.pieces.len() % rayon::current_num_threads();
-        let kept = group.pieces.len() - excess;
-        if kept > 0 && excess > 0 {
-            reader.point = group.pieces[kept].first_point;
-            reader.chunk -= excess;
-            compressed = group.pieces[kept].bytes.start;
-            group.pieces.truncate(kept);
-        }
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
-        group.bytes.clear();
-        let read = (&reader.file).take(compressed as u64).read_to_end(&mut group.bytes);
+        buffer.clear();
+        let read = (&reader.file).take(compressed as u64).read_to_end(&mut buffer);
         if read.map_err(|e| self.io(e))? < compressed {
             return Err(self.damaged("the file was cut short while it was read".into()));
         }
         reader.at += compressed as u64;
-        Ok(())
+        Ok(Group {
+            bytes: buffer,
+            decoded: pieces.iter().map(|_| Mutex::new(None)).collect(),
+            left: Mutex::new(pieces.len()),
+            is_done: Condvar::new(),
+            pieces,
+        })
     }
 
     fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(
@@ -365,4 +383,40 @@ impl Points {
     fn damaged(&self, what: String) -> ScanError {
         ScanError::damaged(&self.path, what)
     }
+}
+
+impl<T> Group<T> {
+    /// What its pieces are decoded to, in order, or the first fault in the file's order. Helps meanwhile.
+    fn wait(&self) -> Result<Vec<T>, ScanError> {
+        while *lock(&self.left) > 0 {
+            if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                let left = lock(&self.left);
+                drop(self.is_done.wait_while(left, |left| *left > 0));
+            }
+        }
+        let mut runs = Vec::with_capacity(self.decoded.len());
+        for piece in &self.decoded {
+            if let Some(decoded) = lock(piece).take() {
+                runs.append(&mut decoded?);
+            }
+        }
+        Ok(runs)
+    }
+}
+
+/// A piece that is not decoded until this is dropped, also where decoding panics.
+struct Left<'a, T>(&'a Group<T>);
+
+impl<T> Drop for Left<'_, T> {
+    fn drop(&mut self) {
+        let mut left = lock(&self.0.left);
+        *left -= 1;
+        if *left == 0 {
+            self.0.is_done.notify_all();
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
