@@ -56,9 +56,11 @@ impl Rest {
     pub fn refill(&mut self, q: &[[i32; 3]], candidates: &[u32], log2: u32) {
         let blocks = candidates.len().div_ceil(LANES);
         self.q.clear();
+        self.q.reserve(blocks);
         self.nearest2.clear();
         self.nearest2.resize(blocks, Numbers([f32::INFINITY; LANES]));
         self.candidate.clear();
+        self.candidate.reserve(blocks * LANES);
         self.candidate.extend_from_slice(candidates);
         self.candidate.resize(blocks * LANES, NONE);
         self.tile_of.clear();
