@@ -6,10 +6,11 @@ use crate::counts::Counts;
 use crate::error::BuildError;
 use crate::finishing::Unfinished;
 use crate::levels::{Raiser, Step};
+use crate::memory::Peak;
 use crate::pending::{Below, Pending};
 use crate::row::Rows;
 use crate::scratch::Extent;
-use crate::store::Stored;
+use crate::store::{Store, Stored};
 use crate::tree::Context;
 use esker_points::Cell;
 use rayon::ThreadPool;
@@ -69,13 +70,7 @@ impl Raiser<'_> {
             // The pool looks at its own queue last, so threads finish nodes where nothing waits to be chosen from.
             pool.in_place_scope(|scope| {
                 let store = &mut *self.store;
-                scope.spawn(|_| {
-                    is_written = finished.into_iter().try_for_each(|chunk| {
-                        chunk.put(context, built, store.journal.is_live());
-                        peak.sample();
-                        store.write(std::mem::take(&mut built.outgoing))
-                    });
-                });
+                scope.spawn(|_| is_written = put(finished, context, store, built, peak));
                 for ((stored, above), slot) in behind.into_iter().zip(&mut loaded) {
                     let (rows, load) = (spare.pop().unwrap_or_default(), &load);
                     scope.spawn(move |_| *slot = Some(load(stored, rows, above)));
@@ -129,6 +124,25 @@ impl Raiser<'_> {
         }
         Ok(round)
     }
+}
+
+/// Puts chunks among what is built, and writes each while the cells above the next are chosen from.
+fn put(
+    chunks: Vec<Finished>,
+    context: &Context,
+    store: &mut Store,
+    built: &mut Built,
+    peak: &Peak,
+) -> Result<(), BuildError> {
+    let is_told = store.journal.is_live();
+    for chunk in chunks {
+        let before = std::mem::take(&mut built.outgoing);
+        let put = || chunk.put(context, built, is_told);
+        let ((), is_written) = rayon::join(put, || store.write(before));
+        is_written?;
+        peak.sample();
+    }
+    store.write(std::mem::take(&mut built.outgoing))
 }
 
 impl Finished {
