@@ -17,7 +17,6 @@ use crate::subtree::Subtree;
 use crate::tree::Context;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
-use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
 
 /// Octree levels by which a bucket that is too large is parted at a time.
 const PART_LEVELS: u8 = 3;
@@ -58,19 +57,6 @@ impl Raiser<'_> {
     /// # Errors
     /// Where scratch or the file fail, or on request.
     pub fn tree(&mut self, buckets: Vec<Bucket>) -> Result<Option<Subtree>, BuildError> {
-        let threads = rayon::current_num_threads();
-        let pool = ThreadPoolBuilder::new().num_threads(threads);
-        let pool = pool.thread_name(|i| format!("build-{i}"));
-        let tree = pool.build_scoped(ThreadBuilder::run, |pool| self.raise(pool, buckets));
-        let failed = |e| format!("cannot start {threads} threads ({e}): ask for fewer");
-        tree.map_err(|e| BuildError::Options(failed(e)))?
-    }
-
-    fn raise(
-        &mut self,
-        pool: &ThreadPool,
-        buckets: Vec<Bucket>,
-    ) -> Result<Option<Subtree>, BuildError> {
         let mut built = Built::default();
         built.page_offset = self.store.writer.offset();
         let mut steps = Vec::new();
@@ -84,7 +70,7 @@ impl Raiser<'_> {
                 Step::Chunk(buckets) => {
                     if !self.resume(&buckets, &mut built)? {
                         steps.push(Step::Chunk(buckets));
-                        self.chunks(pool, &mut steps, &mut built)?;
+                        self.chunks(&mut steps, &mut built)?;
                     }
                 }
                 Step::Part(bucket) => {

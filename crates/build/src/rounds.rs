@@ -13,7 +13,8 @@ use crate::scratch::Extent;
 use crate::store::{Store, Stored};
 use crate::tree::Context;
 use esker_points::Cell;
-use rayon::ThreadPool;
+use rayon::Scope;
+use std::thread;
 
 /// The cells above that wait for a chunk, and how many they are made of.
 type Above = Vec<(Cell, usize)>;
@@ -39,7 +40,6 @@ impl Raiser<'_> {
     /// Builds chunks, and the cells above that wait for them, until another step is on top.
     pub(crate) fn chunks(
         &mut self,
-        pool: &ThreadPool,
         steps: &mut Vec<Step>,
         built: &mut Built,
     ) -> Result<(), BuildError> {
@@ -67,23 +67,29 @@ impl Raiser<'_> {
             };
             let works: Vec<_> = chosen.iter_mut().map(work).collect();
             let mut is_written = Ok(());
-            // The pool looks at its own queue last, so threads finish nodes where nothing waits to be chosen from.
-            pool.in_place_scope(|scope| {
+            let is_spawned = rayon::scope(|scope| {
                 let store = &mut *self.store;
-                scope.spawn(|_| is_written = put(finished, context, store, built, peak));
-                for ((stored, above), slot) in behind.into_iter().zip(&mut loaded) {
-                    let (rows, load) = (spare.pop().unwrap_or_default(), &load);
-                    scope.spawn(move |_| *slot = Some(load(stored, rows, above)));
-                }
-                for (chunk, (unfinished, counts)) in chosen.iter().zip(&works) {
-                    let rows = Rows { bytes: &chunk.rows, stride };
-                    for i in 0..unfinished.len() {
-                        scope.spawn(move |_| unfinished.finish(i, context, &rows, counts, task));
+                let put = |_: &Scope<'_>| is_written = put(finished, context, store, built, peak);
+                spawn_last(scope, |scope| {
+                    scope.spawn(put);
+                    for ((stored, above), slot) in behind.into_iter().zip(&mut loaded) {
+                        let (rows, load) = (spare.pop().unwrap_or_default(), &load);
+                        scope.spawn(move |_| *slot = Some(load(stored, rows, above)));
                     }
-                }
+                    for (chunk, (unfinished, counts)) in chosen.iter().zip(&works) {
+                        let rows = Rows { bytes: &chunk.rows, stride };
+                        for i in 0..unfinished.len() {
+                            let finish = move |_: &Scope<'_>| {
+                                unfinished.finish(i, context, &rows, counts, task)
+                            };
+                            scope.spawn(finish);
+                        }
+                    }
+                })
             });
             self.store.borders = borders;
             peak.sample();
+            is_spawned?;
             is_written?;
             task.check()?;
             finished = Vec::with_capacity(chosen.len());
@@ -105,11 +111,15 @@ impl Raiser<'_> {
     /// The next chunks on top: as many as there are threads, while memory has room for them.
     fn round(&mut self, steps: &mut Vec<Step>) -> Result<Vec<(Stored, Above)>, BuildError> {
         let (mut round, mut rows) = (Vec::new(), 0);
-        while round.len() < rayon::current_num_threads()
+        // Each thread has a node or a sample in hand, which takes about as much as the rows of half a node in a chunk.
+        let threads = rayon::current_num_threads();
+        let in_hand = (threads * self.context.capacity / 2) as u64;
+        let rows_max = self.chunk_rows_max.1.saturating_sub(in_hand);
+        while round.len() < threads
             && let Some(buckets) = steps.pop_if(|step| match step {
                 Step::Chunk(buckets) => {
                     rows += buckets.iter().map(|b| b.rows).sum::<u64>();
-                    round.is_empty() || rows <= self.chunk_rows_max.1
+                    round.is_empty() || rows <= rows_max
                 }
                 _ => false,
             })
@@ -124,6 +134,23 @@ impl Raiser<'_> {
         }
         Ok(round)
     }
+}
+
+/// Spawns what the pool's threads take last, in this order: what a thread of the pool spawns stands in its own queue, what
+/// another spawns in the pool's, which they look at where no thread has anything to share. So nodes are finished where
+/// nothing waits to be chosen from.
+///
+/// # Errors
+/// Where the system has no thread to give; then nothing is spawned.
+fn spawn_last<'s>(
+    scope: &Scope<'s>,
+    spawn: impl FnOnce(&Scope<'s>) + Send,
+) -> Result<(), BuildError> {
+    let failed = |e| BuildError::Options(format!("cannot start a thread ({e}): ask for fewer"));
+    thread::scope(|threads| {
+        let spawning = thread::Builder::new().spawn_scoped(threads, || spawn(scope));
+        spawning.map(drop).map_err(failed)
+    })
 }
 
 /// Puts chunks among what is built, and writes each while the cells above the next are chosen from.

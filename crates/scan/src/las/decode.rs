@@ -20,14 +20,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Raw records of a run at most: bounds batches of files with very long records.
 const RUN_BYTES: usize = 4 << 20;
-/// Raw records of a group: enough chunks of the usual 50,000 points for a dozen cores.
-const GROUP_BYTES: usize = 16 << 20;
+/// Raw records of a group; two are under way, or as many as give each thread work while memory has room.
+const GROUP_BYTES: usize = 8 << 20;
 /// Chunks of a group at most: bounds what tiny chunks cost beside their points.
 const GROUP_PIECES: usize = 512;
 /// Pieces under way, for each thread, where a group and the next are fewer.
 const PIECES_A_THREAD: usize = 2;
+/// Raw records under way then are at most this part of the bytes that a chunk may have, which follow from the memory.
+const WINDOW_SHARE: u64 = 4;
 /// A chunk of more raw bytes than this is decoded in passing, on one core.
-const CHUNK_BYTES_MAX: usize = 2 * GROUP_BYTES;
+const CHUNK_BYTES_MAX: usize = 4 * GROUP_BYTES;
 const READ_BYTES: usize = 256 << 10;
 
 /// Where the points of a file are, and how they are stored.
@@ -105,12 +107,14 @@ impl Points {
             loop {
                 task.check()?;
                 let pieces_max = PIECES_A_THREAD * rayon::current_num_threads();
-                let pieces =
-                    |w: &VecDeque<Arc<Group<T>>>| w.iter().map(|g| g.pieces.len()).sum::<usize>();
-                while filled.is_ok()
+                let pieces: usize = window.iter().map(|group| group.pieces.len()).sum();
+                let points: usize = window.iter().map(|group| group.points()).sum();
+                let has_room =
+                    (points * self.record_bytes) as u64 <= self.chunk_bytes_max / WINDOW_SHARE;
+                if filled.is_ok()
                     && reader.point < end
                     && self.large_chunk(&reader).is_none()
-                    && (window.len() < 2 || pieces(&window) < pieces_max)
+                    && (window.len() < 2 || (pieces < pieces_max && has_room))
                 {
                     match self.fill(std::mem::take(&mut spare), &mut reader, end) {
                         Ok(group) => {
@@ -124,6 +128,7 @@ impl Points {
                         // What comes before it is taken first, or is at fault first.
                         Err(error) => filled = Err(error),
                     }
+                    continue;
                 }
                 std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
                 if let Some(group) = window.pop_front() {
@@ -292,7 +297,11 @@ impl Points {
         let group_bytes = match &self.compression {
             Some(_) => GROUP_BYTES,
             // What is only copied is still in a cache when it is.
-            None => rayon::current_num_threads() * self.run_points() * self.record_bytes,
+            None => {
+                let run = self.run_points() * self.record_bytes;
+                let room = (self.chunk_bytes_max / WINDOW_SHARE) as usize / 2;
+                (rayon::current_num_threads() * run).min(room).max(run)
+            }
         };
         while reader.point < end {
             let (points, bytes) = match self.compression.as_ref().and_then(|c| c.chunks.as_ref()) {
@@ -386,6 +395,10 @@ impl Points {
 }
 
 impl<T> Group<T> {
+    fn points(&self) -> usize {
+        self.pieces.iter().map(|piece| piece.points).sum()
+    }
+
     /// What its pieces are decoded to, in order, or the first fault in the file's order. Helps meanwhile.
     fn wait(&self) -> Result<Vec<T>, ScanError> {
         while *lock(&self.left) > 0 {
