@@ -116,7 +116,7 @@ impl Raiser<'_> {
         let in_hand = (threads * self.context.capacity / 2) as u64;
         let rows_max = self.chunk_rows_max.1.saturating_sub(in_hand);
         while round.len() < threads
-            && let Some(buckets) = steps.pop_if(|step| match step {
+            && let Some(step) = steps.pop_if(|step| match step {
                 Step::Chunk(buckets) => {
                     rows += buckets.iter().map(|b| b.rows).sum::<u64>();
                     round.is_empty() || rows <= rows_max
@@ -124,7 +124,7 @@ impl Raiser<'_> {
                 _ => false,
             })
         {
-            let Step::Chunk(buckets) = buckets else { continue };
+            let Step::Chunk(buckets) = step else { continue };
             let mut above = Vec::new();
             while let Some(&Step::Combine(cell, children)) = steps.last() {
                 steps.pop();

@@ -20,7 +20,7 @@ const SHAPES_BYTES: f64 = 48.0;
 pub struct Shares {
     /// Bytes of rows kept while inputs are read or a chunk is parted.
     pub buffer_bytes_max: u64,
-    /// Bytes for building a chunk while the next one is loaded; it has at least four nodes' points,
+    /// Bytes for building chunks while those behind are loaded; one has at least four nodes' points,
     /// whatever this says.
     pub chunk_bytes_max: u64,
 }

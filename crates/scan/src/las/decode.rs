@@ -153,15 +153,13 @@ impl Points {
     /// Decodes a piece of a group.
     fn decode<T: Send>(&self, group: &Group<T>, piece: usize, convert: &Convert<'_, T>) {
         let _left = Left(group);
-        let Piece { bytes, .. } = &group.pieces[piece];
-        let bytes = &group.bytes[bytes.clone()];
+        let (piece, slot) = (&group.pieces[piece], &group.decoded[piece]);
+        let bytes = &group.bytes[piece.bytes.clone()];
         let decoded = match &self.compression {
             None => convert(bytes).map(|run| vec![run]),
-            Some(compression) => {
-                self.decode_chunk(compression, bytes, &group.pieces[piece], convert)
-            }
+            Some(compression) => self.decode_chunk(compression, bytes, piece, convert),
         };
-        *lock(&group.decoded[piece]) = Some(decoded);
+        *lock(slot) = Some(decoded);
     }
 
     fn decode_chunk<T>(
