@@ -49,7 +49,7 @@ impl Raiser<'_> {
         let (mut chosen, mut finished) = (Vec::<Chosen>::new(), Vec::<Finished>::new());
         let mut spare: Vec<Vec<u8>> = Vec::new();
         loop {
-            let behind = self.round(steps)?;
+            let behind = self.round(steps, !chosen.is_empty())?;
             if behind.is_empty() && chosen.is_empty() && finished.is_empty() {
                 return Ok(());
             }
@@ -108,13 +108,23 @@ impl Raiser<'_> {
         }
     }
 
-    /// The next chunks on top: as many as there are threads, while memory has room for them.
-    fn round(&mut self, steps: &mut Vec<Step>) -> Result<Vec<(Stored, Above)>, BuildError> {
+    /// The next chunks on top: as many as there are threads, while memory has room for them; none beside others
+    /// whose nodes are finished where it has not even room for one.
+    fn round(
+        &mut self,
+        steps: &mut Vec<Step>,
+        is_beside: bool,
+    ) -> Result<Vec<(Stored, Above)>, BuildError> {
         let (mut round, mut rows) = (Vec::new(), 0);
-        // Each thread has a node or a sample in hand, which takes about as much as the rows of half a node in a chunk.
+        // Each thread has a node or a sample in hand, which takes about as much as the rows of half a node in a chunk;
+        // while nodes are finished and samples chosen, those of a whole one.
         let threads = rayon::current_num_threads();
         let in_hand = (threads * self.context.capacity / 2) as u64;
-        let rows_max = self.chunk_rows_max.1.saturating_sub(in_hand);
+        let (joined_max, single_max) = self.chunk_rows_max;
+        let rows_max = single_max.saturating_sub(in_hand);
+        if is_beside && rows_max.saturating_sub(in_hand) < joined_max {
+            return Ok(round);
+        }
         while round.len() < threads
             && let Some(step) = steps.pop_if(|step| match step {
                 Step::Chunk(buckets) => {
