@@ -125,15 +125,16 @@ impl Surface {
 }
 
 impl Solid {
-    /// Its surface as splats about so far apart.
-    pub fn splats(&self, spacing: f64) -> Vec<Splat> {
-        let mut splats = Vec::new();
+    /// Its surface as splats about so far apart, which are handed to `take` while that wants more.
+    pub fn for_each(&self, spacing: f64, take: &mut dyn FnMut(Splat) -> bool) {
+        let mut goes_on = true;
         for own in 0..self.surfaces.len() {
             self.surfaces[own].for_each(spacing, &mut |at| {
-                splats.extend(self.splat(own, at, spacing));
+                if goes_on && let Some(splat) = self.splat(own, at, spacing) {
+                    goes_on = take(splat);
+                }
             });
         }
-        splats
     }
 
     /// The splat of a surface at one of its places; `None` where the solid does not end there.
@@ -256,10 +257,19 @@ mod tests {
         (0..6).map(|k| wall(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect()
     }
 
+    fn splats(solid: &Solid, spacing: f64) -> Vec<Splat> {
+        let mut splats = Vec::new();
+        solid.for_each(spacing, &mut |splat| {
+            splats.push(splat);
+            true
+        });
+        splats
+    }
+
     #[test]
     fn a_cube_has_lines_on_its_edges_and_two_in_its_corners() {
         let cube = Solid { surfaces: walls(), is_inside: |inside| inside.iter().all(|i| *i) };
-        let splats = cube.splats(0.05);
+        let splats = splats(&cube, 0.05);
         assert_eq!(splats.len(), 6 * 20 * 20);
         for splat in &splats {
             // Every place of a line is on two faces; kept is the splat's own side.
@@ -290,7 +300,7 @@ mod tests {
         surfaces.push(Surface::HalfSpace([0.0, 1.0, 0.0], 0.0));
         let is_inside =
             |inside: &[bool]| inside[..6].iter().all(|i| *i) && (inside[6] || inside[7]);
-        let splats = Solid { surfaces, is_inside }.splats(0.05);
+        let splats = splats(&Solid { surfaces, is_inside }, 0.05);
         let top = splats.iter().filter(|s| s.normal == [0.0, 0.0, 1.0]);
         let mut corners = 0;
         for splat in top.filter(|s| s.at[0].abs().max(s.at[1].abs()) < 0.12) {
@@ -317,7 +327,8 @@ mod tests {
     fn lines_of_round_edges_touch_them() {
         // A ball with a hole: the edge is a circle.
         let surfaces = vec![Surface::Ball([0.0; 3], 0.8), Surface::Cylinder([0.0; 2], 0.3)];
-        let splats = Solid { surfaces, is_inside: |inside| inside[0] && !inside[1] }.splats(0.02);
+        let ball = Solid { surfaces, is_inside: |inside| inside[0] && !inside[1] };
+        let splats = splats(&ball, 0.02);
         let height = (0.64f64 - 0.09).sqrt();
         let lines: Vec<Line> = splats.iter().flat_map(|s| s.lines).flatten().collect();
         assert!(lines.len() > 500);

@@ -1,5 +1,5 @@
-//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. Small, so that all of a model
-//! is made when it is opened. What they are of is the file's unit; seeds mean nothing to them.
+//! Generated models: solids whose splats have normals, colours, and clip lines on their edges. What they are of is the
+//! file's unit; seeds mean nothing to them.
 
 use super::csg::{Solid, Splat, Surface};
 use super::draw::cos_sin;
@@ -81,7 +81,9 @@ fn csg() -> Solid {
 
 struct Model {
     info: SourceInfo,
-    splats: Vec<Splat>,
+    solid: Solid,
+    /// How far splats are apart; `None` where there is none.
+    spacing: Option<f64>,
 }
 
 /// Opens a model of about so many splats.
@@ -93,7 +95,9 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
         let what = format!("a generated model has at most {SPLATS_MAX} splats");
         return Err(ScanError::unsupported(path, what));
     }
-    let splats = if points == 0 { Vec::new() } else { splats(&(kind.make)(), points) };
+    let solid = (kind.make)();
+    let spacing = (points > 0).then(|| spacing(&solid, points));
+    let census = spacing.map_or_else(Census::default, |spacing| Census::of(&solid, spacing));
     let grid = Grid { scale: [STEP; 3], offset: [0.0; 3] };
     let info = SourceInfo {
         path: path.to_owned(),
@@ -102,10 +106,10 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
             name: path.display().to_string(),
             kind: GridKind::Integer,
             grid,
-            bounds: (!splats.is_empty()).then(|| bounds(&splats)),
+            bounds: census.bounds(),
         },
         schema: Arc::new(schema()),
-        points_hint: splats.len() as u64,
+        points_hint: census.splats,
         bytes: 0,
         colour_depth: None,
         crs: None,
@@ -113,32 +117,53 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
         verbatim: Vec::new(),
         notes: Vec::new(),
     };
-    Ok(Box::new(Model { info, splats }))
+    Ok(Box::new(Model { info, solid, spacing }))
 }
 
-/// Splats of a solid, as near to so many as a few tries at their distance come.
-fn splats(solid: &Solid, points: u64) -> Vec<Splat> {
+/// The distance at which a solid has as near to so many splats as a few tries come.
+fn spacing(solid: &Solid, points: u64) -> f64 {
     let mut spacing = (5.0 / points as f64).sqrt().min(0.5);
-    let mut best = solid.splats(spacing);
     for _ in 0..3 {
-        spacing *= (best.len().max(1) as f64 / points as f64).sqrt();
-        best = solid.splats(spacing.clamp(1e-4, 1.0));
+        let splats = Census::of(solid, spacing).splats;
+        spacing *= (splats.max(1) as f64 / points as f64).sqrt();
     }
-    best
+    spacing.clamp(1e-4, 1.0)
+}
+
+/// How many splats there are, and where.
+struct Census {
+    splats: u64,
+    low: [i32; 3],
+    high: [i32; 3],
+}
+
+impl Default for Census {
+    fn default() -> Self {
+        Self { splats: 0, low: [i32::MAX; 3], high: [i32::MIN; 3] }
+    }
+}
+
+impl Census {
+    fn of(solid: &Solid, spacing: f64) -> Self {
+        let mut census = Self::default();
+        solid.for_each(spacing, &mut |splat| {
+            let at = steps(splat.at);
+            census.splats += 1;
+            census.low = [0, 1, 2].map(|i| census.low[i].min(at[i]));
+            census.high = [0, 1, 2].map(|i| census.high[i].max(at[i]));
+            true
+        });
+        census
+    }
+
+    fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        let world = |corner: [i32; 3]| corner.map(|c| f64::from(c) * STEP);
+        (self.splats > 0).then(|| [world(self.low), world(self.high)])
+    }
 }
 
 fn steps(at: [f64; 3]) -> [i32; 3] {
     at.map(|c| (c / STEP).round() as i32)
-}
-
-fn bounds(splats: &[Splat]) -> [[f64; 3]; 2] {
-    let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
-    for splat in splats {
-        let at = steps(splat.at);
-        low = [0, 1, 2].map(|i| low[i].min(at[i]));
-        high = [0, 1, 2].map(|i| high[i].max(at[i]));
-    }
-    [low, high].map(|corner| corner.map(|c| f64::from(c) * STEP))
 }
 
 fn schema() -> Schema {
@@ -189,27 +214,54 @@ impl Source for Model {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
-        for splats in self.splats.chunks(BATCH_POINTS) {
+        let (mut splats, mut is_read) = (Vec::with_capacity(BATCH_POINTS), Ok(()));
+        let mut give = |splats: &mut Vec<Splat>| {
             task.check()?;
-            let mut batch = Batch::with_capacity(Arc::clone(&self.info.schema), splats.len());
-            for splat in splats {
-                let (at, grid) = (steps(splat.at), &self.info.grid.grid);
-                let placed = placement.integer(at, grid, &mut report.rounding_error_max);
-                batch.positions.push(placed.map_err(|off| ScanError::OffLattice {
-                    path: self.info.path.clone(),
-                    world: off.world,
-                })?);
-            }
-            for (attribute, column) in self.info.schema.attributes.iter().zip(&mut batch.columns) {
-                splats.iter().for_each(|s| column.extend(s.value(&attribute.name)));
-            }
-            report.points += batch.len() as u64;
-            sink(batch)?;
+            report.points += splats.len() as u64;
+            let batch = self.batch(splats, placement, &mut report.rounding_error_max)?;
+            splats.clear();
+            sink(batch)
+        };
+        if let Some(spacing) = self.spacing {
+            self.solid.for_each(spacing, &mut |splat| {
+                splats.push(splat);
+                if splats.len() == BATCH_POINTS {
+                    is_read = give(&mut splats);
+                }
+                is_read.is_ok()
+            });
+        }
+        is_read?;
+        if !splats.is_empty() {
+            give(&mut splats)?;
         }
         Ok(report)
     }
 
     fn survey(&self, _: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
-        Ok((!self.splats.is_empty()).then(|| bounds(&self.splats)))
+        Ok(self.info.grid.bounds)
+    }
+}
+
+impl Model {
+    fn batch(
+        &self,
+        splats: &[Splat],
+        placement: &Placement,
+        rounding_error_max: &mut f64,
+    ) -> Result<Batch, ScanError> {
+        let mut batch = Batch::with_capacity(Arc::clone(&self.info.schema), splats.len());
+        for splat in splats {
+            let placed =
+                placement.integer(steps(splat.at), &self.info.grid.grid, rounding_error_max);
+            batch.positions.push(placed.map_err(|off| ScanError::OffLattice {
+                path: self.info.path.clone(),
+                world: off.world,
+            })?);
+        }
+        for (attribute, column) in self.info.schema.attributes.iter().zip(&mut batch.columns) {
+            splats.iter().for_each(|s| column.extend(s.value(&attribute.name)));
+        }
+        Ok(batch)
     }
 }
