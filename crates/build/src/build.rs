@@ -25,6 +25,7 @@ use esker_format::{
 use esker_points::palette::Misfit;
 use esker_points::{ColourDepth, MultisetHash, Task};
 use esker_scan::{OpenOptions, Source};
+use rayon::ThreadBuilder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +33,14 @@ use std::path::{Path, PathBuf};
 pub const CAPACITY_RANGE: std::ops::RangeInclusive<u32> = 64..=1 << 17;
 /// The least memory a build works with, in bytes.
 pub const MEMORY_BYTES_MIN: u64 = 256 << 20;
+/// A build has memory for the points of so many nodes, those of a chunk and the samples of cells that wait for others;
+/// or for so many copies of all.
+const NODES_MIN: u64 = 80;
+const COPIES: u64 = 6;
+/// Memory that a build takes whatever works on it, and for each thread: nodes or samples in hand, and what the allocator
+/// keeps for it.
+const BASE_BYTES: u64 = 128 << 20;
+const THREAD_BYTES: u64 = 56 << 20;
 
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
@@ -132,7 +141,7 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// Builds `out` from `inputs`, in the current rayon pool. Nothing is left under the final name where it
+/// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads where memory is scarce. Nothing is left under the final name where it
 /// fails.
 ///
 /// # Errors
@@ -163,10 +172,21 @@ pub fn build_sources(
     task: &dyn Task,
 ) -> Result<Report, BuildError> {
     if options.memory_bytes < MEMORY_BYTES_MIN {
-        let least = MEMORY_BYTES_MIN >> 20;
-        return Err(BuildError::Options(format!("--memory must be at least {least} MiB")));
+        return Err(too_little_memory(MEMORY_BYTES_MIN, ""));
     }
-    build_shared(sources, out, options, Shares::of(options.memory_bytes), task)
+    let build = || build_shared(sources, out, options, Shares::of(options.memory_bytes), task);
+    let threads_max = ((options.memory_bytes - BASE_BYTES) / THREAD_BYTES) as usize;
+    if rayon::current_num_threads() <= threads_max {
+        return build();
+    }
+    task.note(&format!(
+        "{threads_max} threads work: more need more --memory, {} MiB each",
+        THREAD_BYTES >> 20
+    ));
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads_max);
+    threads
+        .build_scoped(ThreadBuilder::run, |pool| pool.install(build))
+        .map_err(BuildError::no_thread)?
 }
 
 /// As [`build_sources`], with the memory shared out as told, also less than any machine has: so the ways
@@ -212,6 +232,11 @@ pub fn build_shared(
     }
 }
 
+fn too_little_memory(least: u64, why: &str) -> BuildError {
+    let least = least.div_ceil(1 << 20);
+    BuildError::Options(format!("--memory must be at least {least} MiB{why}"))
+}
+
 fn build_into(
     store: &mut Store,
     sources: Vec<Box<dyn Source>>,
@@ -229,8 +254,15 @@ fn build_into(
     intake.finds_shapes = options.tangents;
     intake.lattice = options.onto.lattice;
     if !store.journal.is_resumed() {
-        let needs = Needs::of(&intake, &intake.plan()?, shares.buffer_bytes_max);
-        needs.check(folder, out, free_bytes)?;
+        let plan = intake.plan()?;
+        let rows = u64::from(options.node_capacity) * NODES_MIN;
+        let rows = intake.points_likely().saturating_mul(COPIES).min(rows);
+        let least = rows * plan.row_bytes() as u64;
+        if options.memory_bytes < least {
+            let why = format!(" for points of {} bytes each", plan.row_bytes());
+            return Err(too_little_memory(least, &why));
+        }
+        Needs::of(&intake, &plan, shares.buffer_bytes_max).check(folder, out, free_bytes)?;
     }
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) =

@@ -73,6 +73,11 @@ impl BuildError {
         Self::Scratch { path: path.to_owned(), phase, source }
     }
 
+    /// The system has no thread to give.
+    pub(crate) fn no_thread(why: impl std::fmt::Display) -> Self {
+        Self::Options(format!("cannot start a thread ({why}): ask for fewer"))
+    }
+
     /// Whether what is done is of use to a build that goes on, once what is in its way is gone.
     pub(crate) fn is_passing(&self) -> bool {
         match self {

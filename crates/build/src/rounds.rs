@@ -116,13 +116,12 @@ impl Raiser<'_> {
         is_beside: bool,
     ) -> Result<Vec<(Stored, Above)>, BuildError> {
         let (mut round, mut rows) = (Vec::new(), 0);
-        // Each thread has a node or a sample in hand, which takes about as much as the rows of half a node in a chunk;
-        // while nodes are finished and samples chosen, those of a whole one.
+        // Each thread has a node or a sample in hand, which takes about as much as the rows of a node in a chunk.
         let threads = rayon::current_num_threads();
-        let in_hand = (threads * self.context.capacity / 2) as u64;
+        let in_hand = (threads * self.context.capacity) as u64;
         let (joined_max, single_max) = self.chunk_rows_max;
         let rows_max = single_max.saturating_sub(in_hand);
-        if is_beside && rows_max.saturating_sub(in_hand) < joined_max {
+        if is_beside && rows_max < joined_max {
             return Ok(round);
         }
         while round.len() < threads
@@ -156,10 +155,9 @@ fn spawn_last<'s>(
     scope: &Scope<'s>,
     spawn: impl FnOnce(&Scope<'s>) + Send,
 ) -> Result<(), BuildError> {
-    let failed = |e| BuildError::Options(format!("cannot start a thread ({e}): ask for fewer"));
     thread::scope(|threads| {
         let spawning = thread::Builder::new().spawn_scoped(threads, || spawn(scope));
-        spawning.map(drop).map_err(failed)
+        spawning.map(drop).map_err(BuildError::no_thread)
     })
 }
 

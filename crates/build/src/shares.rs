@@ -2,6 +2,7 @@
 
 use crate::build::Options;
 use crate::normals::NormalsMode;
+use crate::tree::LEAF_NODES;
 
 /// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
 const CHUNK_NODES: u64 = 24;
@@ -20,7 +21,7 @@ const SHAPES_BYTES: f64 = 48.0;
 pub struct Shares {
     /// Bytes of rows kept while inputs are read or a chunk is parted.
     pub buffer_bytes_max: u64,
-    /// Bytes for building chunks while those behind are loaded; one has at least four nodes' points,
+    /// Bytes for building chunks while those behind are loaded; one has at least a leaf's points,
     /// whatever this says.
     pub chunk_bytes_max: u64,
 }
@@ -29,7 +30,7 @@ impl Shares {
     /// Of this much memory; what is left is for batches, held roots and pages on their way.
     pub fn of(memory_bytes: u64) -> Self {
         let part = |share: f64| (memory_bytes as f64 * share) as u64;
-        Self { buffer_bytes_max: part(0.35), chunk_bytes_max: part(0.45) }
+        Self { buffer_bytes_max: part(0.3), chunk_bytes_max: part(0.45) }
     }
 
     /// Rows of a chunk of several buckets, and of all chunks that are built at once, or of one bucket alone. Their sorted
@@ -38,8 +39,10 @@ impl Shares {
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
         let rows = self.rows_of(4.2, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;
-        let rows = rows.clamp(nodes(4), (1 << 32) - 1);
-        let joined = (rows / 2).max(nodes(4));
+        // A cell that is not split is not cut either.
+        let least = nodes(LEAF_NODES as u64);
+        let rows = rows.clamp(least, (1 << 32) - 1);
+        let joined = (rows / 2).max(least);
         (joined.min(nodes(CHUNK_NODES).max(CHUNK_ROWS)), rows)
     }
 

@@ -27,7 +27,7 @@ const RADIUS_SPACINGS_MAX: f64 = 8.0;
 /// at most this part of what a node holds, so that it stays an even sample.
 const GIVEN: usize = 16;
 /// A cell is not split before it has so many nodes' points.
-const LEAF_NODES: usize = 2;
+pub const LEAF_NODES: usize = 2;
 
 /// What every step of the building knows.
 pub struct Context {

@@ -5,7 +5,7 @@ mod cloud;
 mod given;
 
 use cloud::{below, random};
-use esker_build::{Options, build_sources};
+use esker_build::{Options, build, build_sources};
 use esker_points::AttrType;
 use esker_points::task::Silent;
 use given::{Given, given, whole};
@@ -126,6 +126,18 @@ fn scales_that_no_length_has() {
         assert!(error.starts_with("cloud: coordinates in steps of 1e"), "{error}");
         assert!(given::names_in(folder.path()).is_empty());
     }
+}
+
+#[test]
+fn many_wide_points_for_which_little_memory_has_no_room_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    let options = Options { memory_bytes: 256 << 20, ..Default::default() };
+    let built = |cube: &str| build(&[cube.into()], &out, &options, &Silent);
+    let error = built("synthetic:cube:1M").unwrap_err().to_string();
+    assert_eq!(error, "--memory must be at least 620 MiB for points of 124 bytes each");
+    assert!(given::names_in(folder.path()).is_empty());
+    assert!(built("synthetic:cube:10k").is_ok());
 }
 
 #[test]

@@ -32,5 +32,7 @@ fn ten_million_coincident_points_and_millions_of_scattered_ones_keep_to_the_boun
     assert_eq!(nodes, n.div_ceil(1 << 16));
     let scattered =
         |i| [below(2 * i, u32::MAX >> 1), below(2 * i + 1, u32::MAX >> 1), below(i, 90)];
-    bounded(|| cloud("scattered", 0.001, 4_500_000, scattered), 4_500_000);
+    // With more threads than so little memory has room for: fewer work.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().unwrap();
+    pool.install(|| bounded(|| cloud("scattered", 0.001, 4_500_000, scattered), 4_500_000));
 }
