@@ -141,8 +141,8 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads where memory is scarce. Nothing is left under the final name where it
-/// fails.
+/// Builds `out` from `inputs`, in the current rayon pool, or in one of fewer threads where memory is scarce. Nothing is left
+/// under the final name where it fails.
 ///
 /// # Errors
 /// Where an input is damaged, space runs out, or on request.
@@ -259,7 +259,8 @@ fn build_into(
         let rows = intake.points_likely().saturating_mul(COPIES).min(rows);
         let least = rows * plan.row_bytes() as u64;
         if options.memory_bytes < least {
-            let why = format!(" for points of {} bytes each", plan.row_bytes());
+            let (points, bytes) = (options.node_capacity, plan.row_bytes());
+            let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
         Needs::of(&intake, &plan, shares.buffer_bytes_max).check(folder, out, free_bytes)?;

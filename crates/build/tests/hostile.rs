@@ -135,7 +135,10 @@ fn many_wide_points_for_which_little_memory_has_no_room_are_refused() {
     let options = Options { memory_bytes: 256 << 20, ..Default::default() };
     let built = |cube: &str| build(&[cube.into()], &out, &options, &Silent);
     let error = built("synthetic:cube:1M").unwrap_err().to_string();
-    assert_eq!(error, "--memory must be at least 620 MiB for points of 124 bytes each");
+    assert_eq!(
+        error,
+        "--memory must be at least 620 MiB for nodes of 65536 points of 124 bytes each"
+    );
     assert!(given::names_in(folder.path()).is_empty());
     assert!(built("synthetic:cube:10k").is_ok());
 }

@@ -123,11 +123,12 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
 /// The distance at which a solid has as near to so many splats as a few tries come.
 fn spacing(solid: &Solid, points: u64) -> f64 {
     let mut spacing = (5.0 / points as f64).sqrt().min(0.5);
+    let drawn = |spacing: f64| spacing.clamp(1e-4, 1.0);
     for _ in 0..3 {
-        let splats = Census::of(solid, spacing).splats;
+        let splats = Census::of(solid, drawn(spacing)).splats;
         spacing *= (splats.max(1) as f64 / points as f64).sqrt();
     }
-    spacing.clamp(1e-4, 1.0)
+    drawn(spacing)
 }
 
 /// How many splats there are, and where.
