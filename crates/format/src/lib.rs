@@ -22,6 +22,7 @@ mod points;
 pub mod read_at;
 pub mod reader;
 mod sections;
+mod sequential;
 pub mod shown;
 pub mod statistics;
 pub mod table;

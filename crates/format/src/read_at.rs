@@ -26,13 +26,15 @@ pub struct FileSource(pub File);
 
 impl ReadAt for FileSource {
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
-        system::read_exact_at(&self.0, buf, offset)
+        read_exact_at(&self.0, buf, offset)
     }
 
     fn bytes(&self) -> io::Result<u64> {
         Ok(self.0.metadata()?.len())
     }
 }
+
+pub(crate) use system::read_exact_at;
 
 /// A file in memory.
 impl ReadAt for Vec<u8> {

@@ -6,12 +6,14 @@ use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, header};
 use crate::layout::ALIGNMENT;
 use crate::metadata::Metadata;
+use crate::read_at::read_exact_at;
+use crate::sequential::Sequential;
 use crate::statistics::Statistics;
 use crate::table;
 use esker_points::{MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, BufWriter, Read, Seek, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -28,8 +30,7 @@ pub struct FileWriter {
     path: PathBuf,
     partial: PathBuf,
     /// `None` once finished.
-    out: Option<BufWriter<File>>,
-    offset: u64,
+    out: Option<Sequential>,
     /// What is being brought to the disk, and what lay before its end.
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
@@ -81,6 +82,28 @@ fn stands_at(_file: &File, _path: &Path) -> bool {
     true
 }
 
+/// Goes on behind bytes that have this CRC-32; whether they have.
+fn skip(out: &mut Sequential, bytes: u64, crc: u32) -> io::Result<bool> {
+    out.flush()?;
+    let (mut at, end) = (out.offset(), out.offset().saturating_add(bytes));
+    if out.file().metadata()?.len() < end {
+        return Ok(false);
+    }
+    let mut hasher = crc32fast::Hasher::new();
+    let mut buffer = vec![0; BUFFER_BYTES];
+    while at < end {
+        let part = buffer.len().min(usize::try_from(end - at).unwrap_or(usize::MAX));
+        read_exact_at(out.file(), &mut buffer[..part], at)?;
+        hasher.update(&buffer[..part]);
+        at += part as u64;
+    }
+    let is_there = hasher.finalize() == crc;
+    if is_there {
+        out.seek(end)?;
+    }
+    Ok(is_there)
+}
+
 /// What a file is called until it is finished.
 fn partial_name(name: &OsStr) -> OsString {
     let mut hidden = OsString::from(".");
@@ -97,7 +120,7 @@ impl FileWriter {
     pub fn create(path: &Path) -> Result<Self, FormatError> {
         let writer = Self::resume(path)?;
         if let Some(out) = &writer.out {
-            out.get_ref().set_len(0).map_err(io_error(path, "write it"))?;
+            out.file().set_len(0).map_err(io_error(path, "write it"))?;
         }
         Ok(writer)
     }
@@ -122,9 +145,9 @@ impl FileWriter {
             });
         }
         let file = open_alone(&partial).map_err(io_error(path, "write it"))?;
-        let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
+        let out = Some(Sequential::new(file, &partial).map_err(io_error(path, "write it"))?);
         let (path, syncing) = (path.into(), None);
-        let mut writer = Self { path, partial, out, offset: 0, syncing, synced: 0, is_kept: false };
+        let mut writer = Self { path, partial, out, syncing, synced: 0, is_kept: false };
         writer.write(&header())?;
         Ok(writer)
     }
@@ -145,31 +168,8 @@ impl FileWriter {
     /// # Errors
     /// Where the disk fails.
     pub fn skip(&mut self, bytes: u64, crc: u32) -> Result<bool, FormatError> {
-        self.flush()?;
         let Some(out) = &mut self.out else { return Ok(false) };
-        let (mut left, mut hasher) = (bytes, crc32fast::Hasher::new());
-        let mut buffer = vec![0; BUFFER_BYTES];
-        let file = out.get_mut();
-        let failed = io_error(&self.partial, "read it");
-        while left > 0 {
-            let part = buffer.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-            let read = match file.read(&mut buffer[..part]) {
-                Ok(n) => n,
-                Err(e) => return Err(failed(e)),
-            };
-            if read == 0 {
-                break;
-            }
-            hasher.update(&buffer[..read]);
-            left -= read as u64;
-        }
-        let is_there = left == 0 && hasher.finalize() == crc;
-        if is_there {
-            self.offset += bytes;
-        } else {
-            file.seek(io::SeekFrom::Start(self.offset)).map_err(failed)?;
-        }
-        Ok(is_there)
+        skip(out, bytes, crc).map_err(io_error(&self.partial, "read it"))
     }
 
     /// Hands what is buffered to the system.
@@ -185,8 +185,7 @@ impl FileWriter {
         if let Some(out) = &mut self.out {
             out.write_all(bytes).map_err(io_error(&self.path, "write it"))?;
         }
-        self.offset += bytes.len() as u64;
-        if self.offset - self.synced >= SYNC_BYTES {
+        if self.offset() - self.synced >= SYNC_BYTES {
             self.begin_sync()?;
         }
         Ok(())
@@ -198,8 +197,8 @@ impl FileWriter {
             return Ok(());
         }
         self.end_sync()?;
-        self.synced = self.offset;
-        let Some(Ok(file)) = self.out.as_ref().map(|out| out.get_ref().try_clone()) else {
+        self.synced = self.offset();
+        let Some(Ok(file)) = self.out.as_ref().map(|out| out.file().try_clone()) else {
             return Ok(());
         };
         let thread = thread::Builder::new().name("esker-sync".into()).stack_size(SYNC_STACK_BYTES);
@@ -216,7 +215,7 @@ impl FileWriter {
 
     /// Where the next page will stand.
     pub fn offset(&self) -> u64 {
-        self.offset
+        self.out.as_ref().map_or(0, Sequential::offset)
     }
 
     /// Appends a page of [`crate::encode_page`]; its place in the file.
@@ -231,13 +230,13 @@ impl FileWriter {
             );
             return Err(FormatError::Unwritable { path: self.path.clone(), fault });
         }
-        let offset = self.offset;
+        let offset = self.offset();
         self.write(page)?;
         Ok(offset)
     }
 
     fn section(&mut self, bytes: &[u8]) -> Result<Section, FormatError> {
-        let offset = self.offset;
+        let offset = self.offset();
         self.write(bytes)?;
         Ok(Section { offset, bytes: bytes.len() as u64, crc: crc32fast::hash(bytes) })
     }
@@ -257,8 +256,8 @@ impl FileWriter {
         let path = self.path.clone();
         let unwritable = |fault: Fault| fault.unwritable(&path);
         let (json, verbatim) = metadata.encode().map_err(unwritable)?;
-        table::check(table, &metadata.layout(), self.offset, points).map_err(unwritable)?;
-        table::check_pages_fill(table, self.offset).map_err(unwritable)?;
+        table::check(table, &metadata.layout(), self.offset(), points).map_err(unwritable)?;
+        table::check_pages_fill(table, self.offset()).map_err(unwritable)?;
         statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
         metadata.check_classes(points).map_err(unwritable)?;
         let mut footer = Footer {
@@ -273,7 +272,7 @@ impl FileWriter {
             verbatim: self.section(&verbatim)?,
             file_bytes: 0,
         };
-        footer.file_bytes = self.offset + FOOTER_BYTES as u64;
+        footer.file_bytes = self.offset() + FOOTER_BYTES as u64;
         self.write(&footer.encode())?;
         self.commit()?;
         Ok(footer.file_bytes)
@@ -281,13 +280,13 @@ impl FileWriter {
 
     /// To the disk, then under the final name. Nobody else has the file before it has that.
     fn commit(&mut self) -> Result<(), FormatError> {
-        debug_assert!(self.offset >= (HEADER_BYTES + FOOTER_BYTES) as u64);
+        debug_assert!(self.offset() >= (HEADER_BYTES + FOOTER_BYTES) as u64);
         self.flush()?;
         self.end_sync()?;
         let Some(out) = &self.out else { return Ok(()) };
-        let file = out.get_ref();
-        file.set_len(self.offset)
-            .and_then(|()| file.sync_all())
+        out.file()
+            .set_len(out.offset())
+            .and_then(|()| out.file().sync_all())
             .and_then(|()| fs::rename(&self.partial, &self.path))
             .map_err(io_error(&self.path, "write it"))?;
         self.out = None;
@@ -299,12 +298,10 @@ impl Drop for FileWriter {
     fn drop(&mut self) {
         let Some(out) = self.out.take() else { return };
         let _ = self.end_sync();
-        // Without flushing: what is buffered is of no use.
-        let (file, _) = out.into_parts();
         if !self.is_kept {
             // While it is locked, so that it is no other writer's.
             let _ = fs::remove_file(&self.partial);
         }
-        drop(file);
+        drop(out);
     }
 }
