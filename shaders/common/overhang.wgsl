@@ -40,8 +40,3 @@ fn sticks_out(pixel: u32, line: u32) -> bool {
     let displaced = front[pixel].zw;
     return dot(displaced, displaced) > reach * reach;
 }
-
-// Depth beyond which there is another surface than that of a pixel at `depth` which shows `shown`.
-fn limit(depth: f32, shown: u32) -> f32 {
-    return depth * (1.0 + tint[shown].w * (1.0 / frame.focal_px));
-}

@@ -3,6 +3,7 @@
 
 // include common/frame.wgsl
 // include common/marks.wgsl
+// include common/limit.wgsl
 // include common/overhang.wgsl
 // include common/turns.wgsl
 

@@ -3,6 +3,7 @@
 // one colour. Twin: `Waves::inwards` in crates/render/src/trim.rs.
 
 // include common/frame.wgsl
+// include common/limit.wgsl
 // include common/overhang.wgsl
 // include common/turns.wgsl
 

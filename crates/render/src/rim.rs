@@ -174,6 +174,14 @@ impl Grid {
         ]
     }
 
+    /// The eight pixels around one that is not at the border.
+    pub fn around(self, pixel: usize) -> Option<[usize; 8]> {
+        let Place { x, y, .. } = self.place(pixel);
+        let is_inside = x > 0 && y > 0 && x + 1 < self.width && y + 1 < self.height;
+        let (up, down) = (pixel.wrapping_sub(self.width), pixel + self.width);
+        is_inside.then(|| [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1])
+    }
+
     fn place(self, index: usize) -> Place {
         Place { index, x: index % self.width, y: index / self.width }
     }

@@ -11,6 +11,9 @@
 //! are beyond the samples. What sticks out of a line is cut to its samples, by the displacement across it alone: along
 //! it a pixel may lie far from them.
 //!
+//! Where two samples lie far apart, the pixels halfway between them have their mean in the middle: of what spans such a gap a
+//! pixel here and there would stay, and float in front of what is behind. So a pixel that is left alone goes too.
+//!
 //! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a chessboard a
 //! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
 //! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
@@ -25,6 +28,10 @@ const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
 /// only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
+/// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many pixels: a
+/// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it.
+const ALONE: usize = 7;
+const ALONE_RADIUS_PX: f32 = 3.0;
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`]. Returns the pixels that changed and those beside them, each once.
@@ -55,6 +62,7 @@ pub(crate) fn trim_with(
             break;
         }
     }
+    waves.write(waves.left_alone(&gone), &mut gone);
     let sources: Vec<_> = gone.par_iter().map(|&p| waves.shown(p)).collect();
     let beside = waves.beside(&gone);
     *scratch = waves.source;
@@ -148,11 +156,30 @@ impl Waves<'_> {
         if behind <= limit || wave > radius as u32 || !sticks_out(self.base, shown, line) {
             return false;
         }
+        self.farthest(pixel) == Some(after)
+    }
+
+    /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first in the order left, right,
+    /// above, below.
+    fn farthest(&self, pixel: usize) -> Option<usize> {
         let beside = self.grid().beside(pixel).into_iter().flatten();
-        let farthest = beside
-            .filter(|&p| self.source[p] > 0)
-            .reduce(|far, p| if self.depth[p] > self.depth[far] { p } else { far });
-        farthest == Some(after)
+        let went = beside.filter(|&p| self.source[p] > 0);
+        went.reduce(|far, p| if self.depth[p] > self.depth[far] { p } else { far })
+    }
+
+    /// The pixels that are left alone beside those that went; none beside what went from a line.
+    fn left_alone(&self, gone: &[usize]) -> Vec<Step> {
+        let alone = self.beside(gone).into_par_iter().with_min_len(1024).filter_map(|pixel| {
+            let (picture, around) = (self.picture(), self.grid().around(pixel)?);
+            let limit = picture.limit(pixel, pixel);
+            let is_behind = |p: &usize| self.depth[*p] > limit;
+            let is_alone = self.base.tint[pixel].w >= ALONE_RADIUS_PX
+                && around.iter().filter(|p| is_behind(p)).count() >= ALONE
+                && around.into_iter().all(|p| self.source[p] <= PIXEL_MASK);
+            let after = self.farthest(pixel).filter(|_| is_alone)?;
+            is_behind(&after).then(|| self.step(pixel, after, 0))
+        });
+        alone.collect()
     }
 
     /// The pixels that stay beside those that went, each once.
@@ -242,13 +269,13 @@ mod tests {
         (pyramid, depth)
     }
 
-    /// The rule, pixel by pixel: what each shows, and where it went.
+    /// The rule, pixel by pixel: what each shows, and where it went; and how many were left alone.
     fn reference(
         base: &Level,
         depth: &mut [f32],
         edges: &[usize],
         order: &[usize],
-    ) -> Vec<Option<usize>> {
+    ) -> (Vec<Option<usize>>, usize) {
         let before = &depth.to_vec();
         let rim = Rims { base, per_focal: 1.0 / FOCAL_PX, depth: before };
         let mut source = vec![None; depth.len()];
@@ -287,12 +314,35 @@ mod tests {
                 depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
             }
         }
-        source
+        let (went, shown, mut left) = (source.clone(), depth.to_vec(), 0);
+        for (x, y) in (1..HEIGHT - 1).flat_map(|y| (1..WIDTH - 1).map(move |x| (x, y))) {
+            let pixel = y * WIDTH + x;
+            let limit = depth[pixel] * (1.0 + base.tint[pixel].w * (1.0 / FOCAL_PX));
+            let at = |dx: isize, dy: isize| pixel.wrapping_add_signed(dx + dy * WIDTH as isize);
+            let around = || (0..9).filter(|&i| i != 4).map(|i| at(i % 3 - 1, i / 3 - 1));
+            let is_alone = around().filter(|&p| shown[p] > limit).count() >= 7
+                && around().all(|p| lines[p] == 0)
+                && base.tint[pixel].w >= 3.0;
+            let mut after: Option<usize> = None;
+            for next in [at(-1, 0), at(1, 0), at(0, -1), at(0, 1)] {
+                if went[next].is_some() && after.is_none_or(|a| shown[next] > shown[a]) {
+                    after = Some(next);
+                }
+            }
+            let Some(after) =
+                after.filter(|&a| went[pixel].is_none() && is_alone && shown[a] > limit)
+            else {
+                continue;
+            };
+            (source[pixel], depth[pixel]) = (went[after], shown[after]);
+            left += 1;
+        }
+        (source, left)
     }
 
     #[test]
     fn what_goes_is_what_the_rule_says_of_each_pixel_in_whatever_order_they_are_asked() {
-        let mut went_twice = 0;
+        let (mut went_twice, mut went_alone) = (0, 0);
         for (seed, has_normals) in (1..40).flat_map(|seed| [(seed, false), (seed, true)]) {
             let (mut pyramid, mut depth) = layers(seed * 0x9E37_79B9_7F4A_7C15, has_normals);
             let (base, untouched) = (&mut pyramid.levels[0], depth.clone());
@@ -302,6 +352,8 @@ mod tests {
             let [expected, other] = [forwards, backwards]
                 .map(|order| reference(base, &mut untouched.clone(), &edges, &order));
             assert_eq!(expected, other);
+            let (expected, left) = expected;
+            went_alone += left;
             let before = base.clone();
             let mut touched = trim(base, &mut depth, &edges, FOCAL_PX);
             for (pixel, source) in expected.iter().enumerate() {
@@ -322,5 +374,6 @@ mod tests {
             assert!(expected.iter().flatten().count() > 300, "seed {seed}");
         }
         assert!(went_twice > 100, "sources that went themselves: {went_twice}");
+        assert!(went_alone > 100, "pixels left alone: {went_alone}");
     }
 }

@@ -1,5 +1,5 @@
-//! Trim on the GPU ([`crate::trim`] is the twin): the rims, waves inwards from them in turns, and the depth image
-//! that they leave. Only the tiles of the picture that waves can reach are worked on. Attributes stay where they are: a plane of sources says whose each pixel shows.
+//! Trim on the GPU ([`crate::trim`] is the twin): the rims, waves inwards from them in turns, pixels left alone, and the
+//! depth image that they leave. Only the tiles of the picture that waves can reach are worked on. Attributes stay where they are: a plane of sources says whose each pixel shows.
 
 use super::device::{Counted, Gpu};
 use super::dispatch::{Dispatch, Groups, fixed_uniform};
@@ -85,8 +85,8 @@ impl Trim {
     pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
         let base = target.base();
         let &Target { depth, marks, sources, spare, turns, .. } = target;
-        let start = [&turns.turns, &turns.groups, &turns.gone, spare];
-        let rims = [marks, depth, &base.front, &base.tint, sources, &turns.gone];
+        let start = [&turns.turns, &turns.groups, &turns.gone, sources];
+        let rims = [marks, depth, &base.front, &base.tint, spare, &turns.gone];
         let mut all = vec![
             target.dispatch(gpu, &self.start, &start),
             target.dispatch(gpu, &self.rims, &rims),
@@ -94,10 +94,10 @@ impl Trim {
         for turn in 0..TURNS {
             all.push(self.tiles(gpu, target, turn));
             // There and back, so that the sources lie in one place after any number of turns.
-            all.push(self.half(gpu, target, turn * 2, [sources, spare]));
-            all.push(self.half(gpu, target, turn * 2 + 1, [spare, sources]));
+            all.push(self.half(gpu, target, turn * 2, [spare, sources]));
+            all.push(self.half(gpu, target, turn * 2 + 1, [sources, spare]));
         }
-        let settle = [sources, depth, &target.picture.depth];
+        let settle = [spare, depth, &base.tint, sources, &target.picture.depth];
         all.push(target.dispatch(gpu, &self.settle, &settle));
         all
     }
