@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// Splats of a model at most.
 pub const SPLATS_MAX: u64 = 4_000_000;
+/// Distances of splats: farther apart, those of a cube's faces would stand on its edges, where none is.
+const SPACINGS: [f64; 2] = [1e-4, 0.7];
 /// Length of a step: a model is two units wide.
 const STEP: f64 = 1e-6;
 /// Splats of a batch.
@@ -123,7 +125,7 @@ pub fn open(path: &Path, kind: &ModelKind, points: u64) -> Result<Box<dyn Source
 /// The distance at which a solid has as near to so many splats as a few tries come.
 fn spacing(solid: &Solid, points: u64) -> f64 {
     let mut spacing = (5.0 / points as f64).sqrt().min(0.5);
-    let drawn = |spacing: f64| spacing.clamp(1e-4, 1.0);
+    let drawn = |spacing: f64| spacing.clamp(SPACINGS[0], SPACINGS[1]);
     for _ in 0..3 {
         let splats = Census::of(solid, drawn(spacing)).splats;
         spacing *= (splats.max(1) as f64 / points as f64).sqrt();
@@ -264,5 +266,22 @@ impl Model {
             splats.iter().for_each(|s| column.extend(s.value(&attribute.name)));
         }
         Ok(batch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_of_few_splats_has_some() {
+        for kind in MODELS {
+            for points in 1..=60 {
+                let solid = (kind.make)();
+                let census = Census::of(&solid, spacing(&solid, points));
+                assert!(census.splats > 0, "{} of {points}", kind.name);
+                assert!(census.bounds().is_some());
+            }
+        }
     }
 }
