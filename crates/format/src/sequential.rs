@@ -6,7 +6,6 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::Path;
-
 use std::thread::{self, JoinHandle};
 
 /// Bytes that are written together.

@@ -29,7 +29,8 @@ const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
 /// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many pixels: a
-/// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it.
+/// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it. Where radii are
+/// smaller, rims need theirs.
 const ALONE: usize = 7;
 const ALONE_RADIUS_PX: f32 = 3.0;
 
