@@ -25,6 +25,7 @@ mod sections;
 mod sequential;
 pub mod shown;
 pub mod statistics;
+mod system;
 pub mod table;
 mod values;
 pub mod verify;

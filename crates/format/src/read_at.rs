@@ -2,6 +2,7 @@
 //! HTTP and object storage can implement the same trait later. Nothing is ever mapped, so a file that is
 //! cut short while it is read gives an error, not a signal.
 
+use crate::system::read_exact_at;
 use std::fs::File;
 use std::io;
 
@@ -34,8 +35,6 @@ impl ReadAt for FileSource {
     }
 }
 
-pub(crate) use system::read_exact_at;
-
 /// A file in memory.
 impl ReadAt for Vec<u8> {
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
@@ -47,39 +46,5 @@ impl ReadAt for Vec<u8> {
 
     fn bytes(&self) -> io::Result<u64> {
         Ok(self.len() as u64)
-    }
-}
-
-#[cfg(unix)]
-mod system {
-    use std::os::unix::fs::FileExt;
-
-    pub fn read_exact_at(file: &std::fs::File, buf: &mut [u8], offset: u64) -> std::io::Result<()> {
-        file.read_exact_at(buf, offset)
-    }
-}
-
-#[cfg(windows)]
-mod system {
-    use std::io::{Error, ErrorKind};
-    use std::os::windows::fs::FileExt;
-
-    pub fn read_exact_at(
-        file: &std::fs::File,
-        mut buf: &mut [u8],
-        mut offset: u64,
-    ) -> std::io::Result<()> {
-        while !buf.is_empty() {
-            match file.seek_read(buf, offset) {
-                Ok(0) => return Err(Error::from(ErrorKind::UnexpectedEof)),
-                Ok(n) => {
-                    buf = &mut buf[n..];
-                    offset += n as u64;
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
     }
 }

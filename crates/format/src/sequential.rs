@@ -2,6 +2,7 @@
 //! the system's cache where the file system allows. A copy in that cache is the first touch of fresh memory for each
 //! page, which took a tenth of the CPU time of a build, and drives out what others read.
 
+use crate::system::write_all_at;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -17,7 +18,7 @@ const SECTOR: usize = 4096;
 /// A small file, up to so many bytes, goes through the cache: it is likely to be read at once.
 const CACHED_BYTES: u64 = 32 << 20;
 /// All that a thread needs that waits for the disk.
-const STACK_BYTES: usize = 128 << 10;
+pub(crate) const STACK_BYTES: usize = 128 << 10;
 
 /// A file that grows at its end.
 #[derive(Debug)]
@@ -215,14 +216,14 @@ impl Output {
         let (from, to) = (block.filled.start, block.filled.end);
         let cached = |part: std::ops::Range<usize>| {
             let bytes = block.part(part.start, part.end);
-            system::write_all_at(&self.file, bytes, block.offset + part.start as u64)
+            write_all_at(&self.file, bytes, block.offset + part.start as u64)
         };
         // Sectors that this block has as a whole.
         let (first, last) = (from.next_multiple_of(SECTOR), to - to % SECTOR);
         let direct = self.direct.as_ref().filter(|_| block.offset >= self.cached_bytes);
         let Some(direct) = direct.filter(|_| first < last) else { return cached(from..to) };
         let whole = block.part(first, last);
-        match system::write_all_at(direct, whole, block.offset + first as u64) {
+        match write_all_at(direct, whole, block.offset + first as u64) {
             // Not every file system that opens a file so lets it be written so.
             Err(error) if error.kind() == ErrorKind::InvalidInput => {
                 cached(from..to)?;
@@ -247,40 +248,6 @@ fn open_direct(path: &Path) -> Option<File> {
 #[cfg(not(target_os = "linux"))]
 fn open_direct(_path: &Path) -> Option<File> {
     None
-}
-
-#[cfg(unix)]
-mod system {
-    use std::os::unix::fs::FileExt;
-
-    pub fn write_all_at(file: &std::fs::File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
-        file.write_all_at(bytes, offset)
-    }
-}
-
-#[cfg(windows)]
-mod system {
-    use std::io::{Error, ErrorKind};
-    use std::os::windows::fs::FileExt;
-
-    pub fn write_all_at(
-        file: &std::fs::File,
-        mut bytes: &[u8],
-        mut offset: u64,
-    ) -> std::io::Result<()> {
-        while !bytes.is_empty() {
-            match file.seek_write(bytes, offset) {
-                Ok(0) => return Err(Error::from(ErrorKind::WriteZero)),
-                Ok(n) => {
-                    bytes = &bytes[n..];
-                    offset += n as u64;
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
@@ -346,7 +313,7 @@ mod tests {
             drop(out);
             let file = File::open(&path).unwrap();
             let mut found = vec![0; expected.len()];
-            crate::read_at::read_exact_at(&file, &mut found, 0).unwrap();
+            crate::system::read_exact_at(&file, &mut found, 0).unwrap();
             prop_assert!(found == expected);
             prop_assert_eq!(file.metadata().unwrap().len(), expected.len() as u64);
         }

@@ -6,9 +6,9 @@ use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, header};
 use crate::layout::ALIGNMENT;
 use crate::metadata::Metadata;
-use crate::read_at::read_exact_at;
-use crate::sequential::Sequential;
+use crate::sequential::{STACK_BYTES, Sequential};
 use crate::statistics::Statistics;
+use crate::system::read_exact_at;
 use crate::table;
 use esker_points::{MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
@@ -21,8 +21,6 @@ use std::time::{Duration, Instant};
 const BUFFER_BYTES: usize = 1 << 20;
 /// So many bytes are brought to the disk at a time while more come: at the end little is left to wait for.
 const SYNC_BYTES: u64 = 64 << 20;
-/// All that a thread needs that waits for the disk.
-const SYNC_STACK_BYTES: usize = 128 << 10;
 
 /// Writes one .esker file.
 #[derive(Debug)]
@@ -201,7 +199,7 @@ impl FileWriter {
         let Some(Ok(file)) = self.out.as_ref().map(|out| out.file().try_clone()) else {
             return Ok(());
         };
-        let thread = thread::Builder::new().name("esker-sync".into()).stack_size(SYNC_STACK_BYTES);
+        let thread = thread::Builder::new().name("esker-sync".into()).stack_size(STACK_BYTES);
         // Where there is no thread to be had, all is left for the end.
         self.syncing = thread.spawn(move || file.sync_data()).ok();
         Ok(())

@@ -6,6 +6,7 @@
 //! written in it, so that a GPU may close all of them at once, in place.
 
 use crate::pyramid::Level;
+use crate::rim::Grid;
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -73,7 +74,7 @@ pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
                 *normal = p.normal;
             }
             // Only a gap that was closed, or another beside it, may be one still. Each is noted once.
-            for n in around(p.pixel, base.width).into_iter().chain([p.pixel]) {
+            for n in around(base, p.pixel).into_iter().flatten().chain([p.pixel]) {
                 if is_edge.has(n) {
                     is_edge.clear(n);
                     next.push(n);
@@ -86,18 +87,13 @@ pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32)
 }
 
 /// The neighbours of a pixel that is not at the border.
-fn around(pixel: usize, width: usize) -> [usize; 8] {
-    let (up, down) = (pixel - width, pixel + width);
-    [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1]
+fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
+    Grid { width: base.width, height: base.height }.around(pixel)
 }
 
 /// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
-    let (x, y) = (pixel % base.width, pixel / base.width);
-    if x == 0 || y == 0 || x + 1 == base.width || y + 1 == base.height {
-        return false;
-    }
-    let around = around(pixel, base.width);
+    let Some(around) = around(base, pixel) else { return false };
     // Most are none, which is seen without their radii.
     around.into_iter().filter(|&n| depth[n] < depth[pixel]).count() >= SURROUNDED
         && around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count()
@@ -114,7 +110,7 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize)
     let mut count = 0;
     let mut patch =
         Patch { pixel, front: Vec4::ZERO, tint: Vec4::ZERO, depth: 0.0, normal: Vec4::ZERO };
-    for n in around(pixel, base.width) {
+    for n in around(base, pixel).into_iter().flatten() {
         if is_before(base, depth, focal_px, n, pixel) && !gaps.has(n) {
             count += 1;
             patch.front += base.front[n];

@@ -1,0 +1,52 @@
+//! Positioned reads and writes of all of some bytes, as each system has them.
+
+#[cfg(unix)]
+mod calls {
+    use std::fs::File;
+    use std::io::Result;
+    use std::os::unix::fs::FileExt;
+
+    pub fn read_exact_at(file: &File, buf: &mut [u8], offset: u64) -> Result<()> {
+        file.read_exact_at(buf, offset)
+    }
+
+    pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> Result<()> {
+        file.write_all_at(bytes, offset)
+    }
+}
+
+#[cfg(windows)]
+mod calls {
+    use std::fs::File;
+    use std::io::{Error, ErrorKind, Result};
+    use std::os::windows::fs::FileExt;
+
+    pub fn read_exact_at(file: &File, buf: &mut [u8], offset: u64) -> Result<()> {
+        let mut done = 0;
+        while done < buf.len() {
+            let read = file.seek_read(&mut buf[done..], offset + done as u64);
+            done += progress(read, ErrorKind::UnexpectedEof)?;
+        }
+        Ok(())
+    }
+
+    pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> Result<()> {
+        let mut done = 0;
+        while done < bytes.len() {
+            let written = file.seek_write(&bytes[done..], offset + done as u64);
+            done += progress(written, ErrorKind::WriteZero)?;
+        }
+        Ok(())
+    }
+
+    /// Bytes that a call has come further: none where it was interrupted, an error where it ended.
+    fn progress(result: Result<usize>, end: ErrorKind) -> Result<usize> {
+        match result {
+            Ok(0) => Err(Error::from(end)),
+            Err(error) if error.kind() == ErrorKind::Interrupted => Ok(0),
+            result => result,
+        }
+    }
+}
+
+pub(crate) use calls::{read_exact_at, write_all_at};
