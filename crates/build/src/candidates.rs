@@ -3,6 +3,7 @@
 
 use crate::row::Rows;
 use esker_points::{Cell, morton};
+use std::borrow::Cow;
 
 /// Bits of a coordinate along an axis where steps are no cubes, and points must be sorted anew.
 const BITS: u32 = 21;
@@ -11,8 +12,8 @@ const BITS: u32 = 21;
 pub struct Candidates {
     /// Coordinates, none negative.
     pub q: Vec<[i32; 3]>,
-    /// Which of the offered points each is.
-    pub offer: Vec<u32>,
+    /// Which of the offered points each is; empty where they stand as they were offered.
+    offer: Vec<u32>,
     /// Log2 of the edge, in steps, of the smallest octree cell that a point shares with the one before it;
     /// [`Candidates::ALONE`] for the first.
     pub shared_log2: Vec<u8>,
@@ -36,8 +37,7 @@ impl Candidates {
                 [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
             };
             let q = offered.iter().map(|&row| local(row)).collect();
-            let offer = (0..offered.len() as u32).collect();
-            return Self::sorted(q, offer, scale[0] * f64::from(1 + shift));
+            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift));
         }
         Self::resorted(rows, offered, scale)
     }
@@ -69,37 +69,67 @@ impl Candidates {
     fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64) -> Self {
         let shared_log2 = shared_log2(&q);
         let mut firsts = [0; Self::ALONE as usize];
-        let mut counts = [0u32; 1 << u8::BITS];
-        shared_log2.iter().for_each(|&log2| counts[usize::from(log2)] += 1);
+        // Neighbours are mostly alike: each of four has a count of its own, so that none waits for the one before.
+        let mut counts = [[0u32; 1 << u8::BITS]; 4];
+        for alike in shared_log2.chunks(counts.len()) {
+            let counted = counts.iter_mut().zip(alike);
+            counted.for_each(|(counts, &log2)| counts[usize::from(log2)] += 1);
+        }
         let mut above = 0;
         for log2 in (0..firsts.len()).rev() {
-            above += counts[log2 + 1];
+            above += counts.iter().map(|counts| counts[log2 + 1]).sum::<u32>();
             firsts[log2] = above;
         }
         Self { q, offer, shared_log2, firsts, step }
     }
 
     /// Turns by offered point, brought along the curve; none stay none.
-    pub fn along_curve(&self, turns: &[u16]) -> Vec<u16> {
-        if turns.is_empty() {
-            return Vec::new();
+    pub fn along_curve<'a>(&self, turns: &'a [u16]) -> Cow<'a, [u16]> {
+        if turns.is_empty() || self.offer.is_empty() {
+            return turns.into();
         }
         self.offer.iter().map(|&offer| turns[offer as usize]).collect()
     }
 
-    /// Of those of the points that are wanted, which are told by their place along the curve, [`Candidates::shared_log2`] of
-    /// their own.
-    pub fn shared_of(&self, is_wanted: impl Fn(usize) -> bool) -> Vec<u8> {
-        let mut shared = Vec::new();
+    /// What there is for each point along the curve, brought into the order in which they were offered.
+    pub fn as_offered<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
+        if self.offer.is_empty() {
+            return values;
+        }
+        let mut out = vec![T::default(); values.len()];
+        self.offer.iter().zip(values).for_each(|(&offer, value)| out[offer as usize] = value);
+        out
+    }
+
+    /// The same of those that are wanted, by their places along the curve.
+    pub fn some_as_offered<T>(
+        &self,
+        values: Vec<T>,
+        is_wanted: impl Iterator<Item = bool>,
+    ) -> Vec<T> {
+        if self.offer.is_empty() {
+            return values;
+        }
+        let wanted = self.offer.iter().zip(is_wanted).filter(|(_, is_wanted)| *is_wanted);
+        let mut keyed: Vec<(u32, T)> = wanted.map(|(&offer, _)| offer).zip(values).collect();
+        keyed.sort_unstable_by_key(|(offer, _)| *offer);
+        keyed.into_iter().map(|(_, value)| value).collect()
+    }
+
+    /// Of those of the points that are wanted, by their places along the curve, [`Candidates::shared_log2`] of their own.
+    pub fn shared_of(&self, is_wanted: impl Iterator<Item = bool>) -> Vec<u8> {
+        let mut shared = vec![0; self.len()];
+        let mut wanted = 0;
         // What lies between two points along the curve shares no larger cell with them than they do.
         let mut outer = Self::ALONE;
-        for (i, &log2) in self.shared_log2.iter().enumerate() {
+        for (&log2, is_wanted) in self.shared_log2.iter().zip(is_wanted) {
             outer = outer.max(log2);
-            if is_wanted(i) {
-                shared.push(outer);
-                outer = 0;
-            }
+            // Written in any case, to be written over: no guess what is wanted goes wrong.
+            shared[wanted] = outer;
+            wanted += usize::from(is_wanted);
+            outer = if is_wanted { 0 } else { outer };
         }
+        shared.truncate(wanted);
         shared
     }
 
@@ -154,7 +184,7 @@ pub(crate) mod tests {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let all = candidates_of(&points, [0.5; 3]);
             let part: Vec<_> = all.q.iter().copied().skip(every / 2).step_by(every).collect();
-            let shared = all.shared_of(|i| i % every == every / 2 % every);
+            let shared = all.shared_of((0..all.len()).map(|i| i % every == every / 2 % every));
             prop_assert_eq!(shared, shared_log2(&part));
         }
 
@@ -162,9 +192,8 @@ pub(crate) mod tests {
         fn points_of_a_cell_stand_together(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let candidates = candidates_of(&points, if cubic { [0.5; 3] } else { [0.5, 2.0, 0.1] });
-            let mut offers = candidates.offer.clone();
-            offers.sort_unstable();
-            prop_assert!(offers.iter().zip(0..).all(|(&o, i)| o == i));
+            let places = candidates.as_offered((0..points.len() as u16).collect());
+            prop_assert!(candidates.along_curve(&places).iter().zip(0..).all(|(&place, i)| place == i));
             for log2 in [0, 3, 9, 20, 30] {
                 let mut cells: Vec<_> = candidates.q.iter().map(|q| q.map(|c| c >> log2)).collect();
                 cells.dedup();

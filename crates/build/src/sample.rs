@@ -33,12 +33,12 @@ pub fn choose(
     step.sort_unstable();
     // As much of the last turn as there is room for, spread over all of it.
     let room = (capacity - thinning.picked.len()).min(step.len());
-    thinning.picked.extend((0..room).map(|j| step[(2 * j + 1) * step.len() / (2 * room)]));
-    let mut turns = vec![LAST_TURN; candidates.len()];
-    for &i in &thinning.picked {
-        turns[candidates.offer[i as usize] as usize] = thinning.turns[i as usize];
-    }
-    turns
+    let mut turns = thinning.turns;
+    let kept = |j: usize| step[(2 * j + 1) * step.len() / (2 * room)] as usize;
+    let kept: Vec<_> = (0..room).map(|j| (kept(j), turns[kept(j)])).collect();
+    step.iter().for_each(|&i| turns[i as usize] = LAST_TURN);
+    kept.into_iter().for_each(|(i, turn)| turns[i] = turn);
+    candidates.as_offered(turns)
 }
 
 /// Gives turns to all offered points but those that the cell above took, whose turns are told and whose sample has the
@@ -50,19 +50,14 @@ pub fn place(
     edge: f64,
     dimension: u32,
 ) -> Vec<u16> {
-    let before = if taken.is_empty() {
-        vec![LAST_TURN; candidates.len()]
-    } else {
-        candidates.along_curve(taken)
+    let before = match taken {
+        [] => vec![LAST_TURN; candidates.len()],
+        taken => candidates.along_curve(taken).into_owned(),
     };
     let radius = above.map_or(edge, |above| (above * TAKEN_REACH).min(edge));
     let mut thinning = Thinning::new(candidates, &[], before, radius, dimension).of_all();
     thinning.pick(usize::MAX);
-    let mut turns = vec![LAST_TURN; candidates.len()];
-    for (&offer, &turn) in candidates.offer.iter().zip(&thinning.turns) {
-        turns[offer as usize] = turn;
-    }
-    turns
+    candidates.as_offered(thinning.turns)
 }
 
 #[cfg(test)]

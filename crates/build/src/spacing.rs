@@ -2,7 +2,6 @@
 //! covering radius.
 
 use crate::turn::radius_at;
-use std::ops::Range;
 
 /// Edge of the square that a point has for itself in a sample that was thinned to a radius, over the radius.
 const SQUARE_EDGE: f64 = 1.15;
@@ -80,64 +79,67 @@ impl Picked {
 /// own margin does not close. Laser scans are surfaces also where their node is a volume, so the local dimension
 /// is at most 2. Coincident points and strays get 0, which the node's spacing replaces.
 pub fn radii(shared: &[u8], dimension: u32) -> Vec<f32> {
-    let mut cells =
-        Cells { dimension, open: Vec::new(), small: Vec::new(), out: vec![0.0; shared.len()] };
-    for (i, &log2) in shared.iter().enumerate() {
-        if i > 0 {
-            cells.step(log2, i);
-        }
-        cells.small.push(i..i + 1);
-    }
-    while let Some((log2, start)) = cells.open.pop() {
-        cells.close(log2, start..shared.len());
-    }
-    cells.out
-}
-
-/// Octree cells along the curve: each is closed where the next point lies outside.
-struct Cells {
-    dimension: u32,
-    /// The log2 of the edge, and the first point, of the cells that are not closed, each within the one before.
-    open: Vec<(u8, usize)>,
-    /// Cells with few points, and single points, whose radius follows from a cell around them.
-    small: Vec<Range<usize>>,
-    out: Vec<f32>,
-}
-
-impl Cells {
-    /// Goes on to point `i`, whose smallest cell shared with the one before has this edge's log2.
-    #[inline]
-    fn step(&mut self, log2: u8, i: usize) {
-        let mut start = i - 1;
-        while let Some(&(inner, first)) = self.open.last()
-            && inner < log2
-        {
-            self.open.pop();
-            self.close(inner, first..i);
-            start = first;
-        }
-        if self.open.last().is_none_or(|&(outer, _)| outer > log2) {
-            self.open.push((log2, start));
-        }
-    }
-
-    /// Gives the few points in parts of a cell their radius, if the cell has enough points to tell, or is the whole.
-    fn close(&mut self, log2: u8, run: Range<usize>) {
-        let points = run.len();
-        if points < LOCAL_POINTS && points < self.out.len() {
-            while self.small.last().is_some_and(|part| part.start >= run.start) {
-                self.small.pop();
-            }
-            return self.small.push(run);
-        }
+    let points = shared.len();
+    let smallest = smallest_cells(shared);
+    let mut out = Vec::with_capacity(points);
+    while let Some(&log2) = smallest.get(out.len())
+        && points > 1
+    {
+        // The cell reaches as far as neighbours share one that is no larger.
+        let from = out.len();
+        let is_outside = |&shared: &u8| shared > log2;
+        let start = shared[..=from].iter().rposition(is_outside).unwrap_or(0);
+        let end = shared[from + 1..].iter().position(is_outside);
+        let end = end.map_or(points, |others| from + 1 + others);
+        let around = end - start;
         let edge = if log2 == 0 { 0.0 } else { (1u64 << log2) as f32 };
-        let across = if self.dimension <= 1 { points as f32 } else { (points as f32).sqrt() };
-        let spacing = edge / across;
-        while let Some(part) = self.small.pop_if(|part| part.start >= run.start) {
-            let is_stray = part.len() * STRAY_SHARE < points;
-            self.out[part].fill(if is_stray { 0.0 } else { spacing });
+        let across = if dimension <= 1 { around as f32 } else { (around as f32).sqrt() };
+        // Its parts, while they have too few points to tell by themselves.
+        while out.len() < end && smallest[out.len()] == log2 {
+            let behind = shared[out.len() + 1..end].iter().position(|&shared| shared >= log2);
+            let part_end = behind.map_or(end, |others| out.len() + 1 + others);
+            let is_stray = (part_end - out.len()) * STRAY_SHARE < around;
+            out.resize(part_end, if is_stray { 0.0 } else { edge / across });
         }
     }
+    out.resize(points, 0.0);
+    out
+}
+
+/// The log2 of the edge of the smallest cell around each point that has [`LOCAL_POINTS`] points or more, or all there
+/// are. So many that follow each other along the curve lie in the largest cell that two neighbours among them share; a
+/// point has the smallest of those that it is among.
+fn smallest_cells(shared: &[u8]) -> Vec<u8> {
+    const OTHERS: usize = LOCAL_POINTS - 1;
+    /// Points looked at in step.
+    const BLOCK: usize = 64;
+    let Some(inner) = shared.get(1..).filter(|inner| inner.len() >= OTHERS) else {
+        let all = shared.iter().skip(1).copied().max().unwrap_or(0);
+        return vec![all; shared.len()];
+    };
+    let blocks = shared.len().div_ceil(BLOCK);
+    // Nothing shares a cell with what is not there.
+    let mut links = vec![u8::MAX; blocks * BLOCK + 2 * OTHERS];
+    links[OTHERS..OTHERS + inner.len()].copy_from_slice(inner);
+    let mut out = Vec::with_capacity(blocks * BLOCK);
+    for first in (0..blocks * BLOCK).step_by(BLOCK) {
+        // The largest of seven links, the least of eight of these: by pairs, then pairs of those.
+        let mut cells = [0; BLOCK + 2 * OTHERS];
+        cells.copy_from_slice(&links[first..][..BLOCK + 2 * OTHERS]);
+        for step in [1, 2, 3] {
+            for i in 0..cells.len() - step {
+                cells[i] = cells[i].max(cells[i + step]);
+            }
+        }
+        for step in [1, 2, 4] {
+            for i in 0..cells.len() - step {
+                cells[i] = cells[i].min(cells[i + step]);
+            }
+        }
+        out.extend_from_slice(&cells[..BLOCK]);
+    }
+    out.truncate(shared.len());
+    out
 }
 
 #[cfg(test)]

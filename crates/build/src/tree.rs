@@ -122,7 +122,7 @@ impl Context {
             parts.push((child, part));
         }
         let chosen: Vec<usize> = (0..offered.len()).filter(|&i| turns[i] != LAST_TURN).collect();
-        let radii = self.radii(&candidates, |i| turns[i] != LAST_TURN, dimension);
+        let radii = self.radii(&candidates, &turns, dimension);
         drop(candidates);
         let mut pending = Pending {
             cell,
@@ -130,7 +130,7 @@ impl Context {
             offered: chosen.iter().map(|&i| offered[i]).collect(),
             sampled: chosen.len(),
             turns: chosen.iter().map(|&i| turns[i]).collect(),
-            radii: chosen.iter().map(|&i| radii[i]).collect(),
+            radii,
             below: Below::default(),
         };
         let drawn = [chosen.len(), moments.count as usize];
@@ -208,7 +208,7 @@ impl Context {
     ) {
         let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale);
         leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
-        leaf.radii = self.radii(&candidates, |_| true, dimension);
+        leaf.radii = self.radii(&candidates, &leaf.turns, dimension);
     }
 
     /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
@@ -259,21 +259,13 @@ impl Context {
         None
     }
 
-    /// The radii of the offered points that are wanted, in the file's unit; 0 for the others.
-    fn radii(
-        &self,
-        candidates: &Candidates,
-        is_wanted: impl Fn(usize) -> bool,
-        dimension: u32,
-    ) -> Vec<f32> {
-        let is_wanted = |i: usize| is_wanted(candidates.offer[i] as usize);
-        let steps = radii(&candidates.shared_of(is_wanted), dimension);
-        let mut out = vec![0.0; candidates.len()];
-        let wanted = (0..candidates.len()).filter(|&i| is_wanted(i));
-        for (i, steps) in wanted.zip(steps) {
-            out[candidates.offer[i] as usize] = (f64::from(steps) * candidates.step) as f32;
-        }
-        out
+    /// The radii, in the file's unit, of those of the offered points that have a turn.
+    fn radii(&self, candidates: &Candidates, turns: &[u16], dimension: u32) -> Vec<f32> {
+        let turns = candidates.along_curve(turns);
+        let is_wanted = || turns.iter().map(|&turn| turn != LAST_TURN);
+        let steps = radii(&candidates.shared_of(is_wanted()), dimension);
+        let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
+        candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
     }
 
     /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
