@@ -16,15 +16,32 @@ const RADIUS_PER_STEP: f32 = 1.8;
 @group(0) @binding(1) var<uniform> relief: Relief;
 @group(0) @binding(2) var<storage, read> rough: array<f32>;
 @group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
+// What wider rounds have left; it stands for the rough image once there was one.
+@group(0) @binding(4) var<storage, read> smoother: array<f32>;
+
+// Whether a wider round was made.
+var<private> is_later: bool;
+
+fn depth(pixel: u32) -> f32 {
+    if is_later {
+        return smoother[pixel];
+    }
+    return rough[pixel];
+}
+
+// Wider rounds than the discs need are left out.
+fn is_needed(step: u32) -> bool {
+    return step <= 2u || relief.radius_px >= RADIUS_PER_STEP * f32(step);
+}
 
 // The taps at a distance on both sides where both are on the surface: their sum and the number 1.
 fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32) -> vec2<f32> {
     if at < distance || at + distance >= count {
         return vec2<f32>(0.0);
     }
-    let here = rough[pixel];
-    let before = rough[pixel - distance * stride];
-    let after = rough[pixel + distance * stride];
+    let here = depth(pixel);
+    let before = depth(pixel - distance * stride);
+    let after = depth(pixel + distance * stride);
     // In pairs, so that a slope's edge does not bend towards its inside.
     let is_near = abs(before - here) < limit && abs(after - here) < limit;
     return select(vec2<f32>(0.0), vec2<f32>(before + after, 1.0), is_near);
@@ -32,13 +49,12 @@ fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32)
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    // Wider rounds than the discs need are left out: what is smoothed lies where it lay.
-    let is_needed = STEP <= 2u || relief.radius_px >= RADIUS_PER_STEP * f32(STEP);
-    if !is_needed || id.x >= frame.width || id.y >= frame.height {
+    is_later = STEP < 8u && is_needed(2u * STEP);
+    if !is_needed(STEP) || id.x >= frame.width || id.y >= frame.height {
         return;
     }
     let pixel = id.y * frame.width + id.x;
-    let here = rough[pixel];
+    let here = depth(pixel);
     let at = select(id.x, id.y, DOWN);
     let count = select(frame.width, frame.height, DOWN);
     // Rows are smoothed where all taps are in the picture.

@@ -2,8 +2,9 @@
 //! from differences of smoothed depth; and how much a pixel lies behind its surroundings, which darkens
 //! it (eye-dome lighting, after Boucheny 2009).
 //!
-//! Smoothing is a separable bilateral mean of five pixels an axis, repeated until it is as wide as the discs: what
-//! differs from the middle by more than a surface can is another surface, and takes no part. Loops over rows are
+//! Smoothing is a separable bilateral mean of five pixels an axis, as wide as the discs first and then narrower and narrower: what
+//! differs from the middle by more than a surface can is another surface, and takes no part. So narrow means go over the
+//! patterns that wide ones leave where their taps are now on the surface and now on another. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
 use crate::values::{EIGHT, Values, dot, only};
@@ -14,6 +15,8 @@ use rayon::prelude::*;
 const SLOPE_MAX: f32 = 6.0;
 /// Weights of the smoothing, from the middle outwards (binomial).
 const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
+/// Distances of taps, pixels; the last two are always used.
+const STEPS: [usize; 4] = [8, 4, 2, 1];
 /// Radius of discs over the widest distance of taps that they need.
 const RADIUS_PER_STEP: f32 = 1.8;
 /// Distance of the surroundings that darken, pixels.
@@ -60,15 +63,14 @@ impl<'a> DepthImage<'a> {
         smooth.resize(self.depth.len(), 0.0);
         nothing.clear();
         nothing.resize(self.width, f32::INFINITY);
-        // Wider and wider (a trous): coarse taps alone would leave their own pattern.
-        self.smooth_rows(1, rows);
-        DepthImage { depth: rows, ..self }.smooth_columns(1, nothing, smooth);
-        for step in [2, 4, 8] {
-            if step > 2 && self.radius_px < RADIUS_PER_STEP * step as f32 {
-                break;
-            }
-            DepthImage { depth: smooth, ..self }.smooth_rows(step, rows);
+        let is_needed =
+            |&step: &usize| step <= 2 || self.radius_px >= RADIUS_PER_STEP * step as f32;
+        let mut is_rough = true;
+        for step in STEPS.into_iter().filter(is_needed) {
+            let rough = if is_rough { self.depth } else { &*smooth };
+            DepthImage { depth: rough, ..self }.smooth_rows(step, rows);
             DepthImage { depth: rows, ..self }.smooth_columns(step, nothing, smooth);
+            is_rough = false;
         }
         DepthImage { depth: smooth, ..self }
     }
@@ -335,6 +337,33 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// What sparse samples in several depths leave: plateaus as wide as discs, whose steps are now more and now less than
+    /// those of one surface.
+    #[test]
+    fn surfaces_that_come_and_go_leave_no_pattern_of_dots() {
+        const SIDE: usize = 96;
+        let plateau = |i: usize| (i % SIDE / 12 * 7 + i / SIDE / 12 * 5) * 11 % 13;
+        let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.2 * plateau(i) as f32).collect();
+        let image = DepthImage {
+            width: SIDE,
+            depth: &depth,
+            focal_px: 270.0,
+            centre_px: [SIDE as f32 / 2.0; 2],
+            radius_px: 16.0,
+        };
+        let mut scratch = ReliefScratch::default();
+        let smooth = image.smoothed(&mut scratch).depth;
+        // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by some 20 degrees.
+        let limit = 0.3 * 5.0 / image.focal_px;
+        let is_dot = |i: &usize| {
+            let beyond = [i - 1, i + 1, i - SIDE, i + SIDE].map(|other| smooth[*i] - smooth[other]);
+            beyond.iter().all(|b| *b > limit) || beyond.iter().all(|b| *b < -limit)
+        };
+        let inner = (0..SIDE * SIDE)
+            .filter(|i| (1..SIDE - 1).contains(&(i % SIDE)) && (1..SIDE - 1).contains(&(i / SIDE)));
+        assert_eq!(inner.filter(is_dot).count(), 0);
     }
 
     #[test]

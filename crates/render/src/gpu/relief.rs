@@ -9,7 +9,7 @@ use super::shader::sources;
 use super::surface::Target;
 
 /// Distances of the taps, pixels, a round each.
-const STEPS: [u32; 4] = [1, 2, 4, 8];
+const STEPS: [u32; 4] = [8, 4, 2, 1];
 
 /// The pass.
 pub struct Relief {
@@ -40,11 +40,10 @@ impl Relief {
         let depth = &target.picture.depth;
         let radius = [depth, &target.base().tint, target.sources, target.relief];
         let mut all = vec![target.one_group(gpu, &self.radius, &radius)];
-        let (mut rough, rows) = (depth, target.depth);
+        let (rows, smooth) = (target.depth, target.spare);
         for [along, down] in &self.smooth {
-            all.push(target.dispatch(gpu, along, &[target.relief, rough, rows]));
-            all.push(target.dispatch(gpu, down, &[target.relief, rows, target.spare]));
-            rough = target.spare;
+            all.push(target.dispatch(gpu, along, &[target.relief, depth, rows, smooth]));
+            all.push(target.dispatch(gpu, down, &[target.relief, rows, smooth, rows]));
         }
         all
     }
