@@ -194,6 +194,13 @@ pub(crate) mod tests {
             let candidates = candidates_of(&points, if cubic { [0.5; 3] } else { [0.5, 2.0, 0.1] });
             let places = candidates.as_offered((0..points.len() as u16).collect());
             prop_assert!(candidates.along_curve(&places).iter().zip(0..).all(|(&place, i)| place == i));
+            // Offered points in the order of their numbers, wherever they stand along the curve.
+            let numbers: Vec<u16> = (0..points.len() as u16).collect();
+            let along = candidates.along_curve(&numbers);
+            let is_wanted = |number: &u16| number % 3 == 1;
+            let some = along.iter().copied().filter(is_wanted).collect();
+            let some = candidates.some_as_offered(some, along.iter().map(is_wanted));
+            prop_assert_eq!(some, numbers.iter().copied().filter(is_wanted).collect::<Vec<_>>());
             for log2 in [0, 3, 9, 20, 30] {
                 let mut cells: Vec<_> = candidates.q.iter().map(|q| q.map(|c| c >> log2)).collect();
                 cells.dedup();

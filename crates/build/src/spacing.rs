@@ -85,7 +85,8 @@ pub fn radii(shared: &[u8], dimension: u32) -> Vec<f32> {
     while let Some(&log2) = smallest.get(out.len())
         && points > 1
     {
-        // The cell reaches as far as neighbours share one that is no larger.
+        // The cell reaches as far as neighbours share one that is no larger. It is looked through once for each of its at
+        // most eight parts, and so is any around it.
         let from = out.len();
         let is_outside = |&shared: &u8| shared > log2;
         let start = shared[..=from].iter().rposition(is_outside).unwrap_or(0);
