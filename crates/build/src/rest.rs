@@ -40,6 +40,8 @@ pub struct Rest {
     /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
     /// else any that is not.
     nearest2: Vec<Numbers>,
+    /// The turn from which on each is picked sooner than others; empty where none is.
+    due: Vec<Numbers>,
     /// Which candidate each is; [`NONE`] where there is none.
     candidate: Vec<u32>,
     /// The tile of each.
@@ -148,9 +150,19 @@ impl Rest {
         self.candidate[i]
     }
 
+    /// Tells from which turn on each is due, by candidate.
+    pub fn set_due(&mut self, turns: &[u16]) {
+        let turn = |candidate: u32| turns.get(candidate as usize).copied().unwrap_or(u16::MAX);
+        let blocks = self.candidate.as_chunks().0.iter();
+        self.due.clear();
+        self.due.extend(blocks.map(|block| Numbers(block.map(|c| turn(c).into()))));
+    }
+
     /// Square of the greatest distance to a picked point.
     pub fn farthest2(&self) -> f32 {
-        self.nearest2.iter().flat_map(|n| n.0).fold(0.0, f32::max)
+        let each = self.nearest2.iter().map(|n| wide::f32x8::from(n.0));
+        let farthest = each.fold(wide::f32x8::ZERO, wide::f32x8::fast_max);
+        farthest.to_array().into_iter().fold(0.0, f32::max)
     }
 
     /// See [`Rest::nearest2`].
@@ -163,15 +175,16 @@ impl Rest {
     #[inline(always)]
     pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
         let least2 = wide::f32x8::from(least2);
-        let mut far = !0 << (i % LANES);
-        for (block, nearest2) in self.nearest2.iter().enumerate().skip(i / LANES) {
-            far &= wide::f32x8::from(nearest2.0).simd_ge(least2).to_bitmask();
-            if far != 0 {
-                return Some(block * LANES + far.trailing_zeros() as usize);
-            }
-            far = !0;
-        }
-        None
+        next_from(i, self.nearest2.iter().map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
+    }
+
+    /// The same among those due by a turn; none where none was ever told to be.
+    #[inline(always)]
+    pub fn next_due_from(&self, i: usize, turn: u16, least2: f32) -> Option<usize> {
+        let (turn, least2) = (wide::f32x8::from(f32::from(turn)), wide::f32x8::from(least2));
+        let blocks = self.due.iter().zip(&self.nearest2);
+        let is_far = |n: &Numbers| wide::f32x8::from(n.0).simd_ge(least2);
+        next_from(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
     }
 
     /// Tells all points within a radius of a place, itself among them, that it is picked.
@@ -284,6 +297,20 @@ impl Rest {
             simd.store_array_f32x8(nearer2, nearest2);
         }
     }
+}
+
+/// The first place from `i` on which is wanted, of blocks in which some are.
+#[inline(always)]
+fn next_from(i: usize, blocks: impl Iterator<Item = wide::f32x8>) -> Option<usize> {
+    let mut wanted = !0 << (i % LANES);
+    for (block, is_wanted) in (i / LANES..).zip(blocks.skip(i / LANES)) {
+        wanted &= is_wanted.to_bitmask();
+        if wanted != 0 {
+            return Some(block * LANES + wanted.trailing_zeros() as usize);
+        }
+        wanted = !0;
+    }
+    None
 }
 
 impl Places {

@@ -6,7 +6,7 @@
 //! within the radius. A turn is a pass over these distances along the Morton curve.
 
 use crate::candidates::Candidates;
-use crate::rest::{NONE, Rest, octave};
+use crate::rest::{Rest, octave};
 use crate::turn::{LAST_TURN, radius_at, turn_at};
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -54,8 +54,6 @@ pub struct Thinning<'a> {
     rest: Rest,
     /// The points to look at while not all are.
     part: Vec<u32>,
-    /// The places in `rest`, and the turns, of the points that a cell below has picked by the end of an octave.
-    due: Vec<(u32, u16)>,
     /// The octave of radii for which `rest` was filled, once it is.
     octave: Option<u32>,
     /// Points share no cell of this edge's log2, or are left out of `rest` for now.
@@ -90,7 +88,6 @@ impl<'a> Thinning<'a> {
             turn: turn_at(radius),
             rest: Rest::default(),
             part: Vec::new(),
-            due: Vec::new(),
             octave: None,
             part_log2: Candidates::ALONE,
             is_over: false,
@@ -179,12 +176,8 @@ impl<'a> Thinning<'a> {
             let reach = (radius as i32).saturating_add(1);
             self.picked.iter().for_each(|&i| self.rest.tell(simd, q[i as usize], reach));
         }
-        self.due.clear();
         if !self.placed.is_empty() {
-            let candidates = (0..self.rest.len()).map(|place| self.rest.candidate(place));
-            let due = (0..).zip(candidates).filter(|(_, candidate)| *candidate != NONE);
-            let due = due.map(|(place, candidate)| (place, self.placed[candidate as usize]));
-            self.due.extend(due.filter(|(_, turn)| *turn <= until));
+            self.rest.set_due(self.placed);
         }
         self.octave = Some(octave(radius));
     }
@@ -239,11 +232,10 @@ impl<'a> Thinning<'a> {
         let reach = (radius as i32).saturating_add(1);
         if !self.placed.is_empty() {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
-            for k in 0..self.due.len() {
-                let (place, turn) = self.due[k];
-                if turn <= self.turn && self.rest.nearest2(place as usize) >= due2 {
-                    self.take(simd, place as usize, reach);
-                }
+            let mut from = 0;
+            while let Some(i) = self.rest.next_due_from(from, self.turn, due2) {
+                self.take(simd, i, reach);
+                from = i + 1;
             }
         }
         if self.is_line {
