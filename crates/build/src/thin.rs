@@ -76,8 +76,10 @@ impl<'a> Thinning<'a> {
         radius: f64,
         dimension: u32,
     ) -> Self {
-        let picked = (0..).zip(&turns).filter(|(_, turn)| **turn != LAST_TURN);
-        let picked: Vec<u32> = picked.map(|(i, _)| i).collect();
+        let mut picked = Vec::new();
+        for (start, turns) in (0..).step_by(SCANNED).zip(turns.chunks(SCANNED)) {
+            list(start, bits_of(turns, |&turn| turn != LAST_TURN), &mut picked);
+        }
         Self {
             candidates,
             placed,
@@ -195,24 +197,16 @@ impl<'a> Thinning<'a> {
     #[inline(always)]
     fn choose_part(&mut self, until: u16) {
         let shared = self.candidates.shared_log2.chunks(SCANNED);
+        let turns = self.turns.chunks(SCANNED);
         self.part.clear();
-        for (start, shared) in (0..).step_by(SCANNED).zip(shared) {
-            let mut is_wanted = [0; SCANNED];
-            for (wanted, &log2) in is_wanted.iter_mut().zip(shared) {
-                *wanted = u8::from(log2 > self.part_log2);
-            }
+        for (start, (shared, turns)) in (0..).step_by(SCANNED).zip(shared.zip(turns)) {
             let placed = self.placed.get(start..start + shared.len()).unwrap_or_default();
-            for (wanted, &turn) in is_wanted.iter_mut().zip(placed) {
-                *wanted |= u8::from(turn <= until);
-            }
+            let wanted = bits_of(shared, |&log2| log2 > self.part_log2)
+                | bits_of(placed, |&turn| turn <= until);
             // Mostly there is nothing, which is seen at once.
-            let mut wanted = bits(&is_wanted);
-            while wanted != 0 {
-                let i = start + wanted.trailing_zeros() as usize;
-                wanted &= wanted - 1;
-                if self.turns[i] == LAST_TURN {
-                    self.part.push(i as u32);
-                }
+            if wanted != 0 {
+                let left = bits_of(turns, |&turn| turn == LAST_TURN);
+                list(start as u32, wanted & left, &mut self.part);
             }
         }
     }
@@ -281,14 +275,28 @@ impl<'a> Thinning<'a> {
     }
 }
 
-/// A bit for each of what is 0 or 1.
+/// A bit for each of up to [`SCANNED`] that is as told.
 #[inline(always)]
-fn bits(bytes: &[u8; SCANNED]) -> u64 {
+fn bits_of<T>(of: &[T], is_so: impl Fn(&T) -> bool) -> u64 {
+    let mut bytes = [0; SCANNED];
+    bytes.iter_mut().zip(of).for_each(|(byte, of)| *byte = u8::from(is_so(of)));
     let sixteen = bytes.as_chunks::<16>().0.iter().rev().map(|bytes| {
         let signs = wide::u8x16::from(*bytes).simd_eq(wide::u8x16::splat(1));
         u64::from(signs.to_bitmask())
     });
     sixteen.fold(0, |bits, sixteen| bits << 16 | sixteen)
+}
+
+/// Adds the places, from `start` on, of the bits that are set.
+#[inline(always)]
+fn list(start: u32, mut bits: u64, to: &mut Vec<u32>) {
+    let mut places = [0; SCANNED];
+    let count = bits.count_ones() as usize;
+    for place in &mut places[..count] {
+        *place = start + bits.trailing_zeros();
+        bits &= bits - 1;
+    }
+    to.extend_from_slice(&places[..count]);
 }
 
 #[cfg(test)]
