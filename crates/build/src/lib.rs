@@ -33,6 +33,7 @@ mod order;
 mod palette;
 mod partition;
 mod pending;
+mod places;
 mod proof;
 #[cfg(test)]
 mod random;

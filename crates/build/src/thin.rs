@@ -6,6 +6,7 @@
 //! within the radius. A turn is a pass over these distances along the Morton curve.
 
 use crate::candidates::Candidates;
+use crate::places::{TOGETHER, bits_of, list, places_of};
 use crate::rest::{Rest, octave};
 use crate::turn::{LAST_TURN, radius_at, turn_at};
 use fearless_simd::{Level, Simd, dispatch};
@@ -23,9 +24,6 @@ const PART_EDGE: f64 = 0.25;
 /// Cells in which neighbours are found are made finer while they have so many points, at most so many times.
 const DENSE: usize = 16;
 const FINER: u32 = 2;
-
-/// Points that are looked through at once for those of a part.
-const SCANNED: usize = 64;
 
 /// Where all are to be picked, and one in so many is, a picked point tells only those beside it along the curve, which are
 /// most of those near it. Prefixes are as even as before (no gap over 1.39 times those of Poisson-disk samples; where it
@@ -76,10 +74,7 @@ impl<'a> Thinning<'a> {
         radius: f64,
         dimension: u32,
     ) -> Self {
-        let mut picked = Vec::new();
-        for (start, turns) in (0..).step_by(SCANNED).zip(turns.chunks(SCANNED)) {
-            list(start, bits_of(turns, |&turn| turn != LAST_TURN), &mut picked);
-        }
+        let picked = places_of(&turns, |&turn| turn != LAST_TURN);
         Self {
             candidates,
             placed,
@@ -196,10 +191,10 @@ impl<'a> Thinning<'a> {
     /// Lists the points to look at for turns up to this one.
     #[inline(always)]
     fn choose_part(&mut self, until: u16) {
-        let shared = self.candidates.shared_log2.chunks(SCANNED);
-        let turns = self.turns.chunks(SCANNED);
+        let shared = self.candidates.shared_log2.chunks(TOGETHER);
+        let turns = self.turns.chunks(TOGETHER);
         self.part.clear();
-        for (start, (shared, turns)) in (0..).step_by(SCANNED).zip(shared.zip(turns)) {
+        for (start, (shared, turns)) in (0..).step_by(TOGETHER).zip(shared.zip(turns)) {
             let placed = self.placed.get(start..start + shared.len()).unwrap_or_default();
             let wanted = bits_of(shared, |&log2| log2 > self.part_log2)
                 | bits_of(placed, |&turn| turn <= until);
@@ -273,30 +268,6 @@ impl<'a> Thinning<'a> {
             }
         }
     }
-}
-
-/// A bit for each of up to [`SCANNED`] that is as told.
-#[inline(always)]
-fn bits_of<T>(of: &[T], is_so: impl Fn(&T) -> bool) -> u64 {
-    let mut bytes = [0; SCANNED];
-    bytes.iter_mut().zip(of).for_each(|(byte, of)| *byte = u8::from(is_so(of)));
-    let sixteen = bytes.as_chunks::<16>().0.iter().rev().map(|bytes| {
-        let signs = wide::u8x16::from(*bytes).simd_eq(wide::u8x16::splat(1));
-        u64::from(signs.to_bitmask())
-    });
-    sixteen.fold(0, |bits, sixteen| bits << 16 | sixteen)
-}
-
-/// Adds the places, from `start` on, of the bits that are set.
-#[inline(always)]
-fn list(start: u32, mut bits: u64, to: &mut Vec<u32>) {
-    let mut places = [0; SCANNED];
-    let count = bits.count_ones() as usize;
-    for place in &mut places[..count] {
-        *place = start + bits.trailing_zeros();
-        bits &= bits - 1;
-    }
-    to.extend_from_slice(&places[..count]);
 }
 
 #[cfg(test)]

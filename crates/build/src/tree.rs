@@ -8,6 +8,7 @@ use crate::contour;
 use crate::counts::Counts;
 use crate::order::{order, parts};
 use crate::pending::{Below, Cut, Pending};
+use crate::places::places_of;
 use crate::row::{RowLayout, Rows};
 use crate::sample::{choose, place};
 use crate::shape::{Moments, Shape};
@@ -121,15 +122,15 @@ impl Context {
             }
             parts.push((child, part));
         }
-        let chosen: Vec<usize> = (0..offered.len()).filter(|&i| turns[i] != LAST_TURN).collect();
+        let chosen = places_of(&turns, |&turn| turn != LAST_TURN);
         let radii = self.radii(&candidates, &turns, dimension);
         drop(candidates);
         let mut pending = Pending {
             cell,
             moments,
-            offered: chosen.iter().map(|&i| offered[i]).collect(),
+            offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
             sampled: chosen.len(),
-            turns: chosen.iter().map(|&i| turns[i]).collect(),
+            turns: chosen.iter().map(|&i| turns[i as usize]).collect(),
             radii,
             below: Below::default(),
         };
@@ -227,8 +228,8 @@ impl Context {
         if pending.turns.is_empty() {
             self.place(rows, &mut pending, taken, above, shape.dimension);
         }
-        let is_own = |i: &u32| taken.get(*i as usize).is_none_or(|&turn| turn == LAST_TURN);
-        let mut own: Vec<u32> = (0..pending.offered.len() as u32).filter(is_own).collect();
+        let mut own = places_of(taken, |&turn| turn == LAST_TURN);
+        own.extend(taken.len() as u32..pending.offered.len() as u32);
         let is_given = |i: u32| i as usize >= pending.sampled;
         if pending.offered.len() > pending.sampled {
             own.sort_by_cached_key(|&i| {
