@@ -175,14 +175,15 @@ impl Rest {
     #[inline(always)]
     pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
         let least2 = wide::f32x8::from(least2);
-        next_from(i, self.nearest2.iter().map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
+        let nearest2 = self.nearest2[i / LANES..].iter();
+        next_from(i, nearest2.map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
     }
 
-    /// The same among those due by a turn; none where none was ever told to be.
+    /// The same among those due by a turn, where that was told.
     #[inline(always)]
     pub fn next_due_from(&self, i: usize, turn: u16, least2: f32) -> Option<usize> {
         let (turn, least2) = (wide::f32x8::from(f32::from(turn)), wide::f32x8::from(least2));
-        let blocks = self.due.iter().zip(&self.nearest2);
+        let blocks = self.due[i / LANES..].iter().zip(&self.nearest2[i / LANES..]);
         let is_far = |n: &Numbers| wide::f32x8::from(n.0).simd_ge(least2);
         next_from(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
     }
@@ -299,11 +300,12 @@ impl Rest {
     }
 }
 
-/// The first place from `i` on which is wanted, of blocks in which some are.
+/// The first place from `i` on which is wanted, of the blocks from its own on. (Skipping to it in an iterator that computes
+/// walks there, unless a compiler sees that it need not.)
 #[inline(always)]
 fn next_from(i: usize, blocks: impl Iterator<Item = wide::f32x8>) -> Option<usize> {
     let mut wanted = !0 << (i % LANES);
-    for (block, is_wanted) in (i / LANES..).zip(blocks.skip(i / LANES)) {
+    for (block, is_wanted) in (i / LANES..).zip(blocks) {
         wanted &= is_wanted.to_bitmask();
         if wanted != 0 {
             return Some(block * LANES + wanted.trailing_zeros() as usize);
