@@ -379,7 +379,11 @@ impl Intake {
             match source.read(&placement, task, &mut sink) {
                 Ok(report) => taking.reports.push(report),
                 Err(ScanError::OffLattice { .. }) => return Ok(Err(Void::Bounds(i))),
-                Err(e) => return Err(BuildError::from_sink(e)),
+                Err(e) => {
+                    // A later build goes on with what is in scratch. What stopped this one is told first.
+                    let _ = taking.tell();
+                    return Err(BuildError::from_sink(e));
+                }
             }
             skipped = 0;
         }

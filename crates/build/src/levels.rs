@@ -199,7 +199,7 @@ impl Raiser<'_> {
         // Rows in memory lie in blocks that others share, so they are not freed as they are parted.
         let buffer_bytes_max =
             if map.is_some() { self.buffer_bytes_max } else { self.buffer_bytes_max / 8 };
-        let mut partition = Partition::new(stride, log2, buffer_bytes_max);
+        let mut partition = Partition::new(stride, log2, buffer_bytes_max, is_told);
         for group in blocks.chunks(rayon::current_num_threads().max(1)) {
             self.task.check()?;
             let parted: Vec<_> =

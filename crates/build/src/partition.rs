@@ -5,7 +5,7 @@
 
 use crate::error::BuildError;
 use crate::row::position;
-use crate::scratch::{Extent, Scratch};
+use crate::scratch::{Extent, Run, Scratch};
 use esker_points::{Cell, morton};
 use memmap2::Mmap;
 use std::collections::HashMap;
@@ -62,9 +62,9 @@ impl Block {
 }
 
 impl Block {
-    /// Bytes of memory.
+    /// Bytes of memory, also of what it takes to send its parts to scratch.
     fn bytes(&self) -> usize {
-        self.rows.len() + self.parts.len() * size_of::<Piece>()
+        self.rows.len() + self.parts.len() * (size_of::<Piece>() + size_of::<Run>())
     }
 }
 
@@ -98,6 +98,14 @@ fn parts_of(log2: u8, positions: impl Iterator<Item = [u32; 3]>) -> (Vec<u32>, V
 struct Piece {
     block: Arc<Vec<u8>>,
     rows: Range<u32>,
+}
+
+impl Piece {
+    /// Its bytes, where a row has `stride`.
+    fn run(self, stride: usize) -> Run {
+        let Range { start, end } = self.rows;
+        Run { block: self.block, bytes: start as usize * stride..end as usize * stride }
+    }
 }
 
 /// Rows of a cell in scratch.
@@ -145,11 +153,14 @@ pub struct Partition {
     by_corner: Cells,
     buffered_bytes: usize,
     buffer_bytes_max: usize,
+    /// Whether rows go to scratch: then half of the memory fills while the other is written.
+    is_spilling: bool,
 }
 
 impl Partition {
-    /// An empty partition into cells of `2^log2` steps; rows beyond `buffer_bytes_max` go to scratch.
-    pub fn new(stride: usize, log2: u8, buffer_bytes_max: usize) -> Self {
+    /// An empty partition into cells of `2^log2` steps; rows beyond `buffer_bytes_max` go to scratch, which is
+    /// likely to happen where it `is_spilling`.
+    pub fn new(stride: usize, log2: u8, buffer_bytes_max: usize, is_spilling: bool) -> Self {
         Self {
             stride,
             log2,
@@ -157,6 +168,7 @@ impl Partition {
             by_corner: Cells::default(),
             buffered_bytes: 0,
             buffer_bytes_max,
+            is_spilling,
         }
     }
 
@@ -182,12 +194,17 @@ impl Partition {
 
     /// Whether memory has no room for a block beside what is in it.
     pub fn is_full_for(&self, block: &Block) -> bool {
-        self.buffered_bytes > 0 && self.buffered_bytes + block.bytes() > self.buffer_bytes_max
+        self.buffered_bytes > 0 && self.buffered_bytes + block.bytes() > self.held_bytes_max()
     }
 
     /// Whether memory has more than it should.
     pub fn is_full(&self) -> bool {
-        self.buffered_bytes > self.buffer_bytes_max
+        self.buffered_bytes > self.held_bytes_max()
+    }
+
+    /// Bytes of rows beside those on their way to scratch.
+    fn held_bytes_max(&self) -> usize {
+        if self.is_spilling { self.buffer_bytes_max / 2 } else { self.buffer_bytes_max }
     }
 
     /// Adds a block in memory.
@@ -250,29 +267,32 @@ impl Partition {
     }
 
     /// Moves all rows in memory to scratch, along the Morton curve: what is built together lies together. What
-    /// went where.
+    /// goes where; it is on its way until [`Scratch::flush`].
     ///
     /// # Errors
-    /// Where scratch space fails.
+    /// Where scratch space fails, for these rows or those before.
     pub fn spill(&mut self, scratch: &mut Scratch) -> Result<Vec<Stored>, BuildError> {
-        let mut along: Vec<&mut Bucket> = self.buckets.iter_mut().collect();
+        let mut along: Vec<&mut Bucket> =
+            self.buckets.iter_mut().filter(|bucket| !bucket.pieces.is_empty()).collect();
         along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
-        let mut stored = Vec::new();
+        let (mut runs, mut stored) = (Vec::new(), Vec::with_capacity(along.len()));
+        let mut offset = scratch.end();
         for bucket in along {
-            let mut whole: Option<Extent> = None;
-            for piece in bucket.pieces.drain(..) {
-                let Range { start, end } = piece.rows;
-                let rows = start as usize * self.stride..end as usize * self.stride;
-                let extent = scratch.append(&piece.block[rows])?;
-                match &mut whole {
-                    Some(w) => w.bytes += extent.bytes,
-                    None => whole = Some(extent),
-                }
-            }
-            stored.extend(whole.map(|extent| Stored { corner: bucket.cell.corner, extent }));
-            bucket.extents.extend(whole);
+            let pieces = bucket.pieces.drain(..).map(|piece| piece.run(self.stride));
+            let before = runs.len();
+            runs.extend(pieces);
+            let bytes = runs[before..].iter().map(|run| run.bytes.len() as u64).sum();
+            let extent = Extent { offset, bytes };
+            offset += bytes;
+            stored.push(Stored { corner: bucket.cell.corner, extent });
+            bucket.extents.push(extent);
         }
-        self.buffered_bytes = 0;
+        scratch.append_meanwhile(runs)?;
+        // More than half of the memory is not to be filled beside.
+        if self.buffered_bytes > self.buffer_bytes_max / 2 {
+            scratch.flush()?;
+        }
+        (self.buffered_bytes, self.is_spilling) = (0, true);
         Ok(stored)
     }
 
@@ -333,10 +353,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_row_is_in_the_bucket_of_its_cell(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), log2 in 0u8..=32, memory in 0usize..100_000) {
+        fn every_row_is_in_the_bucket_of_its_cell(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), log2 in 0u8..=32, memory in 0usize..100_000, is_spilling: bool) {
             let folder = tempfile::tempdir().unwrap();
             let mut scratch = Scratch::new(folder.path()).unwrap();
-            let mut partition = Partition::new(12, log2, memory);
+            let mut partition = Partition::new(12, log2, memory, is_spilling);
             for part in rows_of(&points).chunks(12 * 7) {
                 let log2 = partition.log2();
                 partition.add(block_of_rows(part, 12, log2), &mut scratch).unwrap();
@@ -364,7 +384,7 @@ mod tests {
     fn too_many_buckets_coarsen_without_losing_rows() {
         let folder = tempfile::tempdir().unwrap();
         let mut scratch = Scratch::new(folder.path()).unwrap();
-        let mut partition = Partition::new(12, 0, usize::MAX);
+        let mut partition = Partition::new(12, 0, usize::MAX, false);
         let points: Vec<_> = (0..60_000u32)
             .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i << 16])
             .collect();

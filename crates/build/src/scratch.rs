@@ -1,15 +1,20 @@
-//! Scratch space: one file of rows, appended to, mapped to read, given back piece by piece as it is consumed. It has
-//! no name, or one where a later build may go on with it. Its pages are the system's to drop: they are no anonymous
+//! Scratch space: one file of rows, appended to, also by a thread of its own meanwhile, mapped to read, given back piece
+//! by piece as it is consumed. It has no name, or one where a later build may go on with it. Its pages are the system's to drop: they are no anonymous
 //! memory.
 
 use crate::error::BuildError;
 use memmap2::Mmap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 
 /// Bytes written to the file together.
 const WRITE_BYTES: usize = 4 << 20;
+/// All that a thread needs that waits for the disk.
+const STACK_BYTES: usize = 128 << 10;
 /// How names of files of rows begin and end.
 const NAME: [&str; 2] = [".esker-", ".rows"];
 
@@ -29,6 +34,14 @@ impl Extent {
     }
 }
 
+/// Bytes of a block that others share, on their way to scratch.
+pub struct Run {
+    /// The block.
+    pub block: Arc<Vec<u8>>,
+    /// Which of its bytes.
+    pub bytes: Range<usize>,
+}
+
 /// Whether a file has such a name as files of rows have.
 pub fn is_ours(path: &Path) -> bool {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
@@ -38,8 +51,10 @@ pub fn is_ours(path: &Path) -> bool {
 /// A growing file, gone with the process where it has no name.
 pub struct Scratch {
     file: BufWriter<File>,
+    /// Writes what is appended meanwhile.
+    writing: Option<JoinHandle<io::Result<()>>>,
     folder: PathBuf,
-    /// Length of the file.
+    /// Length of the file, once all is written.
     file_bytes: u64,
     /// Bytes ever written.
     written_bytes: u64,
@@ -63,6 +78,7 @@ impl Scratch {
             .map_err(|e| BuildError::scratch(folder, "cannot make a scratch file", e))?;
         Ok(Self {
             file: BufWriter::with_capacity(WRITE_BYTES, file),
+            writing: None,
             folder: folder.to_owned(),
             file_bytes: 0,
             written_bytes: 0,
@@ -138,13 +154,30 @@ impl Scratch {
         self.is_kept = is_kept;
     }
 
-    /// Hands what is buffered to the system.
+    /// Where the next byte goes.
+    pub fn end(&self) -> u64 {
+        self.file_bytes
+    }
+
+    /// Hands all that was appended to the system; the file has it then.
     ///
     /// # Errors
     /// Where the disk is full.
     pub fn flush(&mut self) -> Result<(), BuildError> {
+        self.settle()?;
         let flushed = self.file.flush();
-        flushed.map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))
+        flushed.map_err(|e| self.not_written(e))
+    }
+
+    /// Waits for what is written meanwhile.
+    fn settle(&mut self) -> Result<(), BuildError> {
+        let Some(writing) = self.writing.take() else { return Ok(()) };
+        let written = writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        written.map_err(|e| self.not_written(e))
+    }
+
+    fn not_written(&self, e: io::Error) -> BuildError {
+        BuildError::scratch(&self.folder, "cannot write scratch data", e)
     }
 
     /// Appends bytes.
@@ -152,15 +185,40 @@ impl Scratch {
     /// # Errors
     /// Where the disk is full.
     pub fn append(&mut self, bytes: &[u8]) -> Result<Extent, BuildError> {
-        self.file
-            .write_all(bytes)
-            .map_err(|e| BuildError::scratch(&self.folder, "cannot write scratch data", e))?;
+        self.settle()?;
+        self.file.write_all(bytes).map_err(|e| self.not_written(e))?;
         let extent = Extent { offset: self.file_bytes, bytes: bytes.len() as u64 };
-        self.file_bytes += extent.bytes;
-        self.written_bytes += extent.bytes;
-        self.held_bytes += extent.bytes;
-        self.note_peaks();
+        self.grow(extent.bytes);
         Ok(extent)
+    }
+
+    /// Appends runs, one behind the other, while the caller goes on: what it asks next of the file waits for them, and has
+    /// their errors.
+    ///
+    /// # Errors
+    /// Where the disk is full, for what was appended before; where the system gives no thread.
+    pub fn append_meanwhile(&mut self, runs: Vec<Run>) -> Result<(), BuildError> {
+        self.flush()?;
+        let bytes = runs.iter().map(|run| run.bytes.len() as u64).sum();
+        let file = self.file.get_ref().try_clone().map_err(|e| self.not_written(e))?;
+        let write = move || {
+            let mut file = BufWriter::with_capacity(WRITE_BYTES, file);
+            // A block that is written is let go of.
+            runs.into_iter().try_for_each(|run| file.write_all(&run.block[run.bytes]))?;
+            file.flush()
+        };
+        let thread = thread::Builder::new().name("esker-scratch".into()).stack_size(STACK_BYTES);
+        self.writing = Some(thread.spawn(write).map_err(BuildError::no_thread)?);
+        self.grow(bytes);
+        Ok(())
+    }
+
+    /// So many bytes more are in the file, or on their way to it.
+    fn grow(&mut self, bytes: u64) {
+        self.file_bytes += bytes;
+        self.written_bytes += bytes;
+        self.held_bytes += bytes;
+        self.note_peaks();
     }
 
     /// Told that the file that is being built now has so many bytes.
@@ -194,6 +252,8 @@ impl Scratch {
     /// # Errors
     /// Where the system refuses.
     pub fn clear(&mut self) -> Result<(), BuildError> {
+        // What could not be written is void too.
+        let _ = self.settle();
         (self.file_bytes, self.held_bytes) = (0, 0);
         self.file
             .flush()
@@ -231,6 +291,8 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
+        // Whoever wants to know whether all was written has asked.
+        let _ = self.writing.take().map(JoinHandle::join);
         if let Some(path) = self.path.take().filter(|_| !self.is_kept) {
             let _ = fs::remove_file(path);
         }
@@ -266,9 +328,16 @@ mod tests {
         assert_eq!(scratch.bytes(), 20_000);
         drop(map);
         scratch.clear().unwrap();
+        let block = Arc::new(vec![1, 2, 3, 3, 4]);
+        let run = |bytes| Run { block: Arc::clone(&block), bytes };
+        let end = scratch.end();
+        scratch.append_meanwhile(vec![run(3..5), run(0..1)]).unwrap();
+        assert_eq!(scratch.map().unwrap()[end as usize..], [3, 4, 1]);
+        assert_eq!(Arc::strong_count(&block), 1);
+        scratch.clear().unwrap();
         let c = scratch.append(&[3; 10]).unwrap();
         assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
-        assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_010, 20_000));
+        assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_013, 20_000));
         assert_eq!(scratch.disk_bytes_peak(), 20_500);
     }
 

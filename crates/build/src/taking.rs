@@ -37,8 +37,10 @@ pub struct Taking<'a> {
     pub reports: Vec<ReadReport>,
     /// The partition has all points of so many sources, and so many of the next one.
     pub added: (usize, u64),
-    /// Reports that the journal has.
+    /// Reports that the journal has, or will have with `untold`.
     told: usize,
+    /// What the journal is told once the rows that it speaks of are in scratch.
+    untold: Option<Record>,
     /// Batches by source, to be sorted into cells together.
     waiting: Vec<(usize, Batch)>,
     waiting_points: usize,
@@ -54,8 +56,10 @@ impl<'a> Taking<'a> {
     ) -> Self {
         let rows = plan.rows();
         let log2 = intake.partition_log2(plan);
+        let bytes = intake.points_likely().saturating_mul(rows.bytes() as u64);
+        let is_spilling = bytes > buffer_bytes_max as u64;
         Self {
-            partition: Partition::new(rows.bytes(), log2, buffer_bytes_max),
+            partition: Partition::new(rows.bytes(), log2, buffer_bytes_max, is_spilling),
             ranges: Ranges::new(&plan.schema),
             intake,
             plan,
@@ -67,6 +71,7 @@ impl<'a> Taking<'a> {
             reports: Vec::new(),
             added: (0, 0),
             told: 0,
+            untold: None,
             waiting: Vec::new(),
             waiting_points: 0,
         }
@@ -143,11 +148,22 @@ impl<'a> Taking<'a> {
         if !self.scratch.is_empty() && is_new {
             self.spill()?;
         }
+        self.tell()?;
         let Taking { partition, reports, hash, ranges, knows_scanners, .. } = self;
         Ok(Taken { partition, reports, hash, ranges, knows_scanners })
     }
 
-    /// Moves all rows to scratch and tells the journal, which begins with the first ones.
+    /// Tells the journal of rows that went to scratch, once they are there.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn tell(&mut self) -> Result<(), BuildError> {
+        let Some(record) = self.untold.take() else { return Ok(()) };
+        self.scratch.flush()?;
+        self.journal.tell(record)
+    }
+
+    /// Moves all rows to scratch, of which the journal is told, which begins with the first ones.
     fn spill(&mut self) -> Result<(), BuildError> {
         if self.journal.may_begin()
             && self.scratch.is_empty()
@@ -156,11 +172,11 @@ impl<'a> Taking<'a> {
             self.journal.begin(Some(path))?;
             self.journal.tell(self.intake.known())?;
         }
+        self.tell()?;
         let stored = self.partition.spill(self.scratch)?;
         if !self.journal.keeps_rows() {
             return Ok(());
         }
-        self.scratch.flush()?;
         let mut record = Record::new(Kind::Taken);
         record.put([self.added.0 as u64, self.added.1]);
         record.put(self.hash.0);
@@ -179,7 +195,8 @@ impl<'a> Taking<'a> {
             record.put(part.corner);
             record.put(part.extent.bytes);
         }
-        self.journal.tell(record)
+        self.untold = Some(record);
+        Ok(())
     }
 
     /// Takes over what an earlier build has taken in.
