@@ -191,8 +191,14 @@ impl Rest {
     /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline(always)]
     pub fn tell_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
-        let p = self.q[i / LANES].get(i % LANES);
-        self.tell_from(simd, self.tile_of[i], p, reach);
+        // Not inlined: it is large. The position is read there: handed over, it would be read before it is written.
+        simd.vectorize(
+            #[inline(always)]
+            move || {
+                let p = self.q[i / LANES].get(i % LANES);
+                self.tell_tiles(simd, self.tile_of[i], p, reach);
+            },
+        );
     }
 
     /// Tells the points that stand beside a place along the curve, most of those near it.
@@ -204,22 +210,16 @@ impl Rest {
         self.tell_blocks(simd, first..end, p);
     }
 
-    /// The same for a position that has no place.
+    /// Tells all points within a radius of a position that has no place.
     #[inline(always)]
-    pub fn tell<S: Simd>(&mut self, simd: S, p: [i32; 3], reach: i32) {
-        self.tell_from(simd, NONE, p, reach);
-    }
-
-    /// `own` is the tile of the position, if that is known.
-    #[inline]
-    fn tell_from<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
-        // Not inlined: it is large.
+    pub fn tell<S: Simd>(&mut self, simd: S, p: &[i32; 3], reach: i32) {
         simd.vectorize(
             #[inline(always)]
-            || self.tell_tiles(simd, own, p, reach),
+            move || self.tell_tiles(simd, NONE, *p, reach),
         );
     }
 
+    /// `own` is the tile of the position, if that is known.
     #[inline(always)]
     fn tell_tiles<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
         // No coordinate is negative, nor a reach.

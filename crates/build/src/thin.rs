@@ -171,7 +171,7 @@ impl<'a> Thinning<'a> {
             let q = &self.candidates.q;
             self.rest.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
             let reach = (radius as i32).saturating_add(1);
-            self.picked.iter().for_each(|&i| self.rest.tell(simd, q[i as usize], reach));
+            self.picked.iter().for_each(|&i| self.rest.tell(simd, &q[i as usize], reach));
         }
         if !self.placed.is_empty() {
             self.rest.set_due(self.placed);
