@@ -3,7 +3,7 @@
 //! neighbours; distances are in space.
 
 use crate::tiles::{Cells, Filling, TILE_LOG2, Tile, between};
-use fearless_simd::{Simd, SimdBase, SimdCvtFloat, SimdFloat, f32x8, i32x8};
+use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
 use std::ops::Range;
 
 /// Points of a block: loops over them are registers where they are compiled for such.
@@ -292,10 +292,11 @@ impl Rest {
         for (Places(q), Numbers(nearest2)) in
             self.q[run.clone()].iter().zip(&mut self.nearest2[run])
         {
-            let d = |axis: usize| f32x8::float_from(simd.load_array_ref_i32x8(&q[axis]) - p[axis]);
+            let d =
+                |axis: usize| f32x8::float_from(i32x8::load_array_ref(simd, &q[axis]) - p[axis]);
             let (x, y, z) = (d(0), d(1), d(2));
-            let nearer2 = simd.load_array_ref_f32x8(nearest2).min(x * x + y * y + z * z);
-            simd.store_array_f32x8(nearer2, nearest2);
+            let nearer2 = f32x8::load_array_ref(simd, nearest2).min(x * x + y * y + z * z);
+            nearer2.store_array(nearest2);
         }
     }
 }

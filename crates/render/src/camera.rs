@@ -7,7 +7,7 @@
 
 use crate::error::RenderError;
 use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
-use crate::values::Values;
+use crate::values::{Values, load};
 use esker_lod::View;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
@@ -89,7 +89,7 @@ impl Camera {
     #[inline(always)]
     pub(crate) fn to_eye<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
         let [middle_x, middle_y] = self.centre_px;
-        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let columns = load(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         // By 32 bits, which take an instruction.
         let left = -(columns + (x as u32 as f32 + 0.5 - middle_x));
         let down = y as u32 as f32 + 0.5 - middle_y;

@@ -328,7 +328,7 @@ pub fn hue(number: u32) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::values::EIGHT;
+    use crate::values::{EIGHT, load};
     use fearless_simd::{Level, dispatch};
 
     #[test]
@@ -348,7 +348,7 @@ mod tests {
         };
         let words_of = |light: [f32; EIGHT]| {
             let words = dispatch!(Level::new(), simd => {
-                let light = simd.load_array_f32x8(light);
+                let light = load(simd, &light);
                 <[u32; EIGHT]>::from(words([light, light * 0.5, light * 0.0]))
             });
             words.map(u32::to_le_bytes)

@@ -2,7 +2,7 @@
 //! What goes wrong at silhouettes goes wrong there, so [`crate::mend`], [`crate::trim`] and
 //! [`crate::soften`] look at these pixels alone.
 
-use crate::values::{EIGHT, Values};
+use crate::values::{EIGHT, Values, load};
 use fearless_simd::{Level, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use rayon::prelude::*;
 
@@ -60,7 +60,7 @@ fn edges_of_row<S: Simd>(
             | is_step(middle, eight(simd, below, first), near);
         let is_edge = across | along;
         if is_edge.any_true() {
-            found.extend((0..EIGHT).filter(|&k| is_edge[k] != 0).map(|k| start + first + k));
+            found.extend((0..EIGHT).filter(|&k| is_edge.test(k)).map(|k| start + first + k));
         }
     }
 }
@@ -68,7 +68,7 @@ fn edges_of_row<S: Simd>(
 /// Eight of a row, from one on.
 #[inline(always)]
 fn eight<S: Simd>(simd: S, row: &[f32], first: usize) -> f32x8<S> {
-    simd.load_array_ref_f32x8(row[first..].first_chunk().unwrap_or(&[f32::INFINITY; EIGHT]))
+    load(simd, row[first..].first_chunk().unwrap_or(&[f32::INFINITY; EIGHT]))
 }
 
 /// Between which depths there is a step. Infinity from infinity is no number, which is no step.

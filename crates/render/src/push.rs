@@ -20,8 +20,10 @@ use crate::ellipse::covers_at;
 use crate::lanes::{LANES, Line, Pixels, Run, halves, has_pixels, is_empty};
 use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
 use crate::tangent::{Lens, factor, turn};
-use crate::values::{Values, join, only};
-use fearless_simd::{Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8};
+use crate::values::{Values, bits, join, only};
+use fearless_simd::{
+    ExtractToken, Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8,
+};
 use glam::Vec4;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
@@ -141,7 +143,7 @@ fn push_block<S: Simd, const NORMALS: bool>(
 /// The values of every second pixel, and those of the others.
 #[inline(always)]
 fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
-    let (even, odd) = values.witness().split_f32x8(values);
+    let (even, odd) = values.token().split_f32x8(values);
     [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
 }
 
@@ -285,7 +287,7 @@ impl<S: Simd> Block<S> {
         }
         let is_all = is_new.all_true();
         // Every second pixel, then the others.
-        let is_new: [i32; 2 * LANES] = near[0].simd.as_array_mask32x8(is_new);
+        let is_new = bits(is_new);
         for odd in 0..2 {
             let out = Pixels {
                 front: [least[odd], most[odd], x[odd], y[odd]],
@@ -298,7 +300,7 @@ impl<S: Simd> Block<S> {
             }
             let mut to = [usize::MAX; LANES];
             for (k, to) in to.iter_mut().enumerate() {
-                if is_new[odd * LANES + k] != 0 {
+                if is_new >> (odd * LANES + k) & 1 > 0 {
                     *to = first + 2 * k + odd;
                 }
             }

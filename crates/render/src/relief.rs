@@ -7,7 +7,7 @@
 //! patterns that wide ones leave where their taps are now on the surface and now on another. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
-use crate::values::{EIGHT, Values, dot, only};
+use crate::values::{EIGHT, Values, dot, load, only};
 use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
@@ -174,7 +174,7 @@ impl Surroundings<'_> {
         let right = eight::<S, { REACH + 1 }>(simd, here);
         let above = eight::<S, REACH>(simd, above);
         let below = eight::<S, REACH>(simd, below);
-        let columns = simd.load_array_f32x8([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let columns = load(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
         let v = self.centre_px[1] - self.y as f32 - 0.5;
         let limit = d * self.near;
@@ -272,7 +272,7 @@ fn at_ends(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
 /// Eight of a run, from one on.
 #[inline(always)]
 fn eight<S: Simd, const AT: usize>(simd: S, run: &Run) -> f32x8<S> {
-    simd.load_array_ref_f32x8(run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
+    load(simd, run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
 }
 
 /// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays on

@@ -13,8 +13,8 @@ use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
 use crate::surface::{Surface, SurfaceRow};
-use crate::values::{EIGHT, Values, bits, dot, only};
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8, mask32x8};
+use crate::values::{EIGHT, Values, bits, dot, load, only};
+use fearless_simd::{ExtractToken, Level, Select, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -134,8 +134,8 @@ impl<T: Surface> Row<'_, T> {
         let nothing = simd.splat_f32x8(f32::INFINITY);
         for (first, run) in (0..).step_by(EIGHT).zip(depths.chunks(EIGHT)) {
             let depth = match run.first_chunk() {
-                Some(eight) => simd.load_array_ref_f32x8(eight),
-                None => simd.load_array_f32x8(filled(run)),
+                Some(eight) => load(simd, eight),
+                None => load(simd, &filled(run)),
             };
             let is_valid = depth.cmplt(nothing);
             if !is_valid.any_true() {
@@ -205,14 +205,14 @@ impl<T: Surface> Row<'_, T> {
         normal: [f32x8<S>; 3],
         to_eye: [f32x8<S>; 3],
     ) -> [f32x8<S>; 3] {
-        let simd = is_lacking.witness();
+        let simd = is_lacking.token();
         let mut normal = normal.map(|part| *part);
         for k in lanes_of(is_lacking) {
             let found = self.surface.normal_around(x + k, self.y);
             let is_found = found != Vec3::ZERO;
             (0..3).for_each(|i| normal[i][k] = if is_found { found[i] } else { to_eye[i][k] });
         }
-        normal.map(|part| simd.load_array_f32x8(part))
+        normal.map(|part| load(simd, &part))
     }
 
     /// Writes eight pixels; the backdrop where there is no surface.
@@ -229,7 +229,7 @@ impl<T: Surface> Row<'_, T> {
             g.mul_add(light.factor, light.shine),
             b.mul_add(light.factor, light.shine),
         ]);
-        let backdrop = r.witness().splat_u32x8(u32::from_le_bytes(self.backdrop));
+        let backdrop = r.token().splat_u32x8(u32::from_le_bytes(self.backdrop));
         let words = <[u32; EIGHT]>::from(is_valid.select(lit, backdrop));
         let shown = words.map(u32::to_le_bytes);
         let room = &mut self.out[x..];
@@ -302,7 +302,7 @@ fn filled(depth: &[f32]) -> [f32; EIGHT] {
 /// The pixels that a mask names.
 #[inline(always)]
 fn lanes_of<S: Simd>(mask: mask32x8<S>) -> impl Iterator<Item = usize> {
-    (0..EIGHT).filter(move |&k| mask[k] != 0)
+    (0..EIGHT).filter(move |&k| mask.test(k))
 }
 
 /// Mean radius over a sample of the pixels covered.

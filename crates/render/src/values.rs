@@ -1,7 +1,9 @@
 //! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::lanes`]), or eight where the
 //! processor has them. Names and meanings are those of `glam`'s vectors.
 
-use fearless_simd::{Bytes, Select, Simd, SimdBase, f32x8, mask32x8, u32x8};
+use fearless_simd::{
+    ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8,
+};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
@@ -14,9 +16,15 @@ pub const WHOLE: f32 = 8_388_608.0;
 #[inline(always)]
 pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
     simd.combine_f32x4(
-        simd.load_array_f32x4(first.to_array()),
-        simd.load_array_f32x4(second.to_array()),
+        f32x4::load_array(simd, first.to_array()),
+        f32x4::load_array(simd, second.to_array()),
     )
+}
+
+/// Eight values. (Where `SimdBase` is in scope, which can load them too, its `min` and `max` are as well.)
+#[inline(always)]
+pub fn load<S: Simd>(simd: S, values: &[f32; EIGHT]) -> f32x8<S> {
+    f32x8::load_array_ref(simd, values)
 }
 
 /// `value` where the mask says yes, else zero.
@@ -40,13 +48,7 @@ pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
 /// Which of eight are yes, a bit each.
 #[inline(always)]
 pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
-    let simd = mask.witness();
-    let bits = simd.load_array_u32x8([1, 2, 4, 8, 16, 32, 64, 128]);
-    let (low, high) = simd.split_u32x8(mask.bitcast::<u32x8<S>>() & bits);
-    // Four words, two, and one: no compiler sees that there is an instruction for this.
-    let [a, b]: [u64; 2] = bytemuck::cast(<[u32; EIGHT / 2]>::from(low | high));
-    let both = a | b;
-    (both | both >> 32) as u32
+    mask.to_bitmask() as u32
 }
 
 /// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
@@ -212,51 +214,46 @@ impl<S: Simd> Values for f32x8<S> {
 
     #[inline(always)]
     fn like(self, value: f32) -> Self {
-        self.witness().splat_f32x8(value)
+        self.token().splat_f32x8(value)
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.witness().min_f32x8(self, other)
+        self.token().min_f32x8(self, other)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.witness().max_f32x8(self, other)
+        self.token().max_f32x8(self, other)
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        self.witness().abs_f32x8(self)
+        self.token().abs_f32x8(self)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.witness().sqrt_f32x8(self)
+        self.token().sqrt_f32x8(self)
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
-        self.witness().copysign_f32x8(self, sign)
+        self.token().copysign_f32x8(self, sign)
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, more: Self) -> Self {
-        self.witness().mul_add_f32x8(self, factor, more)
+        self.token().mul_add_f32x8(self, factor, more)
     }
     #[inline(always)]
     fn cmpeq(self, other: Self) -> mask32x8<S> {
-        self.witness().simd_eq_f32x8(self, other)
+        self.token().simd_eq_f32x8(self, other)
     }
     #[inline(always)]
     fn cmplt(self, other: Self) -> mask32x8<S> {
-        self.witness().simd_lt_f32x8(self, other)
+        self.token().simd_lt_f32x8(self, other)
     }
     #[inline(always)]
     fn cmple(self, other: Self) -> mask32x8<S> {
-        self.witness().simd_le_f32x8(self, other)
+        self.token().simd_le_f32x8(self, other)
     }
     #[inline(always)]
     fn select(mask: mask32x8<S>, a: Self, b: Self) -> Self {
         mask.select(a, b)
-    }
-    #[inline(always)]
-    fn only(self, mask: mask32x8<S>) -> Self {
-        // All bits of a mask's are its yes or no; selecting made it one from its signs first.
-        (self.bitcast::<u32x8<S>>() & mask.bitcast::<u32x8<S>>()).bitcast()
     }
 }

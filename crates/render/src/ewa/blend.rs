@@ -14,7 +14,7 @@ use super::tiles::{Entry, Run, TILE};
 use crate::camera::Camera;
 use crate::surface::Surface;
 use crate::values::{EIGHT, Values, dot, only};
-use fearless_simd::{Level, Simd, SimdBase, SimdMask, dispatch, f32x8};
+use fearless_simd::{ExtractToken, Level, Simd, SimdMask, dispatch, f32x8};
 use rayon::prelude::*;
 
 /// Square of the length under which a sum of normals has no direction.
@@ -232,7 +232,7 @@ impl Blend<'_> {
         p: &Pixels<S>,
         share: &Share<S>,
     ) {
-        let front = front(p.squared.witness(), rows, p.x);
+        let front = front(p.squared.token(), rows, p.x);
         let is_near =
             if BLENDS { front.cmple(p.inverse_depth) } else { front.cmplt(p.inverse_depth) };
         let seen = p.inside & is_near;

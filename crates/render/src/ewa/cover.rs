@@ -6,8 +6,8 @@ use super::clip::Lines;
 use super::splat::{Splat, WIDENED};
 use super::sums::{PAIR, PAIRS, Rows};
 use super::tiles::{LANES, Part, TILE};
-use crate::values::{EIGHT, Values};
-use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, mask32x8};
+use crate::values::{EIGHT, Values, load};
+use fearless_simd::{ExtractToken, Simd, SimdMask, f32x8, mask32x8};
 
 /// Pixels of a tile's row in its buffers: what is worked on together may end past the tile.
 pub const STRIDE: usize = TILE + LANES;
@@ -69,11 +69,11 @@ impl<S: Simd> Pixels<S> {
     #[inline(always)]
     fn kept(mut self, lines: Option<&Lines>, window: &Window, [cx, cy]: [f32; 2]) -> Self {
         if let Some(lines) = lines {
-            let simd = self.squared.witness();
+            let simd = self.squared.token();
             let (x, y) = (window.left + self.x, window.top + 2 * self.pair);
             // The same for all splats on a pixel.
-            let x = simd.load_array_f32x8(COLUMNS) + (x as f32 + 0.5 - cx);
-            let y = simd.load_array_f32x8(ROWS) + (y as f32 + 0.5 - cy);
+            let x = load(simd, &COLUMNS) + (x as f32 + 0.5 - cx);
+            let y = load(simd, &ROWS) + (y as f32 + 0.5 - cy);
             self.inside &= lines.keep(x, y);
         }
         self
@@ -107,8 +107,8 @@ impl<S: Simd> Ellipse<S> {
     ) -> Self {
         let [across, shear, along, _, least, greatest] = splat.form;
         let [z, z_x, z_y] = splat.inverse_depth;
-        let columns = simd.load_array_ref_f32x8(&window.columns[x % TILE]);
-        let rows = simd.load_array_ref_f32x8(&window.pairs[pair % PAIRS]);
+        let columns = load(simd, &window.columns[x % TILE]);
+        let rows = load(simd, &window.pairs[pair % PAIRS]);
         let (dx, dy) = (columns - splat.origin[0], rows - splat.origin[1]);
         Self {
             here: [
@@ -275,9 +275,9 @@ fn for_each_by_rays<S: Simd>(
     let (zero, one) = (greatest.like(0.0), greatest.like(1.0));
     let from = [window.from[0] - splat.origin[0], window.from[1] - splat.origin[1]];
     for (pair, rows) in pairs(part, sums) {
-        let dy = simd.load_array_f32x8(ROWS) + (from[1] + (PAIR * pair) as f32);
+        let dy = load(simd, &ROWS) + (from[1] + (PAIR * pair) as f32);
         for x in (part.left..part.right).step_by(LANES) {
-            let dx = simd.load_array_f32x8(COLUMNS) + (from[0] + f32::from(x));
+            let dx = load(simd, &COLUMNS) + (from[0] + f32::from(x));
             let inverse_depth = dx * z_x + (dy * z_y + z);
             let u = (dx * ux + (dy * uy + u0)) / inverse_depth;
             let v = (dx * vx + (dy * vy + v0)) / inverse_depth;

@@ -5,7 +5,7 @@ use super::sums::PAIR;
 use super::tiles::{LANES, Part, TILE};
 use crate::lanes::turned;
 use crate::values::{EIGHT, Values, WHOLE, bits};
-use fearless_simd::{Bytes, Simd, SimdInt, f32x8, mask32x8, u32x8};
+use fearless_simd::{Bytes, Simd, SimdBase, f32x8, mask32x8, u32x8};
 use glam::Vec4;
 
 /// Eight ellipses and what becomes of them.
@@ -195,6 +195,7 @@ fn side_by_side<S: Simd>(values: [f32x8<S>; 4]) -> [Vec4; EIGHT] {
 mod tests {
     use super::super::splat::{Disc, Placed};
     use super::*;
+    use crate::values::load;
     use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
     use proptest::prelude::*;
@@ -211,7 +212,7 @@ mod tests {
                 Disc::round(Vec3::from_array(at), normal, log.exp2())
             });
             let (shows, ellipses, drawn, splats, bounds) = dispatch!(Level::new(), simd => {
-                let of = |of: &dyn Fn(&Disc) -> f32| simd.load_array_f32x8(std::array::from_fn(|k| of(&discs[k])));
+                let of = |of: &dyn Fn(&Disc) -> f32| load(simd, &std::array::from_fn(|k| of(&discs[k])));
                 let parts = |part: &dyn Fn(&Disc) -> Vec3| [0, 1, 2].map(|i| of(&|d| part(d)[i]));
                 let tangents = [parts(&|d| d.tangents[0]), parts(&|d| d.tangents[1])];
                 let eight = Ellipses::new(&lens, 10, parts(&|d| d.centre), tangents, of(&|d| d.radius));

@@ -12,7 +12,7 @@ use crate::colour::{ColourBy, linear};
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gather::Lookup;
 use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
-use crate::values::{EIGHT, Values, WHOLE, bits, directions, dot, only};
+use crate::values::{EIGHT, Values, WHOLE, bits, directions, dot, load, only};
 use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};
@@ -165,7 +165,7 @@ impl Placing<'_> {
                 let [code_x, code_y] = code.unwrap_or(NO_NORMAL);
                 (x[k], y[k]) = (f32::from(code_x), f32::from(code_y));
             }
-            let world = unit(directions(simd.load_array_f32x8(x), simd.load_array_f32x8(y)));
+            let world = unit(directions(load(simd, &x), load(simd, &y)));
             normal = self.in_view(world);
             let looks_away = zero.cmplt(dot(normal, centre));
             if self.frame.cull_back_faces {
@@ -201,7 +201,7 @@ impl Placing<'_> {
                     factors[k] *= WIDER;
                 }
             }
-            (radius, factor) = (simd.load_array_f32x8(radii), simd.load_array_f32x8(factors));
+            (radius, factor) = (load(simd, &radii), load(simd, &factors));
         }
         // No loop, which went through memory.
         let [a, b] = across(facing);
@@ -375,7 +375,7 @@ fn reach(focal: f32, half: f32) -> f32 {
 #[inline(always)]
 fn eight<S: Simd>(simd: S, values: &[f32; BLOCK], first: usize) -> f32x8<S> {
     let values = values[first % BLOCK..].first_chunk();
-    simd.load_array_f32x8(values.copied().unwrap_or([f32::NAN; EIGHT]))
+    load(simd, &values.copied().unwrap_or([f32::NAN; EIGHT]))
 }
 
 /// One of eight vectors.

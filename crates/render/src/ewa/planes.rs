@@ -3,7 +3,7 @@
 //! planes a whole row apart take.
 
 use crate::surface::{Surface, SurfaceRow};
-use crate::values::EIGHT;
+use crate::values::{EIGHT, load};
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 
@@ -72,7 +72,7 @@ fn three<S: Simd>(simd: S, row: &[[f32; EIGHT]], plane: usize) -> [f32x8<S>; 3] 
     let Some([a, b, c]) = row.get(plane..).and_then(<[_]>::first_chunk) else {
         return [simd.splat_f32x8(0.0); 3];
     };
-    [simd.load_array_ref_f32x8(a), simd.load_array_ref_f32x8(b), simd.load_array_ref_f32x8(c)]
+    [load(simd, a), load(simd, b), load(simd, c)]
 }
 
 impl SurfaceRow for PlaneRow<'_> {

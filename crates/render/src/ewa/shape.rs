@@ -1,6 +1,6 @@
 //! Ellipses in the plane of the normal, where a file keeps the shapes of splats ([`esker_points::tangents`]): eight at a time.
 
-use crate::values::{EIGHT, Values, cross, dot};
+use crate::values::{EIGHT, Values, cross, dot, load};
 use esker_points::quant::radius_factor;
 use esker_points::tangents::{ASPECT_MAX, COARSER, LEAST, ROOM, TANGENT_BYTES, aspect_of, axis_of};
 use fearless_simd::{Simd, f32x8};
@@ -55,7 +55,7 @@ impl<S: Simd> Shapes<f32x8<S>> {
             (along[0][k], along[1][k], along[2][k]) = (axis[0], axis[1], axis[2]);
             (apart[k], aspect[k]) = (table.apart[usize::from(a)], table.aspect[usize::from(b)]);
         }
-        let of = |values: [f32; EIGHT]| simd.load_array_f32x8(values);
+        let of = |values: [f32; EIGHT]| load(simd, &values);
         Self { along: along.map(of), apart: of(apart) * spacing, aspect: of(aspect) }
     }
 }

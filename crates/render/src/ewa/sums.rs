@@ -3,8 +3,8 @@
 
 use super::cover::STRIDE;
 use super::tiles::TILE;
-use crate::values::{EIGHT, Values, only};
-use fearless_simd::{Simd, SimdBase, f32x8, mask32x8};
+use crate::values::{EIGHT, Values, load, only};
+use fearless_simd::{ExtractToken, Simd, f32x8, mask32x8};
 
 /// Planes of rows: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.
 const PLANES: usize = 9;
@@ -77,14 +77,14 @@ fn at(rows: &mut Rows, plane: usize, x: usize) -> &mut [f32; EIGHT] {
 /// The front's inverse depth at pixels from column `x` on, moved back; 0 where nothing is.
 #[inline(always)]
 pub fn front<S: Simd>(simd: S, rows: &mut Rows, x: usize) -> f32x8<S> {
-    simd.load_array_ref_f32x8(at(rows, FRONT, x))
+    load(simd, at(rows, FRONT, x))
 }
 
 /// Moves the front of some pixels to where it is nearer.
 #[inline(always)]
 pub fn advance<S: Simd>(rows: &mut Rows, x: usize, inside: mask32x8<S>, inverse_depth: f32x8<S>) {
     let own = at(rows, FRONT, x);
-    let front = inverse_depth.witness().load_array_ref_f32x8(own);
+    let front = load(inverse_depth.token(), own);
     *own = *Values::max(front, only(inside, inverse_depth));
 }
 
@@ -134,13 +134,13 @@ pub fn replace<S: Simd>(
 #[inline(always)]
 fn add_to<S: Simd>(rows: &mut Rows, plane: usize, x: usize, weight: f32x8<S>, value: f32x8<S>) {
     let own = at(rows, plane, x);
-    *own = *weight.mul_add(value, weight.witness().load_array_ref_f32x8(own));
+    *own = *weight.mul_add(value, load(weight.token(), own));
 }
 
 #[inline(always)]
 fn put<S: Simd>(rows: &mut Rows, plane: usize, x: usize, seen: mask32x8<S>, value: f32x8<S>) {
     let own = at(rows, plane, x);
-    *own = *<f32x8<S> as Values>::select(seen, value, value.witness().load_array_ref_f32x8(own));
+    *own = *<f32x8<S> as Values>::select(seen, value, load(value.token(), own));
 }
 
 /// A row of a tile.
@@ -159,7 +159,7 @@ impl Row<'_> {
         else {
             unreachable!("tiles have whole runs of columns")
         };
-        let (left, right) = (simd.load_array_ref_f32x8(left), simd.load_array_ref_f32x8(right));
+        let (left, right) = (load(simd, left), load(simd, right));
         if self.is_second {
             simd.unzip_high_f32x8(left, right)
         } else {
