@@ -255,19 +255,21 @@ fn put<const N: usize>(rows: &mut [u8], stride: usize, at: usize, values: &[u8])
     }
 }
 
-/// Copies a row, by words of known size. The last one overlaps the one before where the row is no multiple of them.
+/// Copies a row, by words of known size, the last of which overlaps the one before where the row is no multiple of them.
+/// No loop: that would be a call for each row.
 #[inline]
 pub fn copy_row(to: &mut [u8], from: &[u8]) {
     const WORD: usize = 16;
-    if let (Some(last), Some(end)) = (from.last_chunk::<WORD>(), to.last_chunk_mut::<WORD>()) {
-        *end = *last;
-        to.as_chunks_mut::<WORD>()
-            .0
-            .iter_mut()
-            .zip(from.as_chunks::<WORD>().0)
-            .for_each(|(t, f)| *t = *f);
-    } else {
-        to.copy_from_slice(from);
+    let (Some(last), Some(end)) = (from.last_chunk::<WORD>(), to.last_chunk_mut::<WORD>()) else {
+        return to.copy_from_slice(from);
+    };
+    *end = *last;
+    match (to.as_chunks_mut().0, from.as_chunks::<WORD>().0) {
+        ([a], [x]) => *a = *x,
+        ([a, b], [x, y]) => (*a, *b) = (*x, *y),
+        ([a, b, c], [x, y, z]) => (*a, *b, *c) = (*x, *y, *z),
+        ([a, b, c, d], [x, y, z, w]) => (*a, *b, *c, *d) = (*x, *y, *z, *w),
+        (to, from) => to.copy_from_slice(from),
     }
 }
 
