@@ -1,9 +1,7 @@
 //! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::lanes`]), or eight where the
 //! processor has them. Names and meanings are those of `glam`'s vectors.
 
-use fearless_simd::{
-    ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8,
-};
+use fearless_simd::{ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
