@@ -199,6 +199,9 @@ impl Scratch {
     /// Where the disk is full, for what was appended before; where the system gives no thread.
     pub fn append_meanwhile(&mut self, runs: Vec<Run>) -> Result<(), BuildError> {
         self.flush()?;
+        if runs.is_empty() {
+            return Ok(());
+        }
         let bytes = runs.iter().map(|run| run.bytes.len() as u64).sum();
         let file = self.file.get_ref().try_clone().map_err(|e| self.not_written(e))?;
         let write = move || {
