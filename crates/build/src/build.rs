@@ -42,6 +42,9 @@ const COPIES: u64 = 6;
 const BASE_BYTES: u64 = 128 << 20;
 const THREAD_BYTES: u64 = 56 << 20;
 
+/// Rows in memory where they go to scratch though it would hold all.
+const SPILLED_BYTES_MAX: u64 = 320 << 20;
+
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
 
@@ -263,7 +266,11 @@ fn build_into(
             let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
-        Needs::of(&intake, &plan, shares.buffer_bytes_max).check(folder, out, free_bytes)?;
+        let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max);
+        needs.check(folder, out, free_bytes)?;
+        if needs.spills(free_bytes(folder)) {
+            shares.buffer_bytes_max = SPILLED_BYTES_MAX;
+        }
     }
     let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
     let (plan, taken) =

@@ -6,9 +6,16 @@ use crate::intake::{Intake, Plan};
 use esker_points::quant::HOT_POSITION_BYTES;
 use std::path::Path;
 
+/// More rows than these go to scratch where it has room for them, also where memory would hold them. Memory that was
+/// never touched before costs more than a copy in the system's cache, made while others are read, of which little is
+/// touched at a time.
+const HELD_BYTES_MAX: u64 = 1 << 30;
+
 /// What a build needs at least, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Needs {
+    /// All rows.
+    pub rows_bytes: u64,
     /// Scratch files: all rows, where memory does not hold them.
     pub scratch_bytes: u64,
     /// The file: hot positions, what it has of every point whatever the rest is compressed to.
@@ -21,9 +28,17 @@ impl Needs {
         let points = intake.points_likely();
         let rows_bytes = points.saturating_mul(plan.row_bytes() as u64);
         Self {
+            rows_bytes,
             scratch_bytes: if rows_bytes > buffer_bytes_max { rows_bytes } else { 0 },
             file_bytes: points.saturating_mul(HOT_POSITION_BYTES as u64),
         }
+    }
+
+    /// Whether rows go to scratch, where so much is free as far as the system tells, although memory would hold them.
+    pub fn spills(self, free_bytes: Option<u64>) -> bool {
+        self.scratch_bytes == 0
+            && self.rows_bytes > HELD_BYTES_MAX
+            && free_bytes.is_none_or(|free| self.rows_bytes <= free)
     }
 
     /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it does.
@@ -76,7 +91,7 @@ mod tests {
 
     #[test]
     fn too_little_space_is_refused_with_what_is_needed_and_what_is_free() {
-        let needs = Needs { scratch_bytes: 3 << 30, file_bytes: 1 << 30 };
+        let needs = Needs { rows_bytes: 3 << 30, scratch_bytes: 3 << 30, file_bytes: 1 << 30 };
         let free = |scratch: u64, out: u64| {
             let free = move |p: &Path| Some(if p.ends_with("scratch") { scratch } else { out });
             needs
@@ -90,6 +105,16 @@ mod tests {
         let text = free(9 << 30, 1 << 20).unwrap_err();
         assert!(text.starts_with("/out: the file needs at least 1024 MiB, 1 MiB are"), "{text}");
         needs.check("/scratch".as_ref(), "a.esker".as_ref(), |_| None).unwrap();
+    }
+
+    #[test]
+    fn many_rows_go_to_scratch_where_it_has_room() {
+        let needs = |rows_bytes, scratch_bytes| Needs { rows_bytes, scratch_bytes, file_bytes: 9 };
+        assert!(needs(3 << 30, 0).spills(Some(3 << 30)) && needs(3 << 30, 0).spills(None));
+        assert!(!needs(3 << 30, 0).spills(Some((3 << 30) - 1)));
+        assert!(!needs(1 << 30, 0).spills(None));
+        // Memory holds less anyway.
+        assert!(!needs(3 << 30, 3 << 30).spills(None));
     }
 
     #[test]
