@@ -191,7 +191,8 @@ impl Rest {
     /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline(always)]
     pub fn tell_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
-        // Not inlined: it is large. The position is read there: handed over, it would be read before it is written.
+        // Not inlined: it is large. The position is read there: handed over, its numbers would be stored one
+        // by one and loaded by twos, which waits for the stores.
         simd.vectorize(
             #[inline(always)]
             move || {
