@@ -46,8 +46,11 @@ fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
         assert_ne!(full.rgba, compact.rgba, "colours do not");
         let off = off(&full, &compact);
         let flip = mean_flip(&full.rgba, &compact.rgba, full.width as usize);
+        // Where something is seen: how much that is has nothing to do with codes.
+        let covered = full.depth.iter().filter(|d| d.is_finite()).count() as f64;
+        let flip = flip * full.depth.len() as f64 / covered;
         println!("{method:?}: {off} of the pixels off, FLIP {flip}");
-        assert!(off <= 0.005 && flip <= 0.015, "{method:?}: {off} of the pixels off, FLIP {flip}");
+        assert!(off <= 0.005 && flip <= 0.045, "{method:?}: {off} of the pixels off, FLIP {flip}");
     }
 }
 
