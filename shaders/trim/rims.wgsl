@@ -9,6 +9,11 @@
 
 // Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
+// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over so many radii.
+const SLOPE_RADII: vec3<i32> = vec3<i32>(2, 3, 4);
+const STEEPER: f32 = 1.5;
+// All of them divide it.
+const WIDTH_RADII: i32 = 12;
 // Width of lines at most, radii and pixels; their length on either side at least, radii; and radii at most, pixels.
 const LINE_WIDTH: vec2<f32> = vec2<f32>(2.0, 2.0);
 const LINE_SIDE: f32 = 2.0;
@@ -29,22 +34,31 @@ fn is_in_picture(at: vec2<i32>) -> bool {
     return all(at >= vec2<i32>(0)) && all(at < vec2<i32>(i32(frame.width), i32(frame.height)));
 }
 
-// Whether nothing that way lies as near as the surface.
+fn pixel_of(at: vec2<i32>) -> u32 {
+    return u32(at.y) * frame.width + u32(at.x);
+}
+
+// Whether nothing that way lies as near as the surface, nor as near as its own slope goes on.
 fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
+    // Depths over the same width, since quotients are rounded as a GPU likes.
+    var rise = 0.0;
+    for (var i = 0; i < 3; i++) {
+        let inner = at - way * (SLOPE_RADII[i] * reach);
+        if is_in_picture(inner) {
+            let steep = (depth[pixel_of(at)] - depth[pixel_of(inner)]) * (STEEPER * f32(WIDTH_RADII / SLOPE_RADII[i]));
+            rise = max(rise, steep);
+        }
+    }
     for (var k = 1; k <= reach; k++) {
         let there = at + way * k;
         if !is_in_picture(there) {
             return f32(k) > OPEN_PX.x;
         }
-        if depth[u32(there.y) * frame.width + u32(there.x)] <= beyond {
+        if (depth[pixel_of(there)] - beyond) * f32(WIDTH_RADII * reach) <= rise * f32(k) {
             return false;
         }
     }
     return true;
-}
-
-fn pixel_of(at: vec2<i32>) -> u32 {
-    return u32(at.y) * frame.width + u32(at.x);
 }
 
 // Whether depth goes on from a place for so many steps in a direction.

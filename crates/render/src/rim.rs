@@ -14,6 +14,13 @@ const OVERHANG: [f32; 2] = [0.5, 0.35];
 const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
 /// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
+/// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over so many radii (the steepest,
+/// since there may be a gap): else ground behind the gaps between scan lines, seen aslant, would lie too far off to be the
+/// same, and each gap would have a rim.
+const SLOPE_RADII: [isize; 3] = [2, 3, 4];
+const STEEPER: f32 = 1.5;
+/// All of them divide it.
+const WIDTH_RADII: usize = 12;
 /// How far a line may reach beyond its samples, pixels.
 const LINE_OVERHANG_PX: f32 = 0.9;
 /// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on either side: one
@@ -71,7 +78,7 @@ impl Rims<'_> {
         (line > 0 || sticks_out(self.base, pixel, 0)).then_some((beyond, line))
     }
 
-    /// Whether nothing lies as near as `limit` from a pixel in a direction, for a radius.
+    /// Whether nothing lies as near as `limit` from a pixel in a direction, nor as near as its own slope goes on, for a radius.
     fn is_open(&self, pixel: Place, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
         let Grid { width, height } = self.grid();
         let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as usize;
@@ -82,10 +89,20 @@ impl Rims<'_> {
         };
         let steps = reach.min(room(pixel.x, width, dx)).min(room(pixel.y, height, dy));
         let stride = dx + dy * width as isize;
+        // Depths over the same width, since GPUs round quotients as they like.
+        let here = self.depth[pixel.index];
+        let rise = SLOPE_RADII.map(|radii| {
+            let run = radii * reach as isize;
+            let inner = self.grid().step(pixel.index, [-dx * run, -dy * run]);
+            inner.map_or(0.0, |inner| {
+                (here - self.depth[inner]) * (STEEPER * (WIDTH_RADII as isize / radii) as f32)
+            })
+        });
+        let rise = rise.into_iter().fold(0.0, f32::max);
         let mut at = pixel.index;
-        for _ in 0..steps {
+        for k in 1..=steps {
             at = at.wrapping_add_signed(stride);
-            if self.depth[at] <= limit {
+            if (self.depth[at] - limit) * (WIDTH_RADII * reach) as f32 <= rise * k as f32 {
                 return false;
             }
         }
