@@ -110,7 +110,7 @@ pub struct Append {
 pub struct Verify {
     /// The file.
     pub file: PathBuf,
-    /// The scans that it was built from.
+    /// The scans that it was built from; of a file made by append those that were added last, or all, in any order.
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
     #[command(flatten)]
