@@ -10,6 +10,7 @@ use std::path::Path;
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("inputs: scans without a point that can be taken make no file", all_refused));
     trials.push(trial("inputs: points that were refused are told by verify", some_refused));
+    trials.push(trial("inputs: only an .esker file is replaced by a build", others_stay));
 }
 
 /// Runs `esker` with a command, inputs and an output.
@@ -67,4 +68,45 @@ fn some_refused() {
         told.contains("2 points, the points of the scans; 1 points of the scans were refused"),
         "{told}"
     );
+}
+
+fn others_stay() {
+    let folder = Folder::new();
+    let text = "0 0 0\n1 2 3\n4 5 6\n";
+    let (scan, other) = (folder.write("scan.xyz", text), folder.write("other.xyz", text));
+    let [a, b] = ["a.esker", "b.esker"].map(|name| folder.file(name));
+    build(&[&scan], &a, &[]);
+    let merge = |out: &Path| {
+        let words = ["build".as_ref(), "--merge".as_ref(), a.as_os_str(), "-o".as_ref()];
+        esker(words.into_iter().chain([out.as_os_str()]))
+    };
+    let names = folder.names();
+    let outcomes =
+        [run("build", &[&scan], &other), run("append", &[&a, &scan], &other), merge(&other)];
+    for outcome in outcomes {
+        for word in ["other.xyz", "no .esker file", "another output", "remove it"] {
+            assert!(outcome.error().contains(word), "{word}: {}", outcome.stderr);
+        }
+        assert_eq!(std::fs::read_to_string(&other).unwrap(), text);
+        assert_eq!(folder.names(), names);
+    }
+    // An empty file, as tools for temporary names make, and files that are Esker's, damaged ones too, are replaced.
+    folder.write("b.esker", "");
+    run("append", &[&a, &scan], &b).worked();
+    let bytes = std::fs::read(&b).unwrap();
+    std::fs::write(&b, &bytes[..100]).unwrap();
+    run("build", &[&scan], &b).worked();
+    merge(&b).worked();
+    // An export replaces nothing that it reads: neither the file, nor one that it names.
+    let [old, new] = ["old.las", "new.las"].map(|name| folder.file(name));
+    std::fs::rename(&a, &old).unwrap();
+    std::fs::remove_file(&b).unwrap();
+    run("append", &[&old, &scan], &b).worked();
+    std::fs::rename(&b, &new).unwrap();
+    for out in [&old, &new] {
+        let before = std::fs::read(out).unwrap();
+        let outcome = run("export", &[&new], out);
+        assert!(outcome.error().contains("input and output at once"), "{}", outcome.stderr);
+        assert!(std::fs::read(out).unwrap() == before);
+    }
 }

@@ -24,7 +24,7 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, inputs)?;
+    output::may_build(out, inputs)?;
     let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
@@ -50,7 +50,7 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, inputs)?;
+    output::may_build(out, inputs)?;
     let report = pool::run(threads, || Ok(esker_build::append(old, inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
@@ -67,7 +67,7 @@ pub fn merge(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, files)?;
+    output::may_build(out, files)?;
     let report = pool::run(threads, || Ok(esker_build::merge(files, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
