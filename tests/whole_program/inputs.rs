@@ -11,6 +11,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("inputs: scans without a point that can be taken make no file", all_refused));
     trials.push(trial("inputs: points that were refused are told by verify", some_refused));
     trials.push(trial("inputs: only an .esker file is replaced by a build", others_stay));
+    #[cfg(unix)]
+    trials.push(trial("inputs: pipes and devices are named, and not waited for", pipes));
 }
 
 /// Runs `esker` with a command, inputs and an output.
@@ -108,5 +110,35 @@ fn others_stay() {
         let outcome = run("export", &[&new], out);
         assert!(outcome.error().contains("input and output at once"), "{}", outcome.stderr);
         assert!(std::fs::read(out).unwrap() == before);
+    }
+}
+
+#[cfg(unix)]
+fn pipes() {
+    let folder = Folder::new();
+    let scan = folder.write("scan.xyz", "0 0 0\n1 2 3\n4 5 6\n");
+    let (a, pipe) = (folder.file("a.esker"), folder.file("pipe.las"));
+    build(&[&scan], &a, &[]);
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let (names, out) = (folder.names(), folder.file("out"));
+    let device = Path::new("/dev/null");
+    for (what, word) in [(pipe.as_path(), "is a pipe"), (device, "is a device")] {
+        let shown = what.to_str().unwrap();
+        let outcomes = [
+            run("build", &[what], &out),
+            run("build", &[&scan, what], &out),
+            run("append", &[&a, what], &out),
+            run("append", &[what, &scan], &out),
+            run("render", &[what], &out),
+            run("export", &[what], &folder.file("out.las")),
+            verify(&a, &[what]),
+            verify::<&str>(what, &[]),
+            esker(["info", shown]),
+        ];
+        for outcome in outcomes {
+            let error = outcome.error();
+            assert!(error.contains(shown) && error.contains(word), "{error}");
+        }
+        assert_eq!(folder.names(), names);
     }
 }

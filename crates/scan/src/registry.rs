@@ -4,6 +4,7 @@ use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, Source};
 use crate::synthetic;
 use esker_points::Task;
+use esker_points::place::no_file_at;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -33,10 +34,10 @@ pub fn open(
         return synthetic::open(path, options);
     }
     let io = |source| ScanError::io(path, source);
-    let file = File::open(path).map_err(io)?;
-    if file.metadata().map_err(io)?.is_dir() {
-        return Err(ScanError::unsupported(path, "is a folder; name the scan files in it"));
+    if let Some(what) = no_file_at(path).map_err(io)? {
+        return Err(ScanError::unsupported(path, what));
     }
+    let file = File::open(path).map_err(io)?;
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
     if head.is_empty() {
