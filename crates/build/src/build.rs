@@ -214,6 +214,8 @@ pub fn build_shared(
     let goes_on = options.resume == Resume::Now && FileWriter::has_left(out);
     let resume =
         if options.resume == Resume::Now && !goes_on { Resume::Later } else { options.resume };
+    // A journal without a file is of a build that is finished.
+    let was_cut = FileWriter::has_left(out);
     let mut writer = if goes_on { FileWriter::resume(out)? } else { FileWriter::create(out)? };
     writer.keep(goes_on);
     let identity = Identity::of(&sources, options, &shares);
@@ -221,6 +223,10 @@ pub fn build_shared(
     let mut store = Store { writer, scratch, journal, borders: None };
     if options.resume == Resume::Now && !store.journal.is_resumed() {
         task.note("there is nothing to resume; starting afresh");
+    }
+    if let Some(how) = store.journal.given_up().filter(|_| was_cut) {
+        let out = out.display();
+        task.note(&format!("{out}: an earlier build of it was cut; it is begun afresh ({how})"));
     }
     let built = build_into(&mut store, sources, (out, &folder), options, shares, task);
     let is_passing = built.as_ref().is_err_and(BuildError::is_passing);
