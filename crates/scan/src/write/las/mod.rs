@@ -49,6 +49,7 @@ pub fn create(
         minor(&header),
         records.point_format
     );
+    let fields = records.fields();
     let lattice = &outline.lattice;
     let moved = |i: usize| lattice.shift[i] as f64 * lattice.scale[i] + lattice.offset[i];
     let offset =
@@ -80,7 +81,7 @@ pub fn create(
     };
     let encode: Arc<dyn Encode> =
         if is_compressed { Arc::new(Ordered(records)) } else { Arc::new(records) };
-    Ok(Export { encode, output: Box::new(output), format, notes })
+    Ok(Export { encode, output: Box::new(output), format, fields, notes })
 }
 
 enum Points {
