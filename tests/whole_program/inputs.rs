@@ -11,6 +11,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("inputs: scans without a point that can be taken make no file", all_refused));
     trials.push(trial("inputs: points that were refused are told by verify", some_refused));
     trials.push(trial("inputs: only an .esker file is replaced by a build", others_stay));
+    trials.push(trial("inputs: a folder stands for the scans in it", folders));
+    trials.push(trial("inputs: a scan that is named twice is told", named_twice));
     #[cfg(unix)]
     trials.push(trial("inputs: pipes and devices are named, and not waited for", pipes));
 }
@@ -141,4 +143,46 @@ fn pipes() {
         }
         assert_eq!(folder.names(), names);
     }
+}
+
+fn folders() {
+    let folder = Folder::new();
+    let scans = folder.file("scans");
+    let place = |name: &str, text: &str| std::fs::write(scans.join(name), text).unwrap();
+    std::fs::create_dir_all(scans.join("deeper.las")).unwrap();
+    let out = scans.join("out.esker");
+    let outcome = run("build", &[&scans], &out);
+    for word in ["scans", "folder without a scan", ".laz"] {
+        assert!(outcome.error().contains(word), "{word}: {}", outcome.stderr);
+    }
+    place("b.XYZ", "1 2 3\n");
+    place("a.ply", &ply(&["4 5 6", "7 8 9"]));
+    place("notes.md", "no scan");
+    place(".hidden.xyz", "0 0 0\n");
+    place("deeper.las/c.xyz", "0 0 0\n");
+    let more = folder.write("more.xyz", "2 2 2\n");
+    let report = build(&[&scans, &more], &out, &[]);
+    assert_eq!(report["points_out"], 4, "{report}");
+    assert_eq!(verify(&out, &[&more, &scans]).json()["against_points"], 4);
+    let info = esker(["info".as_ref(), out.as_os_str(), "--json".as_ref()]).json();
+    let names = info["sources"].as_array().unwrap().iter().map(|s| s["path"].as_str().unwrap());
+    let names: Vec<_> =
+        names.map(|n| Path::new(n).file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["more.xyz", "a.ply", "b.XYZ"]);
+    let grown = folder.file("grown.esker");
+    run("append", &[&out, &scans], &grown).worked();
+    assert_eq!(verify(&grown, &[&scans]).json()["points"], 7);
+}
+
+fn named_twice() {
+    let folder = Folder::new();
+    let (scan, out) = (folder.write("scan.xyz", "0 0 0\n1 2 3\n"), folder.file("out.esker"));
+    let roundabout = folder.file(".").join("scan.xyz");
+    let outcome = run("build", &[&scan, &roundabout], &out);
+    let told = &outcome.worked().stderr;
+    assert!(told.contains("note:") && told.contains("scan.xyz: is named 2 times"), "{told}");
+    assert_eq!(verify(&out, &[&scan, &scan]).json()["points"], 4);
+    let spec = Path::new("synthetic:cube:100");
+    let outcome = run("build", &[spec, spec, &scan], &out);
+    assert_eq!(outcome.worked().stderr.matches("is named").count(), 1, "{}", outcome.stderr);
 }

@@ -1,8 +1,8 @@
 //! Verifying as a call: a file and those that it names against themselves, and against the scans they were built
 //! from; and the report as text.
 
-use crate::pool;
 use crate::quantity::grouped;
+use crate::{inputs, pool};
 use anyhow::Result;
 use esker_format::{EskerFile, Forest};
 use esker_points::{MultisetHash, Task};
@@ -17,6 +17,7 @@ use std::time::Instant;
 /// The first fault found.
 pub fn verify(path: &Path, against: &[PathBuf], threads: usize, task: &dyn Task) -> Result<Value> {
     let start = Instant::now();
+    let against = &inputs::scans(against)?[..];
     pool::run(threads, || {
         let forest = Forest::open(path)?;
         let mut hash = MultisetHash::default();
