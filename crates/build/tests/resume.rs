@@ -265,10 +265,10 @@ fn what_has_changed_is_named() {
     refused(&sources(), crs, LITTLE, &["--ignore-crs"]);
     let less = Shares { chunk_bytes_max: LITTLE.chunk_bytes_max - 1, ..LITTLE };
     refused(&sources(), now(), less, &["--memory"]);
-    refused(&sources()[..2], now(), LITTLE, &["of c was given, and is not now"]);
+    refused(&sources()[..2], now(), LITTLE, &["the input c was given, and is not now"]);
     let mut more = sources();
     more.push(given("new", [0.001; 3], vec![[1; 3]]));
-    refused(&more, now(), LITTLE, &["of new was not given"]);
+    refused(&more, now(), LITTLE, &["the input new was not given"]);
     let mut other = sources();
     other[1].info.bytes = 77;
     refused(&other, now(), LITTLE, &["the size of b was 0 bytes, and is 77 bytes"]);
