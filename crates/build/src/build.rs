@@ -3,7 +3,7 @@
 use crate::borders::Borders;
 use crate::clips::Clips;
 use crate::counts::Counts;
-use crate::crs::one_system;
+use crate::crs::{are_same, one_system};
 use crate::error::BuildError;
 use crate::identity::Identity;
 use crate::intake::{Intake, Plan, Taken, open_with};
@@ -507,7 +507,7 @@ fn notes(metadata: &Metadata) -> Vec<String> {
         .collect();
     let mut systems = metadata.sources.iter().filter_map(|s| Some((s, s.crs.as_ref()?)));
     if let Some((first, crs)) = systems.next()
-        && let Some((other, _)) = systems.find(|(_, c)| c.text != crs.text)
+        && let Some((other, _)) = systems.find(|(_, c)| !are_same(&c.text, &crs.text))
     {
         out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
     }

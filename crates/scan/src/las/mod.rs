@@ -3,7 +3,7 @@
 //! are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is told by the
 //! point format's upper bits and the LASzip record, never by the name.
 
-mod crs;
+pub(crate) mod crs;
 mod decode;
 pub(crate) mod extra_bytes;
 pub(crate) mod header;
