@@ -24,7 +24,7 @@ pub enum Command {
     Build(Build),
     /// Add scans to an .esker file without writing it again: a new file holds their points and names the old
     /// one, and is opened in its place. Points between the old file's steps are rounded, those outside of its
-    /// lattice refused.
+    /// lattice refused and counted; where that is all of them it is an error.
     Append(Append),
     /// Say what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {

@@ -20,7 +20,8 @@ pub struct Threads {
 /// How scans are built, wherever they are.
 #[derive(ClapArgs)]
 pub struct BuildHow {
-    /// Memory that building may use, such as 4GiB; half of what the machine grants where not said.
+    /// Memory that building may use, such as 4GiB; 256MiB at least. Half of what the machine grants where not said, or
+    /// that least.
     #[arg(long, value_parser = quantity::bytes)]
     pub memory: Option<u64>,
     /// Folder for what does not fit memory; the system's where not said.
