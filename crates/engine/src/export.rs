@@ -7,7 +7,6 @@ use anyhow::{Context, Result, bail, ensure};
 use esker_build::Exported;
 use esker_format::Forest;
 use esker_points::filter::Polygon;
-use esker_points::place::no_file_at;
 use esker_points::{Filter, Task};
 use serde_json::{Value, json};
 use std::fs::File;
@@ -50,12 +49,9 @@ pub fn polygon(word: &str) -> Result<Polygon> {
     if has_corners && !Path::new(word).exists() {
         return Ok(word.parse()?);
     }
-    let context =
-        || format!("{word}: cannot read the polygon; name a file, or corners as \"x,y x,y x,y\"");
-    if let Some(what) = no_file_at(Path::new(word)).with_context(context)? {
-        bail!("{word}: {what}");
-    }
-    let file = File::open(word).with_context(context)?;
+    let file = File::open(word).with_context(|| {
+        format!("{word}: cannot read the polygon; name a file, or corners as \"x,y x,y x,y\"")
+    })?;
     let mut text = String::new();
     let read = file.take(POLYGON_BYTES_MAX + 1).read_to_string(&mut text);
     read.with_context(|| format!("{word}: cannot read the polygon"))?;
