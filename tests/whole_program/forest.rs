@@ -146,7 +146,25 @@ fn misfits() {
     let reasons = report["refused_reasons"].as_object().unwrap();
     assert!(reasons.iter().all(|(why, n)| why.contains("lattice") && *n == 1), "{reasons:?}");
     assert!((report["rounding_error_max"].as_f64().unwrap() - 0.001).abs() < 1e-6, "{report}");
-    verify(&b, &[&new]).json();
+    // Those of the last tree, or of all trees in any order.
+    let of_last = verify(&b, &[&new]).json();
+    let of_all = verify(&b, &[&new, &old]).json();
+    for (report, trees, points) in [(of_last, 1, 2), (of_all, 2, 4)] {
+        assert_eq!(report["against_trees"], trees, "{report}");
+        assert_eq!(report["against_points"], points, "{report}");
+        assert_eq!(report["against_refused"], 1, "{report}");
+    }
+    for wrong in [&[&old][..], &[&old, &old], &[&new, &new], &[&new, &old, &old]] {
+        let outcome = verify(&b, wrong);
+        assert!(outcome.error().contains("b.esker"), "{}", outcome.stderr);
+    }
+    let shown = |scans: &[&Path]| {
+        let words = ["verify".as_ref(), b.as_os_str(), "--against".as_ref()];
+        let outcome = esker(words.into_iter().chain(scans.iter().map(|scan| scan.as_os_str())));
+        outcome.worked().stdout.clone()
+    };
+    assert!(shown(&[&new]).contains("those of the last tree"), "{}", shown(&[&new]));
+    assert!(shown(&[&old, &new]).contains("in 2 trees, the points of the scans"));
     std::fs::rename(&a, folder.file("moved.esker")).unwrap();
     let outcome = verify::<&str>(&b, &[]);
     assert!(outcome.error().contains("a.esker"), "{}", outcome.stderr);

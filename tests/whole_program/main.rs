@@ -19,6 +19,7 @@ mod folder;
 mod forest;
 mod frames;
 mod hostile;
+mod inputs;
 mod interrupt;
 mod las;
 mod pictures;
@@ -47,6 +48,7 @@ fn main() {
     bench_build::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);
+    inputs::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
     devices::trials(&mut trials);

@@ -166,7 +166,14 @@ mod unix {
         scan.set_modified(time).unwrap();
         esker(place.words(&["--resume"])).json();
         let resumed = place.take();
-        esker(place.words(&[])).json();
+        // Without --resume it begins afresh, and says what that costs.
+        let (mut child, _) = place.started(&[], 1000);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let afresh = esker(place.words(&[]));
+        afresh.json();
+        let note = "out.esker: an earlier build of it was cut; it is begun afresh (--resume would";
+        assert!(afresh.stderr.contains(note), "{}", afresh.stderr);
         assert!(place.take() == resumed);
     }
 

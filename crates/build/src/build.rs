@@ -3,7 +3,7 @@
 use crate::borders::Borders;
 use crate::clips::Clips;
 use crate::counts::Counts;
-use crate::crs::one_system;
+use crate::crs::{are_same, one_system};
 use crate::error::BuildError;
 use crate::identity::Identity;
 use crate::intake::{Intake, Plan, Taken, open_with};
@@ -11,7 +11,7 @@ use crate::journal::{Journal, Resume};
 use crate::levels::Raiser;
 use crate::memory::{self, Peak};
 use crate::normals::{Bounds, NormalsMode};
-use crate::onto::Onto;
+use crate::onto::{OFF_LATTICE, Onto};
 use crate::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::scratch::Scratch;
 use crate::shares::Shares;
@@ -24,7 +24,7 @@ use esker_format::{
 };
 use esker_points::palette::Misfit;
 use esker_points::{ColourDepth, MultisetHash, Task};
-use esker_scan::{OpenOptions, Source};
+use esker_scan::{OpenOptions, ReadReport, Source};
 use rayon::ThreadBuilder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,9 @@ const SPILLED_BYTES_MAX: u64 = 320 << 20;
 
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
+
+/// Inputs that a message names.
+const NAMES_MAX: usize = 3;
 
 /// What the user chose.
 #[derive(Clone, Debug)]
@@ -211,6 +214,8 @@ pub fn build_shared(
     let goes_on = options.resume == Resume::Now && FileWriter::has_left(out);
     let resume =
         if options.resume == Resume::Now && !goes_on { Resume::Later } else { options.resume };
+    // A journal without a file is of a build that is finished.
+    let was_cut = FileWriter::has_left(out);
     let mut writer = if goes_on { FileWriter::resume(out)? } else { FileWriter::create(out)? };
     writer.keep(goes_on);
     let identity = Identity::of(&sources, options, &shares);
@@ -218,6 +223,10 @@ pub fn build_shared(
     let mut store = Store { writer, scratch, journal, borders: None };
     if options.resume == Resume::Now && !store.journal.is_resumed() {
         task.note("there is nothing to resume; starting afresh");
+    }
+    if let Some(how) = store.journal.given_up().filter(|_| was_cut) {
+        let out = out.display();
+        task.note(&format!("{out}: an earlier build of it was cut; it is begun afresh ({how})"));
     }
     let built = build_into(&mut store, sources, (out, &folder), options, shares, task);
     let is_passing = built.as_ref().is_err_and(BuildError::is_passing);
@@ -277,6 +286,10 @@ fn build_into(
         intake.take((&mut store.scratch, &mut store.journal), buffer_bytes_max, task, &peak)?;
     let Taken { partition, reports, hash, ranges, knows_scanners } = taken;
     let points: u64 = reports.iter().map(|r| r.points).sum();
+    let points_refused = refused(&reports);
+    if points == 0 && !points_refused.is_empty() {
+        return Err(all_refused(&intake, &points_refused));
+    }
     let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes());
     if points / chunk_rows_max.0 >= UNKEPT_CHUNKS && store.journal.may_begin() {
         store.journal.begin(None)?;
@@ -344,10 +357,6 @@ fn build_into(
     task.check()?;
     let bytes_out = store.writer.finish(&table, &statistics, &metadata, points, hash)?;
 
-    let mut points_refused = BTreeMap::new();
-    for (reason, n) in reports.iter().flat_map(|r| &r.refused) {
-        *points_refused.entry(reason.clone()).or_default() += n;
-    }
     Ok(Report {
         points_in: points + points_refused.values().sum::<u64>(),
         points_out: points,
@@ -367,6 +376,35 @@ fn build_into(
         has_tangents: options.tangents,
         notes: notes(&metadata),
     })
+}
+
+/// The points that were refused, by reason.
+fn refused(reports: &[ReadReport]) -> BTreeMap<String, u64> {
+    let mut all = BTreeMap::new();
+    for (reason, n) in reports.iter().flat_map(|r| &r.refused) {
+        *all.entry(reason.clone()).or_default() += n;
+    }
+    all
+}
+
+/// Inputs that have points, of which none can be taken, make no file.
+fn all_refused(intake: &Intake, refused: &BTreeMap<String, u64>) -> BuildError {
+    let paths = intake.sources.iter().map(|s| s.info().path.display().to_string());
+    let mut inputs: Vec<_> = paths.take(NAMES_MAX).collect();
+    if intake.sources.len() > NAMES_MAX {
+        inputs.push(format!("{} more", intake.sources.len() - NAMES_MAX));
+    }
+    let reasons: Vec<_> = refused.iter().map(|(why, n)| format!("{n}: {why}")).collect();
+    let way_out = if refused.contains_key(OFF_LATTICE) {
+        "build them into a file of their own"
+    } else {
+        "look at what wrote them"
+    };
+    BuildError::Refused {
+        inputs: inputs.join(", "),
+        points: refused.values().sum(),
+        why: format!("{}; {way_out}", reasons.join(", ")),
+    }
 }
 
 fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildError> {
@@ -409,13 +447,8 @@ fn same_file(a: &Path, b: &Path) -> bool {
     }
 }
 
-fn metadata(
-    intake: &Intake,
-    plan: &Plan,
-    reports: &[esker_scan::ReadReport],
-    options: &Options,
-) -> Metadata {
-    let record = |(i, report): (usize, &esker_scan::ReadReport)| {
+fn metadata(intake: &Intake, plan: &Plan, reports: &[ReadReport], options: &Options) -> Metadata {
+    let record = |(i, report): (usize, &ReadReport)| {
         let info = intake.sources[i].info();
         SourceRecord {
             path: info.path.display().to_string(),
@@ -474,7 +507,7 @@ fn notes(metadata: &Metadata) -> Vec<String> {
         .collect();
     let mut systems = metadata.sources.iter().filter_map(|s| Some((s, s.crs.as_ref()?)));
     if let Some((first, crs)) = systems.next()
-        && let Some((other, _)) = systems.find(|(_, c)| c.text != crs.text)
+        && let Some((other, _)) = systems.find(|(_, c)| !are_same(&c.text, &crs.text))
     {
         out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
     }

@@ -1,30 +1,66 @@
 //! Inputs of one file must lie in one coordinate reference system: else they would stand in each other's places, or
 //! worlds apart. In: what the inputs say of theirs; out: nothing, or an error that names two that differ. An
-//! input that says nothing is taken to agree.
+//! input that says nothing is taken to agree; so are two that tell the same numbers of the EPSG register, each in its way.
 
 use crate::error::BuildError;
+use esker_scan::{Codes, codes};
+use std::collections::HashSet;
 
 /// Letters of a system's name in messages.
 const NAME_LETTERS: usize = 120;
 
+/// A system as an input tells it.
+struct Told<'a> {
+    input: &'a str,
+    text: &'a str,
+    sense: String,
+    codes: Option<Codes>,
+}
+
+impl<'a> Told<'a> {
+    fn new(input: &'a str, text: &'a str) -> Self {
+        Self { input, text, sense: sense_of(text), codes: codes(text) }
+    }
+
+    fn is_same(&self, other: &Self) -> bool {
+        let agree = |codes: (&Codes, &Codes)| codes.0.agree(codes.1);
+        self.sense == other.sense
+            || self.codes.as_ref().zip(other.codes.as_ref()).is_some_and(agree)
+    }
+}
+
 /// Holds that all of these (an input's path, the text of its system) are the same system.
 ///
 /// # Errors
-/// With the names of the first and of one that differs, and of both systems.
+/// With the names of the first two that differ, and of their systems.
 pub fn one_system<'a>(
     systems: impl IntoIterator<Item = (&'a str, &'a str)>,
 ) -> Result<(), BuildError> {
-    let mut systems = systems.into_iter();
-    let Some((first, text)) = systems.next() else { return Ok(()) };
-    let sense = sense_of(text);
-    match systems.find(|(_, other)| *other != text && sense_of(other) != sense) {
-        None => Ok(()),
-        Some((other, other_text)) => Err(BuildError::Options(format!(
-            "{first} and {other} are in different coordinate reference systems, `{}` and `{}`: transform one of them, or take coordinates as they are with --ignore-crs",
-            name_of(text),
-            name_of(other_text)
-        ))),
+    // Each way of telling it once: inputs are many.
+    let (mut texts, mut ways) = (HashSet::new(), Vec::<Told<'_>>::new());
+    for (input, text) in systems {
+        if !texts.insert(text) {
+            continue;
+        }
+        let told = Told::new(input, text);
+        if let Some(first) = ways.iter().find(|way| !way.is_same(&told)) {
+            return Err(BuildError::Options(format!(
+                "{} and {input} are in different coordinate reference systems, `{}` and `{}`: transform one of them, or take coordinates as they are with --ignore-crs",
+                first.input,
+                name_of(first.text),
+                name_of(text)
+            )));
+        }
+        if ways.iter().all(|way| way.sense != told.sense) {
+            ways.push(told);
+        }
     }
+    Ok(())
+}
+
+/// Whether two texts tell of the same system.
+pub fn are_same(a: &str, b: &str) -> bool {
+    a == b || Told::new("", a).is_same(&Told::new("", b))
 }
 
 /// What two writers of the same system have in common: letters without case, no blanks outside of quotes, no
@@ -77,6 +113,18 @@ mod tests {
         one_system([]).unwrap();
         // Blanks in a name are part of it.
         one_system([("a", r#"LOCAL_CS["a b"]"#), ("b", r#"LOCAL_CS["ab"]"#)]).unwrap_err();
+    }
+
+    #[test]
+    fn the_same_number_of_the_register_is_the_same_system() {
+        let keys = "GeoTIFF: GTModelType=1 ProjectedCSType=2154";
+        one_system([("a.las", LAMBERT), ("b.las", keys), ("c.las", LAMBERT)]).unwrap();
+        let error = one_system([("a.las", UTM), ("b.las", keys)]).unwrap_err().to_string();
+        assert!(error.contains("`WGS 84 / UTM zone 32N`") && error.contains("b.las"), "{error}");
+        // The first agrees with both of the others, which do not agree.
+        let heights = ["5720", "5703"].map(|code| format!("{keys} VerticalCSType={code}"));
+        one_system([("a", LAMBERT), ("b", &heights[0])]).unwrap();
+        one_system([("a", LAMBERT), ("b", &heights[0]), ("c", &heights[1])]).unwrap_err();
     }
 
     #[test]

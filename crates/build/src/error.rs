@@ -46,6 +46,16 @@ pub enum BuildError {
     /// The options contradict themselves or the inputs.
     #[error("{0}")]
     Options(String),
+    /// The inputs have points, and none of them can be in a file.
+    #[error("{inputs}: all of the {points} points were refused, so nothing was written ({why})")]
+    Refused {
+        /// The inputs, as far as they are few.
+        inputs: String,
+        /// How many points they have.
+        points: u64,
+        /// The reasons, and what to do.
+        why: String,
+    },
     /// The points that were written are not those that were read. Never seen; a defect of Esker.
     #[error("the points written are not the points read: {0}; please report this with the input")]
     Proof(String),

@@ -118,7 +118,7 @@ pub fn export(
     task.check()?;
     let bytes_out = output.finish()?;
     let mut notes = started.notes;
-    notes.extend(note_absent(forest));
+    notes.extend(note_absent(forest, &started.fields));
     Ok(Exported {
         points_in,
         points_out,
@@ -185,19 +185,32 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
     Ok(takes)
 }
 
-/// Attributes that some points lack, and which are zero there in the export.
-fn note_absent(forest: &Forest) -> Option<String> {
-    let is_in_all = |file: &EskerFile, attribute: &Attribute| {
-        let layout = file.layout();
-        let own = layout.schema().find_typed(&attribute.name, attribute.ty);
-        own.is_some_and(|own| (0..layout.classes().len()).all(|c| layout.has_attribute(c, own)))
-    };
-    // A tree without a point lacks nothing.
-    let lacks =
-        |a: &&Attribute| forest.files().any(|file| file.footer().points > 0 && !is_in_all(file, a));
-    let absent = forest.schema().attributes.iter().filter(lacks);
-    let names = absent.map(|a| a.name.as_str()).collect::<Vec<_>>().join(", ");
+/// Attributes that some points lack, and which are zero there in the export; unless the field has been made from another
+/// attribute of these points.
+fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
+    let attributes = &forest.schema().attributes;
+    let names: Vec<_> = (0..attributes.len())
+        .filter(|&at| {
+            let of_field: Vec<&Attribute> = (0..attributes.len())
+                .filter(|&other| fields.get(other) == fields.get(at))
+                .map(|other| &attributes[other])
+                .collect();
+            // A tree without a point lacks nothing.
+            forest.files().any(|file| file.footer().points > 0 && !are_in_all(file, &of_field))
+        })
+        .map(|at| attributes[at].name.as_str())
+        .collect();
+    let names = names.join(", ");
     (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
+}
+
+/// Whether every point of a file has one of these attributes.
+fn are_in_all(file: &EskerFile, attributes: &[&Attribute]) -> bool {
+    let layout = file.layout();
+    let own: Vec<_> =
+        attributes.iter().filter_map(|a| layout.schema().find_typed(&a.name, a.ty)).collect();
+    let has_one = |class: usize| own.iter().any(|&own| layout.has_attribute(class, own));
+    (0..layout.classes().len()).all(has_one)
 }
 
 /// Reads a tree.

@@ -48,6 +48,8 @@ impl Identity {
                 format!("{}.{:09} s since 1970", t.as_secs(), t.subsec_nanos())
             });
             let path = info.path.display();
+            // First, so that it is what is missed where the input is another.
+            parts.push((format!("the input {path}"), "named".into()));
             parts.push((format!("the size of {path}"), format!("{} bytes", info.bytes)));
             parts.push((format!("the points of {path}"), info.points_hint.to_string()));
             parts.push((format!("the time of change of {path}"), time));

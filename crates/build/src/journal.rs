@@ -39,6 +39,8 @@ pub struct Journal {
     rows: Option<PathBuf>,
     is_resumed: bool,
     is_kept: bool,
+    /// What is to be said of an earlier build that is given up.
+    given_up: Option<String>,
 }
 
 impl Journal {
@@ -62,6 +64,7 @@ impl Journal {
             rows: None,
             is_resumed: false,
             is_kept: false,
+            given_up: None,
         };
         let earlier = OpenOptions::new().read(true).write(true).open(&journal.path);
         journal.file = match earlier {
@@ -92,9 +95,15 @@ impl Journal {
             .filter(|_| kind == Kind::Begun as u8)
             .ok_or_else(|| self.damaged("its beginning"))?;
         self.rows = (!rows.is_empty()).then(|| rows.into());
-        if self.resume == Resume::Now
-            && let Some(difference) = earlier.difference(&self.identity)
-        {
+        let difference = earlier.difference(&self.identity);
+        if self.resume != Resume::Now {
+            self.given_up = Some(match difference {
+                None => "--resume would have gone on with it".into(),
+                Some(difference) => format!("it was of other things: {difference}"),
+            });
+            return Ok(true);
+        }
+        if let Some(difference) = difference {
             return Err(self.refused(&difference));
         }
         self.identity = earlier;
@@ -126,6 +135,11 @@ impl Journal {
     /// Whether this build goes on with an earlier one.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
+    }
+
+    /// Of an earlier build that this one does not go on with: whether it could have.
+    pub fn given_up(&self) -> Option<&str> {
+        self.given_up.as_deref()
     }
 
     /// Whether there is something that a later build can go on with.

@@ -59,7 +59,7 @@ mod tiles;
 mod tree;
 mod turn;
 
-pub use against::{Against, against, against_sources};
+pub use against::{Against, against, against_forest, against_sources};
 pub use append::{append, append_sources};
 pub use build::{Options, Report, build, build_shared, build_sources};
 pub use error::BuildError;

@@ -1,8 +1,15 @@
 //! What the machine grants and what the process uses: the one place with a branch for each system.
 
-/// Bytes a build may use where the user says nothing: half of what the machine, or its control group, grants.
+use crate::build::MEMORY_BYTES_MIN;
+
+/// Bytes a build may use where the user says nothing: half of what the machine, or its control group, grants; on the
+/// smallest the least that it works with.
 pub fn default_bytes() -> u64 {
-    granted_bytes().unwrap_or(4 << 30) / 2
+    half_of(granted_bytes().unwrap_or(4 << 30))
+}
+
+fn half_of(granted_bytes: u64) -> u64 {
+    (granted_bytes / 2).max(MEMORY_BYTES_MIN)
 }
 
 /// Anonymous and resident memory of this process, in bytes.
@@ -94,6 +101,13 @@ impl Peak {
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_small_machine_builds_with_the_least_memory() {
+        assert_eq!(half_of(64 << 20), MEMORY_BYTES_MIN);
+        assert_eq!(half_of(8 << 30), 4 << 30);
+        assert!(default_bytes() >= MEMORY_BYTES_MIN);
+    }
 
     #[test]
     fn limits_are_looked_for_in_groups_of_both_versions_and_above_them() {

@@ -83,6 +83,29 @@ fn classes_are_only_of_points_that_have_one() {
 }
 
 #[test]
+fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), 0];
+    let scan = |name| given(name, [0.001; 3], (0..500).map(place).collect());
+    let fine = scan("a.las").with("scan_angle", AttrType::I16, |i| i);
+    let coarse = scan("b.las").with("scan_angle_rank", AttrType::I8, |i| i % 90);
+    let bare = scan("c.las");
+    let notes = |sources: &[Given], ending: &str| {
+        let file = folder.path().join("angles.esker");
+        build_sources(boxed(sources), &file, &Options::default(), &Silent).unwrap();
+        let (file, out) =
+            (Forest::open(&file).unwrap(), folder.path().join(format!("out.{ending}")));
+        export(&file, &out, &Filter::default(), &Silent).unwrap().notes
+    };
+    // A record of LAS has one field for both.
+    let two = [fine.clone(), coarse.clone()];
+    assert_eq!(notes(&two, "las"), [""; 0]);
+    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
+    assert_eq!(notes(&two, "ply"), [zeros]);
+    assert_eq!(notes(&[fine, coarse, bare], "las"), [zeros]);
+}
+
+#[test]
 fn what_is_not_wanted_is_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());

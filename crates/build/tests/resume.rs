@@ -200,6 +200,45 @@ fn work_that_is_done_is_not_done_again() {
 }
 
 #[test]
+fn what_was_cut_and_is_begun_afresh_is_told() {
+    let (_, questions) = Place::new().run(&sources(), Resume::Never, LITTLE, u64::MAX);
+    let (place, whole) = cut();
+    let run = |change: fn(&mut Options), resume, after| {
+        let scratch = Some(place.scratch.path().to_path_buf());
+        let mut options = Options { scratch, ..options(resume) };
+        change(&mut options);
+        let task = Stops::after(after);
+        let result = build_shared(boxed(&sources()), &place.out(), &options, LITTLE, &task);
+        (result, task.notes.into_inner().unwrap())
+    };
+    // With other options, cut again; what is then gone on with is that build, not the one before.
+    let small = |options: &mut Options| options.compress = esker_format::Codec::Small;
+    let (result, notes) = run(small, Resume::Later, questions / 2);
+    assert!(matches!(result, Err(BuildError::Kept(_))), "{result:?}");
+    assert!(notes[0].contains("out.esker: an earlier build of it was cut"), "{notes:?}");
+    assert!(notes[0].contains("--compress was fast, and is small"), "{notes:?}");
+    let (result, _) = run(|_| (), Resume::Now, u64::MAX);
+    assert!(result.unwrap_err().to_string().contains("--compress was small, and is fast"));
+    let (result, notes) = run(small, Resume::Now, u64::MAX);
+    result.unwrap();
+    assert_eq!(notes, [""; 0]);
+    let of_small = place.file();
+    assert!(of_small.len() < whole.len());
+    // With the same options: there was something to go on with.
+    let (place, _) = cut();
+    let options = Options { scratch: Some(place.scratch.path().into()), ..options(Resume::Later) };
+    let task = Stops::after(u64::MAX);
+    build_shared(boxed(&sources()), &place.out(), &options, LITTLE, &task).unwrap();
+    let notes = task.notes.into_inner().unwrap();
+    assert!(notes[0].contains("--resume would have gone on"), "{notes:?}");
+    assert!(place.file() == whole);
+    // Over a finished file nothing is to be told.
+    let task = Stops::after(u64::MAX);
+    build_shared(boxed(&sources()), &place.out(), &options, LITTLE, &task).unwrap();
+    assert_eq!(task.notes.into_inner().unwrap(), [""; 0]);
+}
+
+#[test]
 fn what_has_changed_is_named() {
     let (place, whole) = cut();
     let scratch = Some(place.scratch.path().to_path_buf());
@@ -226,10 +265,10 @@ fn what_has_changed_is_named() {
     refused(&sources(), crs, LITTLE, &["--ignore-crs"]);
     let less = Shares { chunk_bytes_max: LITTLE.chunk_bytes_max - 1, ..LITTLE };
     refused(&sources(), now(), less, &["--memory"]);
-    refused(&sources()[..2], now(), LITTLE, &["of c was given, and is not now"]);
+    refused(&sources()[..2], now(), LITTLE, &["the input c was given, and is not now"]);
     let mut more = sources();
     more.push(given("new", [0.001; 3], vec![[1; 3]]));
-    refused(&more, now(), LITTLE, &["of new was not given"]);
+    refused(&more, now(), LITTLE, &["the input new was not given"]);
     let mut other = sources();
     other[1].info.bytes = 77;
     refused(&other, now(), LITTLE, &["the size of b was 0 bytes, and is 77 bytes"]);

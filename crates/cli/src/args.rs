@@ -24,7 +24,7 @@ pub enum Command {
     Build(Build),
     /// Add scans to an .esker file without writing it again: a new file holds their points and names the old
     /// one, and is opened in its place. Points between the old file's steps are rounded, those outside of its
-    /// lattice refused.
+    /// lattice refused and counted; where that is all of them it is an error.
     Append(Append),
     /// Say what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {
@@ -64,7 +64,7 @@ pub enum Command {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans, or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office,
+    /// The scans, or folders, for all scans directly in them (.las, .laz, .ply, .xyz, .txt, .csv), or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office,
     /// terrain, or a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
@@ -90,7 +90,7 @@ pub struct Append {
     /// The .esker file to add to; it may name others itself.
     #[arg(value_name = "OLD.esker")]
     pub old: PathBuf,
-    /// The scans to add.
+    /// The scans to add, or folders of them.
     #[arg(required = true, value_name = "MORE")]
     pub inputs: Vec<PathBuf>,
     /// The file to build.
@@ -110,7 +110,7 @@ pub struct Append {
 pub struct Verify {
     /// The file.
     pub file: PathBuf,
-    /// The scans that it was built from.
+    /// The scans that it was built from, or folders of them; of a file made by append those that were added last, or all, in any order.
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use crate::output::{print, write};
 use crate::{export, view};
 use anyhow::Result;
 use esker_engine::progress::{Progress, Style};
-use esker_engine::{bench, build, demo, devices, explain, info, quantity, render, verify};
+use esker_engine::{bench, build, demo, devices, explain, info, render, verify};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -72,13 +72,7 @@ fn run_verify(args: Verify, stop: Arc<AtomicBool>) -> Result<()> {
         write(&verify::refused(&args.file, error).to_string())?;
     }
     let report = report?;
-    args.output.print(&report, || {
-        let points = quantity::grouped(report["points"].as_u64().unwrap_or(0));
-        let against = if args.against.is_empty() { "" } else { ", the points of the scans" };
-        let trees = report["trees"].as_u64().filter(|&trees| trees > 1);
-        let trees = trees.map_or(String::new(), |trees| format!(" in {trees} trees"));
-        format!("{}: ok, {points} points{trees}{against}", args.file.display())
-    })
+    args.output.print(&report, || verify::text(&args.file, &report))
 }
 
 fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {

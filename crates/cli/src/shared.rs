@@ -20,7 +20,8 @@ pub struct Threads {
 /// How scans are built, wherever they are.
 #[derive(ClapArgs)]
 pub struct BuildHow {
-    /// Memory that building may use, such as 4GiB; half of what the machine grants where not said.
+    /// Memory that building may use, such as 4GiB; 256MiB at least. Half of what the machine grants where not said, or
+    /// that least.
     #[arg(long, value_parser = quantity::bytes)]
     pub memory: Option<u64>,
     /// Folder for what does not fit memory; the system's where not said.
@@ -159,8 +160,8 @@ pub struct FilterArgs {
     /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
-    /// An even sample whose points are about this far apart, in the scan's unit.
-    #[arg(long, value_name = "S")]
+    /// An even sample whose points are about this far apart: a length above 0, in the scan's unit.
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
 }
 

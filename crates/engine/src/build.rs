@@ -1,7 +1,7 @@
 //! Building, appending and merging as calls, and their report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
-use crate::{output, pool};
+use crate::{inputs, output, pool};
 use anyhow::Result;
 use esker_build::{Options, Report};
 use esker_format::{EskerFile, Normals};
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Builds `out` from scans on so many threads (0: one a core); the report and the seconds it took.
+/// Builds `out` from scans, or from those in folders, on so many threads (0: one a core); the report and the seconds it took.
 ///
 /// # Errors
 /// Where an input is damaged, space runs out, or on request; nothing is left under the final name.
@@ -24,7 +24,9 @@ pub fn build(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, inputs)?;
+    let inputs = &inputs::scans(inputs)?;
+    output::may_build(out, inputs)?;
+    inputs::note_repeated(inputs, task);
     let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
@@ -50,7 +52,9 @@ pub fn append(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, inputs)?;
+    let inputs = &inputs::scans(inputs)?;
+    output::may_build(out, inputs)?;
+    inputs::note_repeated(inputs, task);
     let report = pool::run(threads, || Ok(esker_build::append(old, inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
@@ -67,7 +71,7 @@ pub fn merge(
     task: &dyn Task,
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
-    output::may_write(out, files)?;
+    output::may_build(out, files)?;
     let report = pool::run(threads, || Ok(esker_build::merge(files, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }

@@ -33,6 +33,8 @@ pub fn export(
     output::may_write(out, &[file.to_owned()])?;
     let report = pool::run(threads, || {
         let forest = Forest::open(file)?;
+        let trees: Vec<_> = forest.files().map(|tree| tree.path().to_owned()).collect();
+        output::may_write(out, &trees)?;
         Ok(esker_build::export(&forest, out, filter, task)?)
     })?;
     Ok((report, start.elapsed().as_secs_f64()))

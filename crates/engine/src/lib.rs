@@ -14,6 +14,7 @@ pub mod drawing;
 pub mod explain;
 pub mod export;
 pub mod info;
+mod inputs;
 pub mod options;
 pub mod output;
 mod painter;

@@ -1,6 +1,7 @@
 //! What is to be written is looked at before the work, not after it: a missing folder, a folder in place of a
-//! file, an input that would be replaced.
+//! file, an input that would be replaced, a file of another kind that would be.
 
+use crate::render::is_esker;
 use anyhow::{Result, ensure};
 use std::path::{Path, PathBuf};
 
@@ -20,6 +21,22 @@ pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
         folder.is_dir(),
         "{shown}: cannot write it: there is no folder {}; make it first",
         folder.display()
+    );
+    Ok(())
+}
+
+/// As [`may_write`], of an .esker file: it replaces another one, or an empty file, but nothing else. A name that was
+/// mistyped, or that a shell has put there, must not cost a scan.
+///
+/// # Errors
+/// As said.
+pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
+    may_write(path, inputs)?;
+    let holds_something = path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
+    ensure!(
+        !holds_something || is_esker(path)?,
+        "{}: is there already, and is no .esker file: choose another output, or remove it first",
+        path.display()
     );
     Ok(())
 }

@@ -58,6 +58,17 @@ pub fn threads(text: &str) -> Result<usize> {
     Ok(threads)
 }
 
+/// Parses a length in the scan's unit.
+///
+/// # Errors
+/// Where it is no number, or not above 0.
+pub fn length(text: &str) -> Result<f64> {
+    let length = text.trim().parse().ok().filter(|l: &f64| l.is_finite() && *l > 0.0);
+    length.with_context(|| {
+        format!("`{text}` is no length: it must be above 0, such as 0.05, in the scan's unit")
+    })
+}
+
 /// 1234567 as `1,234,567`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
@@ -96,6 +107,8 @@ mod tests {
         assert!(bytes("GiB").is_err() && bytes("4 parsecs").is_err() && bytes("-1").is_err());
         assert_eq!(threads("3").unwrap(), 3);
         assert!(threads("100000").is_err() && threads("-1").is_err());
+        assert_eq!(length("0.05").unwrap(), 0.05);
+        assert!(["0", "-1", "nan", "inf", "far"].iter().all(|text| length(text).is_err()));
         assert_eq!(picture_size("640x480").unwrap(), [640, 480]);
         assert!(
             picture_size("0x480").is_err()

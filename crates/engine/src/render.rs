@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{Forest, PlaneKind, Planes, Shown};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
+use esker_points::place::no_file_at;
 use esker_points::{Filter, Task};
 use esker_render::density::{is_crowded, is_dense};
 use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer};
@@ -83,11 +84,11 @@ pub fn is_esker(path: &Path) -> Result<bool> {
         return Ok(false);
     }
     let mut head = Vec::new();
-    let file =
-        std::fs::File::open(path).with_context(|| format!("{}: cannot open", path.display()))?;
-    if file.metadata().is_ok_and(|m| m.is_dir()) {
-        anyhow::bail!("{}: is a folder; name a file", path.display());
+    let context = || format!("{}: cannot open", path.display());
+    if let Some(what) = no_file_at(path).with_context(context)? {
+        anyhow::bail!("{}: {what}", path.display());
     }
+    let file = std::fs::File::open(path).with_context(context)?;
     file.take(HEADER_MAGIC.len() as u64)
         .read_to_end(&mut head)
         .with_context(|| format!("{}: cannot read", path.display()))?;

@@ -13,6 +13,7 @@ use crate::read_at::{FileSource, ReadAt};
 use crate::sections::{check_counts, check_sections, read_footer, read_section, read_table};
 use crate::statistics::Statistics;
 use crate::table;
+use esker_points::place::no_file_at;
 use esker_points::{Node, NodeTable};
 use std::fmt;
 use std::fs::File;
@@ -82,6 +83,9 @@ impl EskerFile {
     /// # Errors
     /// Where it cannot be read, has no valid footer, another version, or is damaged.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
+        if let Some(what) = no_file_at(path).map_err(io_error(path, "open it"))? {
+            return Err(FormatError::Unsupported { path: path.into(), what: what.into() });
+        }
         let file = File::open(path).map_err(io_error(path, "open it"))?;
         Self::from_source(path, Box::new(FileSource(file)))
     }

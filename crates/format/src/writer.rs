@@ -10,13 +10,13 @@ use crate::sequential::{STACK_BYTES, Sequential};
 use crate::statistics::Statistics;
 use crate::system::read_exact_at;
 use crate::table;
+use esker_points::place::open_alone;
 use esker_points::{MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
 
 const BUFFER_BYTES: usize = 1 << 20;
 /// So many bytes are brought to the disk at a time while more come: at the end little is left to wait for.
@@ -33,51 +33,6 @@ pub struct FileWriter {
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
     is_kept: bool,
-}
-
-/// How long another writer is waited for: one that was just killed takes a moment to be gone.
-const PATIENCE: Duration = Duration::from_secs(1);
-
-/// Opens a file for this writer alone; another that has it is told by an error.
-fn open_alone(partial: &Path) -> io::Result<File> {
-    let start = Instant::now();
-    loop {
-        let mut options = OpenOptions::new();
-        let file = options.read(true).write(true).create(true).truncate(false).open(partial)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) if start.elapsed() < PATIENCE => {
-                thread::sleep(PATIENCE / 100);
-                continue;
-            }
-            Err(TryLockError::WouldBlock) => {
-                return Err(io::Error::other(
-                    "another build is writing it; wait for its end, or choose another output",
-                ));
-            }
-            // Not every file system knows locks.
-            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(e),
-            _ => {}
-        }
-        if stands_at(&file, partial) {
-            return Ok(file);
-        }
-    }
-}
-
-/// Whether an open file still has this name: else another writer has finished or dropped it meanwhile.
-#[cfg(unix)]
-fn stands_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let identity = |m: fs::Metadata| (m.dev(), m.ino());
-    match (file.metadata(), path.metadata()) {
-        (Ok(a), Ok(b)) => identity(a) == identity(b),
-        _ => false,
-    }
-}
-
-#[cfg(not(unix))]
-fn stands_at(_file: &File, _path: &Path) -> bool {
-    true
 }
 
 /// Goes on behind bytes that have this CRC-32; whether they have.
@@ -142,7 +97,7 @@ impl FileWriter {
                 source: io::Error::other("something that is no file has this name"),
             });
         }
-        let file = open_alone(&partial).map_err(io_error(path, "write it"))?;
+        let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;
         let out = Some(Sequential::new(file, &partial).map_err(io_error(path, "write it"))?);
         let (path, syncing) = (path.into(), None);
         let mut writer = Self { path, partial, out, syncing, synced: 0, is_kept: false };

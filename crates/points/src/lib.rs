@@ -1,6 +1,6 @@
 //! What every part of Esker agrees on: the integer lattice of all coordinates, attributes and
-//! columnar batches of points, Morton codes, cells of the octree, the node-table type and the
-//! multiset hash. Knows no file format, no thread and no device.
+//! columnar batches of points, Morton codes, cells of the octree, the node-table type, the
+//! multiset hash, and what counts as a file. Knows no file format, no thread and no device.
 
 pub mod attribute;
 pub mod batch;
@@ -13,6 +13,7 @@ pub mod lattice;
 pub mod morton;
 pub mod node;
 pub mod palette;
+pub mod place;
 pub mod quant;
 pub mod schema;
 pub mod strata;

@@ -19,5 +19,6 @@ pub mod text;
 pub mod write;
 
 pub use error::ScanError;
-pub use registry::open;
+pub use las::crs::{Codes, codes};
+pub use registry::{open, scans_in};
 pub use source::{Crs, Format, OpenOptions, ReadReport, Scanner, Source, SourceInfo};

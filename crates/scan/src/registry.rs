@@ -4,9 +4,11 @@ use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, Source};
 use crate::synthetic;
 use esker_points::Task;
+use esker_points::place::no_file_at;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// All formats; text comes last, since nearly anything could be text.
 pub static FORMATS: &[Format] = &[crate::las::FORMAT, crate::ply::FORMAT, crate::text::FORMAT];
@@ -33,10 +35,10 @@ pub fn open(
         return synthetic::open(path, options);
     }
     let io = |source| ScanError::io(path, source);
-    let file = File::open(path).map_err(io)?;
-    if file.metadata().map_err(io)?.is_dir() {
-        return Err(ScanError::unsupported(path, "is a folder; name the scan files in it"));
+    if let Some(what) = no_file_at(path).map_err(io)? {
+        return Err(ScanError::unsupported(path, what));
     }
+    let file = File::open(path).map_err(io)?;
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
     if head.is_empty() {
@@ -52,4 +54,37 @@ pub fn open(
             Err(ScanError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })
         }
     }
+}
+
+/// The scans that lie directly in a folder, by their names' endings and in the order of their names; hidden files are
+/// none.
+///
+/// # Errors
+/// Where the folder cannot be read, or has no scan.
+pub fn scans_in(folder: &Path) -> Result<Vec<PathBuf>, ScanError> {
+    let io = |source| ScanError::io(folder, source);
+    let mut scans = Vec::new();
+    for entry in folder.read_dir().map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        if has_name_of_scan(&path) && !path.is_dir() {
+            scans.push(path);
+        }
+    }
+    scans.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    if scans.is_empty() {
+        let endings: Vec<_> = endings().map(|e| format!(".{e}")).collect();
+        let what = format!("is a folder without a scan in it ({})", endings.join(", "));
+        return Err(ScanError::unsupported(folder, what));
+    }
+    Ok(scans)
+}
+
+fn endings() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().flat_map(|format| format.endings).copied()
+}
+
+fn has_name_of_scan(path: &Path) -> bool {
+    let text = |part: Option<&OsStr>| part.and_then(OsStr::to_str).unwrap_or_default().to_owned();
+    let ending = text(path.extension()).to_ascii_lowercase();
+    endings().any(|e| e == ending) && !text(path.file_name()).starts_with('.')
 }

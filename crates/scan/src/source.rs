@@ -16,6 +16,8 @@ pub const BATCH_POINTS: usize = 1 << 16;
 pub struct Format {
     /// Its name in messages: `LAS`, `PLY` ...
     pub name: &'static str,
+    /// What names of such files end in, lower-case. Only in a folder are scans told by their names.
+    pub endings: &'static [&'static str],
     /// Whether a file that begins with these bytes (up to 4 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.

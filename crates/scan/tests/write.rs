@@ -297,6 +297,45 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
 }
 
 #[test]
+fn a_file_tells_one_coordinate_reference_system() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |name: &str, vlrs: Vec<(String, u16, Vec<u8>)>| {
+        let variant = Variant { format: 1, minor: 2, extra: 0 };
+        let point = Point { position: [1, 2, 3], fields: [1; 60], extra: vec![] };
+        let scan = File { variant, points: vec![point], vlrs };
+        open(&file(folder.path(), name, &scan.las()))
+    };
+    let projection = |number, data: &[u8]| ("LASF_Projection".to_owned(), number, data.to_vec());
+    let wkt = |name: &str| projection(2112, format!("PROJCS[\"{name}\"]").as_bytes());
+    let keys: Vec<u8> =
+        [1u16, 1, 0, 1, 3072, 0, 1, 2154].into_iter().flat_map(u16::to_le_bytes).collect();
+    let none = of("0.las", vec![]);
+    let by_wkt = of("a.las", vec![wkt("Lambert")]);
+    let by_keys = of("b.las", vec![projection(34735, &keys), ("me".into(), 7, vec![7])]);
+    let again = of("c.las", vec![wkt("Lambert")]);
+    for (sources, kept, others) in [
+        (vec![&none, &by_wkt, &by_keys, &again], vec![2112, 7], "1 sources tell"),
+        (vec![&by_keys, &by_wkt, &again], vec![34735, 7], "2 sources tell"),
+        (vec![&by_wkt, &again], vec![2112], ""),
+    ] {
+        let (lattice, batches) = read(sources[0].as_ref());
+        let origins: Vec<_> = sources.iter().map(|s| Origin::from(s.info())).collect();
+        let out = folder.path().join("out.las");
+        let notes = write(&out, lattice, &origins, &batches, 1).join("\n");
+        assert_eq!(notes.contains("coordinate reference system"), !others.is_empty(), "{notes}");
+        assert!(notes.contains(others) && !notes.contains("later sources differ"), "{notes}");
+        let back = open(&out);
+        let mut vlrs = &back.info().verbatim[1].1[..];
+        let mut numbers = Vec::new();
+        while !vlrs.is_empty() {
+            numbers.push(u16::from_le_bytes([vlrs[18], vlrs[19]]));
+            vlrs = &vlrs[54 + usize::from(u16::from_le_bytes([vlrs[20], vlrs[21]]))..];
+        }
+        assert_eq!(numbers, kept);
+    }
+}
+
+#[test]
 fn more_points_than_old_headers_count_make_it_a_newer_one() {
     let folder = tempfile::tempdir().unwrap();
     let variant = Variant { format: 1, minor: 2, extra: 0 };

@@ -41,8 +41,8 @@ pub struct Args {
     /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
-    /// An even sample whose points are about this far apart, in the scan's unit.
-    #[arg(long, value_name = "S")]
+    /// An even sample whose points are about this far apart: a length above 0, in the scan's unit.
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
     /// Light surfaces without highlights.
     #[arg(long)]

@@ -102,7 +102,9 @@ impl Filter {
     /// Where the polygon lies farther away than the lattice can tell, or the spacing is no length.
     pub fn on(&self, lattice: &Lattice) -> Result<LatticeFilter, FilterError> {
         if let Some(spacing) = self.max_spacing.filter(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(FilterError(format!("a spacing of {spacing} is no length")));
+            return Err(FilterError(format!(
+                "a spacing of {spacing} is no length: it must be above 0, such as 0.05, in the scan's unit"
+            )));
         }
         Ok(LatticeFilter {
             region: self.bounds.map(|b| region(lattice, &b)),

@@ -15,6 +15,114 @@ const GEO_TEXT: u16 = 34737;
 
 /// GeoTIFF's model type for geographic coordinates.
 const GEOGRAPHIC: u16 = 2;
+/// GeoTIFF's code for what has none.
+const USER_DEFINED: u32 = 32767;
+
+/// What a CRS is by its numbers in the EPSG register, however it is written down.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Codes {
+    /// Of the projected or geographic system.
+    pub horizontal: u32,
+    /// Of the vertical system, where one is told.
+    pub vertical: Option<u32>,
+    /// Units of the horizontal coordinates and of heights, where they are told.
+    pub units: [Option<String>; 2],
+}
+
+impl Codes {
+    /// Whether they are of one system: what only one of them tells is no difference.
+    pub fn agree(&self, other: &Self) -> bool {
+        fn same<T: PartialEq>(a: Option<&T>, b: Option<&T>) -> bool {
+            a.is_none() || b.is_none() || a == b
+        }
+        self.horizontal == other.horizontal
+            && same(self.vertical.as_ref(), other.vertical.as_ref())
+            && (0..2).all(|i| same(self.units[i].as_ref(), other.units[i].as_ref()))
+    }
+}
+
+/// The numbers that the text of a CRS, as [`Crs::text`] has it, tells; `None` where it has none for the horizontal system.
+pub fn codes(text: &str) -> Option<Codes> {
+    match text.strip_prefix("GeoTIFF:") {
+        Some(keys) => geotiff_codes(keys),
+        None => wkt_codes(text),
+    }
+}
+
+fn geotiff_codes(keys: &str) -> Option<Codes> {
+    // A citation may hold anything, but between quotes; its own are escaped.
+    let keys = keys.replace(r"\\", "").replace(r#"\""#, "");
+    let words: Vec<&str> = keys.split('"').step_by(2).flat_map(str::split_whitespace).collect();
+    let key = |name: &str| {
+        let values = words.iter().filter_map(|word| word.strip_prefix(name)?.strip_prefix('='));
+        values.filter_map(|value| value.parse::<u32>().ok()).next()
+    };
+    let is_geographic = key("GTModelType") == Some(u32::from(GEOGRAPHIC));
+    let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
+    let is_told = |code: &u32| *code != 0 && *code != USER_DEFINED;
+    let unit = |name| key(name).and_then(unit_of_code).map(str::to_owned);
+    Some(Codes {
+        horizontal: key(name).filter(is_told)?,
+        vertical: key("VerticalCSType").filter(is_told),
+        units: [
+            if is_geographic { Some("degree".into()) } else { unit("ProjLinearUnits") },
+            unit("VerticalUnits"),
+        ],
+    })
+}
+
+fn unit_of_code(code: u32) -> Option<&'static str> {
+    match code {
+        9001 => Some("metre"),
+        9002 => Some("foot"),
+        9003 => Some("US survey foot"),
+        _ => None,
+    }
+}
+
+fn wkt_codes(wkt: &str) -> Option<Codes> {
+    let nodes = &nodes(wkt)[..];
+    let is = |at: usize, names: &[&str]| {
+        names.iter().any(|name| nodes[at].keyword.eq_ignore_ascii_case(name))
+    };
+    let children =
+        |parent: usize| (0..nodes.len()).filter(move |&i| nodes[i].parent == Some(parent));
+    let code = |at: usize| {
+        let id = children(at).find(|&i| is(i, &["AUTHORITY", "ID"]))?;
+        let mut parts = nodes[id].rest.split([',', ']', ')']).map(|p| p.trim().trim_matches('"'));
+        let is_epsg = parts.next()?.eq_ignore_ascii_case("EPSG");
+        parts.next().filter(|_| is_epsg)?.parse().ok()
+    };
+    let is_compound = !nodes.is_empty() && is(0, &["COMPD_CS", "COMPOUNDCRS"]);
+    let systems: Vec<usize> =
+        if is_compound { children(0).collect() } else { (0..nodes.len().min(1)).collect() };
+    let find = |names: &[&str]| systems.iter().copied().find(|&at| is(at, names));
+    let horizontal = find(&HORIZONTAL)?;
+    let vertical = find(&["VERT_CS", "VERTCRS", "VERTICALCRS"]);
+    let unit_of_heights = |at| {
+        let axes = children(at).filter(|&i| is(i, &["AXIS"]));
+        let units = std::iter::once(at).chain(axes).flat_map(children);
+        units.filter(|&i| is_unit(nodes[i].keyword)).find_map(|i| unit_name(nodes[i].rest))
+    };
+    Some(Codes {
+        horizontal: code(horizontal)?,
+        vertical: vertical.and_then(code),
+        units: [wkt_unit(wkt), vertical.and_then(unit_of_heights)],
+    })
+}
+
+/// What WKT 1 and 2 call systems that have horizontal coordinates.
+const HORIZONTAL: [&str; 9] = [
+    "PROJCS",
+    "PROJCRS",
+    "PROJECTEDCRS",
+    "GEOGCS",
+    "GEOGCRS",
+    "GEODCRS",
+    "GEODETICCRS",
+    "GEOGRAPHICCRS",
+    "GEOCCS",
+];
 
 /// The CRS that the records tell.
 pub fn of(records: &Records, notes: &mut Vec<String>) -> Option<Crs> {
@@ -198,6 +306,43 @@ fn nodes(wkt: &str) -> Vec<Node<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_system_is_known_by_its_numbers_however_it_is_written() {
+        let wkt = r#"PROJCS["RGF93 / Lambert-93",GEOGCS["RGF93",AUTHORITY["EPSG","4171"]],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AUTHORITY["EPSG","2154"]]"#;
+        let of = |text: &str| codes(text).unwrap();
+        assert_eq!((of(wkt).horizontal, of(wkt).vertical), (2154, None));
+        let wkt2 = r#"PROJCRS["RGF93 v1 / Lambert-93",BASEGEOGCRS["RGF93 v1",ID["EPSG",4171]],CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["metre",1],ID["EPSG",2154]]"#;
+        let keys = r#"GeoTIFF: GTModelType=1 GTCitation="\\\" ProjectedCSType=1 \\" ProjectedCSType=2154 GeographicType=4171 ProjLinearUnits=9001"#;
+        assert!(of(wkt).agree(&of(wkt2)) && of(wkt2).agree(&of(keys)) && of(keys).agree(&of(wkt)));
+        // Heights of another system, or in other units, are another system; those that are not told are none.
+        let compound =
+            |vertical: &str| format!(r#"COMPD_CS["both",{wkt},{vertical},AUTHORITY["EPSG","1"]]"#);
+        let metres = compound(r#"VERT_CS["NGF",UNIT["metre",1],AUTHORITY["EPSG","5720"]]"#);
+        let feet = compound(r#"VERT_CS["NGF",UNIT["foot",0.3048]]"#);
+        assert_eq!((of(&metres).horizontal, of(&metres).vertical), (2154, Some(5720)));
+        assert!(of(&metres).agree(&of(wkt)) && of(&metres).agree(&of(keys)));
+        assert!(!of(&metres).agree(&of(&feet)));
+        let heights = |more: &str| of(&format!("{keys} {more}"));
+        assert!(of(&metres).agree(&heights("VerticalCSType=5720 VerticalUnits=9001")));
+        assert!(!of(&metres).agree(&heights("VerticalCSType=5703")));
+        assert!(!of(&metres).agree(&heights("VerticalUnits=9003")));
+        let degrees = of("GeoTIFF: GTModelType=2 GeographicType=4326");
+        assert!(
+            degrees
+                .agree(&of(r#"GEOGCS["WGS 84",UNIT["degree",0.0174],AUTHORITY["EPSG","4326"]]"#))
+        );
+        for none in [
+            "",
+            "nonsense[[[",
+            r#"LOCAL_CS["x",AUTHORITY["EPSG","2154"]]"#,
+            r#"PROJCS["x",GEOGCS["y",AUTHORITY["EPSG","4171"]]]"#,
+            r#"PROJCS["x",AUTHORITY["ESRI","102110"]]"#,
+            "GeoTIFF: ProjectedCSType=32767 GeographicType=4171",
+        ] {
+            assert_eq!(codes(none), None, "{none}");
+        }
+    }
 
     #[test]
     fn the_unit_is_that_of_the_horizontal_system() {

@@ -3,7 +3,7 @@
 //! are decoded by [`decode`] and made columns by [`points`]. Whether they are compressed is told by the
 //! point format's upper bits and the LASzip record, never by the name.
 
-mod crs;
+pub(crate) mod crs;
 mod decode;
 pub(crate) mod extra_bytes;
 pub(crate) mod header;
@@ -26,8 +26,12 @@ use std::sync::Arc;
 use vlr::Records;
 
 /// LAS and LAZ.
-pub const FORMAT: Format =
-    Format { name: "LAS/LAZ", recognises: |head| head.starts_with(b"LASF"), open };
+pub const FORMAT: Format = Format {
+    name: "LAS/LAZ",
+    endings: &["las", "laz"],
+    recognises: |head| head.starts_with(b"LASF"),
+    open,
+};
 
 /// Bytes read as the header; that of 1.5 has 393.
 const HEAD_BYTES: u64 = 512;

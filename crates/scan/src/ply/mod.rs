@@ -21,7 +21,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// PLY, as the registry knows it.
-pub const FORMAT: Format = Format { name: "PLY", recognises, open };
+pub const FORMAT: Format = Format { name: "PLY", endings: &["ply"], recognises, open };
 
 /// How a zstd frame begins (RFC 8878, section 3.1.1).
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];

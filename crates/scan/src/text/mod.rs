@@ -24,8 +24,12 @@ use std::path::Path;
 use survey::{Plan, Survey, axes_of, parse_row};
 
 /// XYZ, TXT and CSV, as the registry knows them.
-pub const FORMAT: Format =
-    Format { name: "text (XYZ, TXT, CSV)", recognises: |head| classify(head).is_some(), open };
+pub const FORMAT: Format = Format {
+    name: "text (XYZ, TXT, CSV)",
+    endings: &["xyz", "txt", "csv"],
+    recognises: |head| classify(head).is_some(),
+    open,
+};
 
 /// Bytes in which the first lines are looked for.
 const HEAD_BYTES: u64 = 64 << 10;

@@ -136,6 +136,8 @@ pub struct Export {
     pub output: Box<dyn Output>,
     /// The format, version and variant: `LAS 1.4, point format 7`.
     pub format: String,
+    /// For each attribute, the field that it goes to; where one is converted to another, they have the same.
+    pub fields: Vec<usize>,
     /// What is not as in the sources, a line each.
     pub notes: Vec<String>,
 }

@@ -1,7 +1,9 @@
 //! A file under a temporary name beside its final one, which it gets when all of it is on the disk. Dropped
-//! before that, it leaves nothing behind.
+//! before that, it leaves nothing behind; what a killed program left is the next one's to write over. It is locked
+//! until it has its name, so that no two write it.
 
 use crate::error::ScanError;
+use esker_points::place::open_alone;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -33,9 +35,10 @@ impl Partial {
         }
         let mut hidden = OsString::from(".");
         hidden.push(name);
-        hidden.push(format!(".{}.partial", std::process::id()));
+        hidden.push(".partial");
         let partial = path.with_file_name(hidden);
-        let file = File::create(&partial).map_err(|e| ScanError::write(path, e))?;
+        let file = open_alone(&partial, "export").map_err(|e| ScanError::write(path, e))?;
+        file.set_len(0).map_err(|e| ScanError::write(path, e))?;
         let out = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
         Ok(Self { path: path.to_owned(), partial, out })
     }
@@ -62,15 +65,10 @@ impl Partial {
         let file = out.get_ref();
         file.sync_all()?;
         let bytes = file.metadata()?.len();
-        // Closed before it is renamed: Windows renames no open file.
+        // While it is locked, so that nobody else has begun to write over it.
+        fs::rename(&self.partial, &self.path)?;
         self.out = None;
-        fs::rename(&self.partial, &self.path).inspect_err(|_| self.remove())?;
         Ok(bytes)
-    }
-
-    fn remove(&self) {
-        // What is said is why it was not written; whether the rest goes changes nothing.
-        let _ = fs::remove_file(&self.partial);
     }
 }
 
@@ -97,9 +95,11 @@ impl Seek for Partial {
 impl Drop for Partial {
     fn drop(&mut self) {
         if let Some(out) = self.out.take() {
-            // Without flushing: what is buffered is of no use.
-            drop(out.into_parts());
-            self.remove();
+            // Without flushing: what is buffered is of no use. The name goes while the file is locked; whether it
+            // does changes nothing.
+            let (file, _) = out.into_parts();
+            let _ = fs::remove_file(&self.partial);
+            drop(file);
         }
     }
 }
@@ -127,6 +127,15 @@ mod tests {
         assert_eq!(partial.finish(b"head").unwrap(), 8);
         assert_eq!(names(folder.path()), ["out.ply"]);
         assert_eq!(fs::read_to_string(&path).unwrap(), "headbody");
+        // What a killed program left is written over; what another one writes is not.
+        fs::write(folder.path().join(".out.ply.partial"), "left by a killed program").unwrap();
+        let mut partial = Partial::create(&path).unwrap();
+        let error = Partial::create(&path).unwrap_err().to_string();
+        assert!(error.contains("another export is writing it"), "{error}");
+        partial.write_all(b"....tail").unwrap();
+        assert_eq!(partial.finish(b"head").unwrap(), 8);
+        assert_eq!(names(folder.path()), ["out.ply"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "headtail");
         let error = Partial::create(folder.path()).unwrap_err().to_string();
         assert!(error.contains("no file has this name"), "{error}");
     }

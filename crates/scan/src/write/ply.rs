@@ -74,6 +74,7 @@ pub fn create(
         encode: Arc::new(encode),
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
+        fields: (0..outline.schema.attributes.len()).collect(),
         notes: Vec::new(),
     })
 }

@@ -40,6 +40,7 @@ pub fn create(
         encode: Arc::new(encode),
         output: Box::new(TextOutput { file, names: line }),
         format: format!("text, {} columns, named", 3 + attributes.len()),
+        fields: (0..outline.schema.attributes.len()).collect(),
         notes: Vec::new(),
     })
 }

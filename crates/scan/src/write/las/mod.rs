@@ -3,7 +3,8 @@
 //!
 //! - Sources of one record keep it, and with it version, point format and extra bytes. The header is that of the
 //!   first source, in byte order of paths, and so is the global encoding; scale and offset are the lattice's.
-//! - VLRs and EVLRs are the first source's, then those of others that it lacks. Indices into the order of points
+//! - VLRs and EVLRs are the first source's, then those of others that it lacks; of a coordinate reference system those
+//!   of one source alone. Indices into the order of points
 //!   (COPC, LAX) are left out, since the order is another; so are waveform packets, which Esker does not keep.
 //! - Other sources get the least point format with a field for every attribute; of those that are no LAS 6 to 10,
 //!   version 1.4. What has no field becomes extra bytes; colours of 8 bits are widened.
@@ -48,6 +49,7 @@ pub fn create(
         minor(&header),
         records.point_format
     );
+    let fields = records.fields();
     let lattice = &outline.lattice;
     let moved = |i: usize| lattice.shift[i] as f64 * lattice.scale[i] + lattice.offset[i];
     let offset =
@@ -79,7 +81,7 @@ pub fn create(
     };
     let encode: Arc<dyn Encode> =
         if is_compressed { Arc::new(Ordered(records)) } else { Arc::new(records) };
-    Ok(Export { encode, output: Box::new(output), format, notes })
+    Ok(Export { encode, output: Box::new(output), format, fields, notes })
 }
 
 enum Points {

@@ -57,6 +57,8 @@ struct Found {
     wkt: Option<String>,
     dropped: Vec<&'static str>,
     conflicts: usize,
+    /// Sources whose coordinate reference system is told otherwise than by the first that tells one.
+    other_systems: usize,
 }
 
 /// Decides.
@@ -107,6 +109,13 @@ pub fn plan(
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
     header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
+    if found.other_systems > 0 {
+        notes.push(format!(
+            "{} sources tell their coordinate reference system otherwise than the first that tells one; only the first's is written, \
+             coordinates are as they were",
+            found.other_systems
+        ));
+    }
     if found.conflicts > 0 {
         let n = found.conflicts;
         notes.push(format!("{n} VLRs of later sources differ from the first's and are left out"));
@@ -149,6 +158,7 @@ impl Found {
         }
         let mut vlrs = records.vlrs;
         vlrs.retain(|v| self.is_kept(v));
+        self.leave_one_system(&mut vlrs);
         match &mut self.first {
             None => self.first = Some((bytes.to_vec(), vlrs, tail.to_vec())),
             Some((_, kept, _)) => {
@@ -161,6 +171,19 @@ impl Found {
                 }
             }
         }
+    }
+
+    /// Takes out what tells of a reference system where a source before has told one: a file has one system.
+    fn leave_one_system(&mut self, vlrs: &mut Vec<Vlr>) {
+        let told: Vec<&Vlr> =
+            self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| tells_system(v)).collect();
+        if told.is_empty() {
+            return;
+        }
+        let is_told = |v: &Vlr| told.iter().any(|t| t.record == v.record && t.data == v.data);
+        let differs = vlrs.iter().any(|v| tells_system(v) && !is_told(v));
+        self.other_systems += usize::from(differs);
+        vlrs.retain(|v| !tells_system(v));
     }
 
     /// Whether a record says something that still holds: indices into the order of points do not.
@@ -196,6 +219,11 @@ impl Found {
             notes.push(format!("as extra bytes: {}", names.join(", ")));
         }
     }
+}
+
+/// Whether a record is a part of what tells a file's coordinate reference system: WKT, or the keys of GeoTIFF.
+fn tells_system(vlr: &Vlr) -> bool {
+    vlr.user == "LASF_Projection"
 }
 
 /// The least point format that has a field for every attribute that any has.

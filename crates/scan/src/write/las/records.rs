@@ -85,6 +85,13 @@ impl Records {
         }
         (records, extra)
     }
+
+    /// For each column, the field that it goes to; a column that is converted goes to the field of another one.
+    pub fn fields(&self) -> Vec<usize> {
+        let same = |a: &Place, b: &Place| a.offset == b.offset && a.take() == b.take();
+        let first = |place: &Place| self.places.iter().position(|other| same(place, other));
+        self.places.iter().filter_map(first).collect()
+    }
 }
 
 fn back(column: usize, field: &Field) -> Place {
@@ -132,6 +139,14 @@ pub fn raw(u: u32) -> i32 {
 }
 
 impl Place {
+    /// How a reader takes it out.
+    fn take(&self) -> Take {
+        match self.put {
+            Put::Back(take) => take,
+            Put::Widened | Put::Degrees => Take::Copy,
+        }
+    }
+
     /// Puts values into whole records whose bytes are zero where nothing was put yet.
     fn scatter(self, values: &[u8], records: &mut [u8], stride: usize) {
         let rows = records.chunks_exact_mut(stride).map(|r| &mut r[self.offset..]);
