@@ -3,6 +3,7 @@
 
 use crate::quantity::{grouped, readable_bytes};
 use crate::render::{Request, Scene};
+use crate::seen;
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind};
 use esker_lod::needs_residual;
@@ -12,6 +13,9 @@ use serde_json::{Value, json};
 /// What a picture of a file would take.
 pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
     let scene = Scene::choose(file, request)?;
+    if scene.selection.counters.points == 0 {
+        seen::check_wanted(file, &scene.look.shown)?;
+    }
     let plan = &scene.plan;
     let (lattice, view) = (file.lattice(), &scene.view);
     let planes: Vec<Value> = scene

@@ -2,7 +2,7 @@
 //! polygon that the user names, and the report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
-use crate::{output, pool};
+use crate::{output, pool, seen};
 use anyhow::{Context, Result, bail, ensure};
 use esker_build::Exported;
 use esker_format::Forest;
@@ -33,6 +33,7 @@ pub fn export(
     output::may_write(out, &[file.to_owned()])?;
     let report = pool::run(threads, || {
         let forest = Forest::open(file)?;
+        seen::check_classes(&forest, filter)?;
         Ok(esker_build::export(&forest, out, filter, task)?)
     })?;
     Ok((report, start.elapsed().as_secs_f64()))
