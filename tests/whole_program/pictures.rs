@@ -20,6 +20,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
         "pictures: a filter that leaves nothing is an error, as in exports",
         nothing_left,
     ));
+    trials.push(trial("pictures: errors name the scan, not what was built of it", scans_are_named));
 }
 
 /// Draws `input`; what came of it.
@@ -154,4 +155,16 @@ fn nothing_left() {
     let words = ["render", "--explain", "--classes", "99"].map(OsStr::new);
     let explained = esker(words.into_iter().chain([file.as_os_str()]));
     assert!(explained.error().contains("is wanted"), "{}", explained.stderr);
+}
+
+fn scans_are_named() {
+    let folder = Folder::new();
+    let scan = folder.write("three.xyz", "0 0 0\n1 2 3\n4 5 6\n");
+    let out = folder.file("p.png");
+    for more in [["--colour", "rgb"], ["--colour", "nonsense"], ["--classes", "2"]] {
+        let outcome = render(&scan, &out, &more);
+        assert!(outcome.error().contains("three.xyz: has no "), "{}", outcome.stderr);
+    }
+    let outcome = render(&scan, &out, &["--colour", "rgb", scan.to_str().unwrap()]);
+    assert!(outcome.error().contains("three.xyz and 1 more: has no "), "{}", outcome.stderr);
 }

@@ -148,7 +148,16 @@ pub(crate) fn open(
         tempfile::tempdir().context("cannot make a temporary folder to build the scan in")?;
     let built = folder.path().join("scan.esker");
     esker_build::build(inputs, &built, &request.build, task)?;
-    Ok((Forest::open(&built)?, Some(folder)))
+    Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
+}
+
+/// What a file is called that was built from these.
+fn name_of(inputs: &[PathBuf]) -> PathBuf {
+    match inputs {
+        [first, _, ..] => format!("{} and {} more", first.display(), inputs.len() - 1).into(),
+        [one] => one.clone(),
+        [] => PathBuf::new(),
+    }
 }
 
 /// What the view needs of a file: nodes, prefixes, and just the planes that the frame asks for.
