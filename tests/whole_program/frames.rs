@@ -14,6 +14,10 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: what is left out is told with bytes and times", omissions));
     trials.push(trial("frames: a plan is told and nothing is drawn", plan));
     trials.push(trial("frames: filters and ranges are kept to", filters));
+    trials.push(trial(
+        "frames: colours have a range of values, and none of what stands for none",
+        ranges,
+    ));
 }
 
 /// A small generated scan with every attribute and normals.
@@ -121,4 +125,43 @@ fn filters() {
     assert!(entries.len() == 1 && entries[0]["name"] == "ground", "{ground}");
     let ranged = draw("ranged.png", &["--colour", "intensity:10..20"]);
     assert_eq!(ranged["colour"]["range"], serde_json::json!([10.0, 20.0]), "{ranged}");
+}
+
+/// Values of which a part is missing, which is told by the greatest number of their type, as scanners' programs do.
+fn ranges() {
+    let folder = Folder::new();
+    let rows: String = (0..2000)
+        .map(|i| {
+            let tree =
+                if i % 3 == 0 { "1.7976931348623157e308".into() } else { (i % 50).to_string() };
+            format!("{},{},{},{tree},0,{},0,0,0\n", i % 40, i / 40, i % 7, 7 + i % 3)
+        })
+        .collect();
+    let head = "x,y,z,treeID,nir,point_source_id,red,green,blue\n".to_owned();
+    let scan = folder.write("trees.csv", &(head + &rows));
+    let legend = |colour: &str| -> Value {
+        let out = folder.file("p.png");
+        let words = ["render", "--json", "--size", "64x48", "--colour", colour].map(OsStr::new);
+        let words = words.into_iter().chain([scan.as_os_str(), OsStr::new("-o"), out.as_os_str()]);
+        esker(words).json()
+    };
+    // Whatever letters are capitals.
+    for name in ["treeID", "treeid", "TREEID"] {
+        let report = legend(name);
+        let range = report["colour"]["range"].as_array().unwrap().clone();
+        let [low, high] = [0, 1].map(|i| range[i].as_f64().unwrap());
+        assert!((0.0..3.0).contains(&low) && (46.0..50.0).contains(&high), "{report}");
+        assert!(report["legend"].as_str().unwrap().len() < 60, "{report}");
+    }
+    assert_eq!(legend("Elevation")["colour"]["name"], "elevation");
+    let ids = legend("source_id");
+    assert_eq!(ids["colour"]["range"], serde_json::json!([7.0, 9.0]), "{ids}");
+    assert!(ids["legend"].as_str().unwrap().contains("7 .. 9"), "{ids}");
+    let cells = legend("level");
+    assert!(cells["legend"].as_str().unwrap().contains(" edge "), "{cells}");
+    for (name, note) in [("nir", "all values are zero"), ("rgb", "all of them are black")] {
+        let report = legend(name);
+        assert_eq!(report["colour"]["note"], note, "{report}");
+        assert!(report["legend"].as_str().unwrap().contains(note), "{report}");
+    }
 }
