@@ -12,6 +12,8 @@ use std::path::PathBuf;
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: table 1 has its fields for every method and backend", table));
     trials.push(trial("frames: what is left out is told with bytes and times", omissions));
+    trials
+        .push(trial("frames: what a view does not have is not said to be left out", no_omissions));
     trials.push(trial("frames: a plan is told and nothing is drawn", plan));
     trials.push(trial("frames: filters and ranges are kept to", filters));
     trials.push(trial(
@@ -52,6 +54,28 @@ fn table() {
     assert!(points.iter().all(|n| [3000, 9000].contains(n)), "all points are drawn: {points:?}");
 }
 
+/// So few points are dense at no size: what only dense views do without is told not to be in this one.
+fn no_omissions() {
+    let folder = Folder::new();
+    let rows: String = (0..100)
+        .map(|i| format!("{}.0001 {}.0001 {}.0001\n", i % 10 * 10, i / 10 * 10, i % 3 * 30))
+        .collect();
+    let scan = folder.write("few.xyz", &rows);
+    let words = |more: &[&str]| {
+        let words = ["bench", "leave-out", "--size", "24x24", "--backend", "cpu"].iter();
+        let words = words.chain(more).map(OsStr::new).chain([scan.as_os_str()]);
+        esker(words.collect::<Vec<_>>())
+    };
+    let report = words(&["--json"]).json();
+    let rows = report["rows"].as_array().unwrap();
+    let applies = |name: &str| &rows.iter().find(|row| row["left_out"] == name).unwrap()["applies"];
+    assert_eq!(applies("pull and push of a dense view"), false, "{report}");
+    assert_eq!(applies("means of the points that share a pixel"), false, "{report}");
+    assert_eq!(applies("surfaces: points alone"), true, "{report}");
+    let text = words(&[]);
+    assert!(text.worked().stdout.contains("not in this view"), "{}", text.stdout);
+}
+
 fn omissions() {
     let folder = Folder::new();
     let file = terrain(&folder);
@@ -82,6 +106,13 @@ fn omissions() {
     saves("colour plane", "bytes_resident");
     saves("values beyond a byte of code", "bytes_resident");
     saves("what lies outside a box", "bytes_resident");
+    // Of each row the two frames take something else; what only dense views do without is drawn small enough for it.
+    assert!(rows.iter().all(|row| row["applies"] == true), "{report}");
+    let row = |name: &str| rows.iter().find(|row| row["left_out"] == name).unwrap();
+    let side = |name: &str| row(name)["width"].as_u64().unwrap();
+    let dense = side("pull and push of a dense view");
+    assert!(dense < 64 && side("means of the points that share a pixel") >= dense, "{report}");
+    assert_eq!(side("highlights"), 64, "{report}");
 }
 
 fn plan() {

@@ -8,7 +8,7 @@ use esker_format::{Forest, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
 use esker_render::gpu::{Gpu, PlaneAt};
-use esker_render::{Frame, Picture, Renderer, Stages};
+use esker_render::{Frame, FramePlan, Picture, Renderer, Stages};
 use std::time::Instant;
 
 /// A scene in main memory, and in a GPU's.
@@ -83,6 +83,15 @@ impl<'a> Stand<'a> {
     /// Bytes of its planes.
     pub fn plane_bytes(&self) -> u64 {
         self.scene.planes.iter().map(Planes::bytes).sum()
+    }
+
+    /// What a frame takes: its plan, points, and bytes of planes that are read and resident.
+    pub fn takes(&self, changes: Changes) -> (FramePlan, u64, [u64; 2]) {
+        let draws = self.scene.draws(self.file);
+        let mut frame = self.scene.look.frame(self.file, &self.scene.view, &draws, &self.octree);
+        changes.apply(&mut frame);
+        let bytes = [self.scene.read_bytes, self.plane_bytes()];
+        (FramePlan::new(&frame), self.points(), bytes)
     }
 
     /// A frame on the CPU: its stages.
