@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: table 1 has its fields for every method and backend", table));
+    trials.push(trial("frames: radii are measured beside a full screen", radii));
     trials.push(trial("frames: what is left out is told with bytes and times", omissions));
     trials
         .push(trial("frames: what a view does not have is not said to be left out", no_omissions));
@@ -50,6 +51,17 @@ fn table() {
             assert!(row[field].is_string(), "`{field}` of {row}");
         }
     }
+    for row in rows {
+        let number = |field: &str| row[field].as_f64();
+        let fields = ["dispatches", "gpu_floor_ms", "over_floor"];
+        if row["backend"] == "cpu" {
+            assert!(fields.iter().all(|field| row[field].is_null()), "{row}");
+            continue;
+        }
+        let [dispatches, floor, over] = fields.map(|field| number(field).unwrap());
+        assert!(dispatches >= 2.0 && floor > 0.01 * dispatches, "{row}");
+        assert!((over * floor / number("total_ms").unwrap() - 1.0).abs() < 1e-6, "{row}");
+    }
     let points: Vec<_> = rows.iter().map(|row| row["points"].as_u64().unwrap()).collect();
     assert!(points.iter().all(|n| [3000, 9000].contains(n)), "all points are drawn: {points:?}");
 }
@@ -74,6 +86,29 @@ fn no_omissions() {
     assert_eq!(applies("surfaces: points alone"), true, "{report}");
     let text = words(&[]);
     assert!(text.worked().stdout.contains("not in this view"), "{}", text.stdout);
+}
+
+/// What larger radii cost can be read beside a full screen, in one run.
+fn radii() {
+    let words = ["bench", "render", "--points", "3000", "--size", "96x64", "--method", "pull-push"];
+    let words = words.into_iter().chain(["--radii", "0.5,4", "--gpu-software"]);
+    let report = esker(words.clone().chain(["--json", "--progress", "none"])).json();
+    let rows = report["rows"].as_array().unwrap();
+    let backends = if report["adapter"].is_null() { 1 } else { 2 };
+    assert_eq!(rows.len(), 2 * backends, "{report}");
+    let covered = |row: &Value| row["pixels_covered"].as_u64().unwrap();
+    for (small, large) in rows[..backends].iter().zip(&rows[backends..]) {
+        assert_eq!(small["backend"], large["backend"]);
+        assert!(0 < covered(small) && covered(small) < covered(large), "{report}");
+        assert!(covered(large) < 96 * 64, "{report}");
+        for row in [small, large] {
+            assert!(row["full_screen_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{report}");
+        }
+    }
+    let text = esker(words.chain(["--progress", "none"]));
+    let lines = text.worked().stdout.lines();
+    let lines = lines.filter(|l| l.contains("of a full screen's") && l.contains("cover "));
+    assert_eq!(lines.count(), 2 * backends, "{}", text.stdout);
 }
 
 fn omissions() {
