@@ -160,7 +160,7 @@ pub struct FilterArgs {
     #[arg(long, value_name = "CLASSES")]
     pub classes: Option<Classes>,
     /// An even sample whose points are about this far apart, in the scan's unit.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = quantity::length)]
     pub max_spacing: Option<f64>,
 }
 

@@ -45,6 +45,35 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     Ok([width, height])
 }
 
+/// Parses a length in the scan's unit, such as that between points of a sample.
+///
+/// # Errors
+/// Where it is none.
+pub fn length(text: &str) -> Result<f64> {
+    let length: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(
+        length.is_finite() && length > 0.0,
+        "a spacing of {length} is no length; give a number above 0, in the scan's unit"
+    );
+    Ok(length)
+}
+
+/// Pixels between points at most.
+const SPACING_PX_MAX: f64 = 1e6;
+
+/// Parses a distance of points on the picture, pixels.
+///
+/// # Errors
+/// Where it is none.
+pub fn spacing_px(text: &str) -> Result<f64> {
+    let pixels: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(
+        (0.0..=SPACING_PX_MAX).contains(&pixels),
+        "{pixels} pixels are out of range; give a number from 0, which draws all points, to {SPACING_PX_MAX}"
+    );
+    Ok(pixels)
+}
+
 /// Threads at most: far above what pays, far below what exhausts a machine.
 const THREADS_MAX: usize = 1024;
 
