@@ -17,6 +17,7 @@ fn nonsense() {
     let (scan, out) = (sample().display().to_string(), folder.file("out").display().to_string());
     build(&[&scan], &built, &[]);
     let built = built.display().to_string();
+    let jpeg = folder.file("out.jpg").display().to_string();
     let nowhere = folder.file("nowhere/out").display().to_string();
     let folder_name = folder.file("").display().to_string();
     // What is typed, `S` the scan, `B` the built file, `O` a new file, `N` one in no folder, `F` a folder;
@@ -66,6 +67,7 @@ fn nonsense() {
         ("render B -o O --target-spacing nan", "out of range"),
         ("render B -o O --target-spacing -1", "give a number from 0"),
         ("export B -o O --max-spacing -1", "give a number above 0"),
+        ("render B -o O.jpg", "out.png"),
         ("render B -o O --camera sideways", "sideways"),
         ("render B -o O --camera eye=1,2", "three numbers"),
         ("render B -o O --camera fovy=180", "175"),
@@ -88,6 +90,7 @@ fn nonsense() {
             "S" => scan.as_str(),
             "B" => built.as_str(),
             "O" => out.as_str(),
+            "O.jpg" => jpeg.as_str(),
             "N" => nowhere.as_str(),
             "F" => folder_name.as_str(),
             other => other,

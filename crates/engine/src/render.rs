@@ -102,6 +102,7 @@ pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task
     pool::run(request.threads, || {
         let start = Instant::now();
         output::may_write(out, inputs)?;
+        picture::check_name(out)?;
         let (file, _folder) = open(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;
