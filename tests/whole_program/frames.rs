@@ -169,6 +169,18 @@ fn plan() {
     let dense = explain(&["--target-spacing", "0", "--size", "24x18"]);
     let passes: Vec<_> = dense["passes"].as_array().unwrap().iter().collect();
     assert!(passes.iter().all(|&pass| pass != "push" && pass != "pull"), "{dense}");
+    let left_out = |report: &Value, what: &str| {
+        let all = report["left_out"].as_array().unwrap();
+        all.iter().any(|line| line.as_str().unwrap().starts_with(what))
+    };
+    for (report, means, pyramid) in
+        [(&surface, true, false), (&dense, false, false), (&points, false, true)]
+    {
+        assert_eq!(left_out(report, "means of the points that share a pixel"), means, "{report}");
+        assert_eq!(left_out(report, "pyramid, lighting, antialiasing"), pyramid, "{report}");
+    }
+    let splats = explain(&["--method", "ewa"]);
+    assert!(left_out(&splats, "pyramid: ") && !left_out(&splats, "pyramid, lighting"), "{splats}");
     let said = esker(["render", "--explain"].map(OsStr::new).into_iter().chain([file.as_os_str()]));
     assert!(said.worked().stdout.contains("left out: "), "{}", said.worked().stdout);
 }

@@ -20,6 +20,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
         "pictures: a filter that leaves nothing is an error, as in exports",
         nothing_left,
     ));
+    trials.push(trial("pictures: exposures that stay as they are are told", nothing_evened));
     trials.push(trial("pictures: errors name the scan, not what was built of it", scans_are_named));
 }
 
@@ -155,6 +156,24 @@ fn nothing_left() {
     let words = ["render", "--explain", "--classes", "99"].map(OsStr::new);
     let explained = esker(words.into_iter().chain([file.as_os_str()]));
     assert!(explained.error().contains("is wanted"), "{}", explained.stderr);
+}
+
+fn nothing_evened() {
+    let folder = Folder::new();
+    let out = folder.file("P.PNG");
+    // Points of one scan and of two, in a plane.
+    for (scans, note) in [(1, "all points are of one scan"), (2, "scans' own colours")] {
+        let rows: String =
+            (0..400).map(|i| format!("{},{},0,{},90,80,70\n", i % 20, i / 20, i % scans)).collect();
+        let head = "x,y,z,point_source_id,red,green,blue\n".to_owned();
+        let scan = folder.write("scan.csv", &(head + &rows));
+        let more = ["--even-exposure", "--colour", if scans == 1 { "rgb" } else { "elevation" }];
+        let said = render(&scan, &out, &more);
+        let last = said.worked().stdout.lines().last().unwrap_or_default();
+        assert!(last.starts_with("note: evening of exposures: ") && last.contains(note), "{last}");
+        let report = render(&scan, &out, &["--json", "--even-exposure", "--colour", "rgb"]).json();
+        assert_eq!(report["notes"].as_array().unwrap().len(), usize::from(scans == 1), "{report}");
+    }
 }
 
 fn scans_are_named() {

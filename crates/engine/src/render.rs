@@ -275,7 +275,7 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
         seen::check_wanted(file, &scene.look.shown)?;
     }
     let mut report = report(&picture, &scene);
-    report["notes"] = json!(notes(file, request, &scene, &picture));
+    report["notes"] = json!(notes(file, request, &scene, &picture)?);
     report["drawn_by"] = drawer.report();
     report["stages_ms"]["all_drawing"] = json!(ms(start));
     Ok((picture, report))
@@ -348,11 +348,16 @@ fn read(
 }
 
 /// What the user should know of a picture that may not be what was meant, a line each.
-fn notes(file: &Forest, request: &Request, scene: &Scene, picture: &Picture) -> Vec<String> {
+fn notes(
+    file: &Forest,
+    request: &Request,
+    scene: &Scene,
+    picture: &Picture,
+) -> Result<Vec<&'static str>> {
     let points = scene.selection.counters.points;
     let is_empty = picture.stats.pixels_covered == 0;
     let nothing = is_empty.then(|| seen::why_nothing(file, request.budget_points, points));
-    nothing.map(str::to_owned).into_iter().collect()
+    Ok(nothing.into_iter().chain(explain::not_evened(file, scene)?).collect())
 }
 
 fn report(picture: &Picture, scene: &Scene) -> Value {
