@@ -12,7 +12,9 @@ const OPEN_PX: vec2<f32> = vec2<f32>(4.0, 32.0);
 // A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over so many radii.
 const SLOPE_RADII: vec3<i32> = vec3<i32>(2, 3, 4);
 const STEEPER: f32 = 1.5;
-// All of them divide it.
+// Where it reaches less far, gaps are small.
+const SLOPE_REACH_MIN: i32 = 8;
+// All radii above divide it.
 const WIDTH_RADII: i32 = 12;
 // Width of lines at most, radii and pixels; their length on either side at least, radii; and radii at most, pixels.
 const LINE_WIDTH: vec2<f32> = vec2<f32>(2.0, 2.0);
@@ -44,7 +46,7 @@ fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
     var rise = 0.0;
     for (var i = 0; i < 3; i++) {
         let inner = at - way * (SLOPE_RADII[i] * reach);
-        if is_in_picture(inner) {
+        if reach >= SLOPE_REACH_MIN && is_in_picture(inner) {
             let steep = (depth[pixel_of(at)] - depth[pixel_of(inner)]) * (STEEPER * f32(WIDTH_RADII / SLOPE_RADII[i]));
             rise = max(rise, steep);
         }

@@ -17,6 +17,7 @@ fn nonsense() {
     let (scan, out) = (sample().display().to_string(), folder.file("out").display().to_string());
     build(&[&scan], &built, &[]);
     let built = built.display().to_string();
+    let jpeg = folder.file("out.jpg").display().to_string();
     let nowhere = folder.file("nowhere/out").display().to_string();
     let folder_name = folder.file("").display().to_string();
     // What is typed, `S` the scan, `B` the built file, `O` a new file, `N` one in no folder, `F` a folder;
@@ -55,6 +56,8 @@ fn nonsense() {
         ("info --system B", "--system"),
         ("render B -o O --colour nonsense", "has no attribute `nonsense`; it has"),
         ("render B -o O --colour elevation:low..high", "MIN..MAX"),
+        ("render B -o O --colour elevation:abc", "`abc` in `elevation:abc` is no range"),
+        ("render B -o O --colour elevation:5..5", "no extent"),
         ("render B -o O --colour plain:1..2", "no range"),
         ("render B -o O --classes trees", "no class"),
         ("render B -o O --box 1,2", "six or four"),
@@ -63,6 +66,9 @@ fn nonsense() {
         ("export B -o O --max-spacing far", "no length: it must be above 0"),
         ("render B -o O --budget-points some", "some"),
         ("render B -o O --target-spacing nan", "out of range"),
+        ("render B -o O --target-spacing -1", "give a number from 0"),
+        ("export B -o O --max-spacing -1", "no length: it must be above 0"),
+        ("render B -o O.jpg", "out.png"),
         ("render B -o O --camera sideways", "sideways"),
         ("render B -o O --camera eye=1,2", "three numbers"),
         ("render B -o O --camera fovy=180", "175"),
@@ -85,6 +91,7 @@ fn nonsense() {
             "S" => scan.as_str(),
             "B" => built.as_str(),
             "O" => out.as_str(),
+            "O.jpg" => jpeg.as_str(),
             "N" => nowhere.as_str(),
             "F" => folder_name.as_str(),
             other => other,

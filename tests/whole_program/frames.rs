@@ -11,9 +11,16 @@ use std::path::PathBuf;
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("frames: table 1 has its fields for every method and backend", table));
+    trials.push(trial("frames: radii are measured beside a full screen", radii));
     trials.push(trial("frames: what is left out is told with bytes and times", omissions));
+    trials
+        .push(trial("frames: what a view does not have is not said to be left out", no_omissions));
     trials.push(trial("frames: a plan is told and nothing is drawn", plan));
     trials.push(trial("frames: filters and ranges are kept to", filters));
+    trials.push(trial(
+        "frames: colours have a range of values, and none of what stands for none",
+        ranges,
+    ));
 }
 
 /// A small generated scan with every attribute and normals.
@@ -44,8 +51,64 @@ fn table() {
             assert!(row[field].is_string(), "`{field}` of {row}");
         }
     }
+    for row in rows {
+        let number = |field: &str| row[field].as_f64();
+        let fields = ["dispatches", "gpu_floor_ms", "over_floor"];
+        if row["backend"] == "cpu" {
+            assert!(fields.iter().all(|field| row[field].is_null()), "{row}");
+            continue;
+        }
+        let [dispatches, floor, over] = fields.map(|field| number(field).unwrap());
+        assert!(dispatches >= 2.0 && floor > 0.01 * dispatches, "{row}");
+        assert!((over * floor / number("total_ms").unwrap() - 1.0).abs() < 1e-6, "{row}");
+    }
     let points: Vec<_> = rows.iter().map(|row| row["points"].as_u64().unwrap()).collect();
     assert!(points.iter().all(|n| [3000, 9000].contains(n)), "all points are drawn: {points:?}");
+}
+
+/// So few points are dense at no size: what only dense views do without is told not to be in this one.
+fn no_omissions() {
+    let folder = Folder::new();
+    let rows: String = (0..100)
+        .map(|i| format!("{}.0001 {}.0001 {}.0001\n", i % 10 * 10, i / 10 * 10, i % 3 * 30))
+        .collect();
+    let scan = folder.write("few.xyz", &rows);
+    let words = |more: &[&str]| {
+        let words = ["bench", "leave-out", "--size", "24x24", "--backend", "cpu"].iter();
+        let words = words.chain(more).map(OsStr::new).chain([scan.as_os_str()]);
+        esker(words.collect::<Vec<_>>())
+    };
+    let report = words(&["--json"]).json();
+    let rows = report["rows"].as_array().unwrap();
+    let applies = |name: &str| &rows.iter().find(|row| row["left_out"] == name).unwrap()["applies"];
+    assert_eq!(applies("pull and push of a dense view"), false, "{report}");
+    assert_eq!(applies("means of the points that share a pixel"), false, "{report}");
+    assert_eq!(applies("surfaces: points alone"), true, "{report}");
+    let text = words(&[]);
+    assert!(text.worked().stdout.contains("not in this view"), "{}", text.stdout);
+}
+
+/// What larger radii cost can be read beside a full screen, in one run.
+fn radii() {
+    let words = ["bench", "render", "--points", "3000", "--size", "96x64", "--method", "pull-push"];
+    let words = words.into_iter().chain(["--radii", "0.5,4", "--gpu-software"]);
+    let report = esker(words.clone().chain(["--json", "--progress", "none"])).json();
+    let rows = report["rows"].as_array().unwrap();
+    let backends = if report["adapter"].is_null() { 1 } else { 2 };
+    assert_eq!(rows.len(), 2 * backends, "{report}");
+    let covered = |row: &Value| row["pixels_covered"].as_u64().unwrap();
+    for (small, large) in rows[..backends].iter().zip(&rows[backends..]) {
+        assert_eq!(small["backend"], large["backend"]);
+        assert!(0 < covered(small) && covered(small) < covered(large), "{report}");
+        assert!(covered(large) < 96 * 64, "{report}");
+        for row in [small, large] {
+            assert!(row["full_screen_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{report}");
+        }
+    }
+    let text = esker(words.chain(["--progress", "none"]));
+    let lines = text.worked().stdout.lines();
+    let lines = lines.filter(|l| l.contains("of a full screen's") && l.contains("cover "));
+    assert_eq!(lines.count(), 2 * backends, "{}", text.stdout);
 }
 
 fn omissions() {
@@ -78,6 +141,13 @@ fn omissions() {
     saves("colour plane", "bytes_resident");
     saves("values beyond a byte of code", "bytes_resident");
     saves("what lies outside a box", "bytes_resident");
+    // Of each row the two frames take something else; what only dense views do without is drawn small enough for it.
+    assert!(rows.iter().all(|row| row["applies"] == true), "{report}");
+    let row = |name: &str| rows.iter().find(|row| row["left_out"] == name).unwrap();
+    let side = |name: &str| row(name)["width"].as_u64().unwrap();
+    let dense = side("pull and push of a dense view");
+    assert!(dense < 64 && side("means of the points that share a pixel") >= dense, "{report}");
+    assert_eq!(side("highlights"), 64, "{report}");
 }
 
 fn plan() {
@@ -99,6 +169,18 @@ fn plan() {
     let dense = explain(&["--target-spacing", "0", "--size", "24x18"]);
     let passes: Vec<_> = dense["passes"].as_array().unwrap().iter().collect();
     assert!(passes.iter().all(|&pass| pass != "push" && pass != "pull"), "{dense}");
+    let left_out = |report: &Value, what: &str| {
+        let all = report["left_out"].as_array().unwrap();
+        all.iter().any(|line| line.as_str().unwrap().starts_with(what))
+    };
+    for (report, means, pyramid) in
+        [(&surface, true, false), (&dense, false, false), (&points, false, true)]
+    {
+        assert_eq!(left_out(report, "means of the points that share a pixel"), means, "{report}");
+        assert_eq!(left_out(report, "pyramid, lighting, antialiasing"), pyramid, "{report}");
+    }
+    let splats = explain(&["--method", "ewa"]);
+    assert!(left_out(&splats, "pyramid: ") && !left_out(&splats, "pyramid, lighting"), "{splats}");
     let said = esker(["render", "--explain"].map(OsStr::new).into_iter().chain([file.as_os_str()]));
     assert!(said.worked().stdout.contains("left out: "), "{}", said.worked().stdout);
 }
@@ -121,4 +203,43 @@ fn filters() {
     assert!(entries.len() == 1 && entries[0]["name"] == "ground", "{ground}");
     let ranged = draw("ranged.png", &["--colour", "intensity:10..20"]);
     assert_eq!(ranged["colour"]["range"], serde_json::json!([10.0, 20.0]), "{ranged}");
+}
+
+/// Values of which a part is missing, which is told by the greatest number of their type, as scanners' programs do.
+fn ranges() {
+    let folder = Folder::new();
+    let rows: String = (0..2000)
+        .map(|i| {
+            let tree =
+                if i % 3 == 0 { "1.7976931348623157e308".into() } else { (i % 50).to_string() };
+            format!("{},{},{},{tree},0,{},0,0,0\n", i % 40, i / 40, i % 7, 7 + i % 3)
+        })
+        .collect();
+    let head = "x,y,z,treeID,nir,point_source_id,red,green,blue\n".to_owned();
+    let scan = folder.write("trees.csv", &(head + &rows));
+    let legend = |colour: &str| -> Value {
+        let out = folder.file("p.png");
+        let words = ["render", "--json", "--size", "64x48", "--colour", colour].map(OsStr::new);
+        let words = words.into_iter().chain([scan.as_os_str(), OsStr::new("-o"), out.as_os_str()]);
+        esker(words).json()
+    };
+    // Whatever letters are capitals.
+    for name in ["treeID", "treeid", "TREEID"] {
+        let report = legend(name);
+        let range = report["colour"]["range"].as_array().unwrap().clone();
+        let [low, high] = [0, 1].map(|i| range[i].as_f64().unwrap());
+        assert!((0.0..3.0).contains(&low) && (46.0..50.0).contains(&high), "{report}");
+        assert!(report["legend"].as_str().unwrap().len() < 60, "{report}");
+    }
+    assert_eq!(legend("Elevation")["colour"]["name"], "elevation");
+    let ids = legend("source_id");
+    assert_eq!(ids["colour"]["range"], serde_json::json!([7.0, 9.0]), "{ids}");
+    assert!(ids["legend"].as_str().unwrap().contains("7 .. 9"), "{ids}");
+    let cells = legend("level");
+    assert!(cells["legend"].as_str().unwrap().contains(" edge "), "{cells}");
+    for (name, note) in [("nir", "all values are zero"), ("rgb", "all of them are black")] {
+        let report = legend(name);
+        assert_eq!(report["colour"]["note"], note, "{report}");
+        assert!(report["legend"].as_str().unwrap().contains(note), "{report}");
+    }
 }

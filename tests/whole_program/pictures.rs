@@ -2,7 +2,7 @@
 //! never empty.
 
 use crate::folder::Folder;
-use crate::program::{build, esker, sample};
+use crate::program::{Outcome, build, esker, sample};
 use crate::trial;
 use libtest_mimic::Trial;
 use std::ffi::OsStr;
@@ -12,15 +12,28 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("pictures: the scan and its file give the same", same_from_scan));
     trials.push(trial("pictures: every attribute colours them", every_attribute));
     trials.push(trial("pictures: every size and method", sizes));
-    trials.push(trial("pictures: a camera that sees nothing gives a background", nothing_seen));
+    trials.push(trial(
+        "pictures: a camera that sees nothing gives a background and says why",
+        nothing_seen,
+    ));
+    trials.push(trial(
+        "pictures: a filter that leaves nothing is an error, as in exports",
+        nothing_left,
+    ));
+    trials.push(trial("pictures: exposures that stay as they are are told", nothing_evened));
+    trials.push(trial("pictures: errors name the scan, not what was built of it", scans_are_named));
+}
+
+/// Draws `input`; what came of it.
+fn render(input: &Path, out: &Path, more: &[&str]) -> Outcome {
+    let words = [OsStr::new("render"), input.as_os_str(), OsStr::new("-o"), out.as_os_str()];
+    esker(words.into_iter().chain(["--progress", "none"].iter().chain(more).map(OsStr::new)))
 }
 
 /// Draws `input`; the picture's width and height and colours, and the pixels covered.
 fn picture(folder: &Folder, input: &Path, more: &[&str]) -> ([u32; 2], Vec<u8>, u64) {
     let out = folder.file("p.png");
-    let words = [OsStr::new("render"), input.as_os_str(), OsStr::new("-o"), out.as_os_str()];
-    let rest = ["--json", "--progress", "none"].iter().chain(more).map(OsStr::new);
-    let report = esker(words.into_iter().chain(rest)).json();
+    let report = render(input, &out, &[&["--json"], more].concat()).json();
     let file = std::io::BufReader::new(std::fs::File::open(&out).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -99,4 +112,78 @@ fn nothing_seen() {
     }
     let (_, _, covered) = picture(&folder, &file, &["--budget-points", "0"]);
     assert_eq!(covered, 0);
+    // Whoever reads the report is told, and why.
+    let out = folder.file("p.png");
+    let none = folder.file("none.esker");
+    build(&[folder.write("none.csv", "x,y,z\n")], &none, &[]);
+    for (input, more, why) in [
+        (&file, &["--camera", "eye=1e7,1e7,1e9;target=1e7,1e7,2e9;up=0,1,0"][..], "--fit"),
+        (&file, &["--budget-points", "0"], "--budget-points 0"),
+        (&none, &[], "there are no points"),
+    ] {
+        let said = render(input, &out, more);
+        let note = said.worked().stdout.lines().last().unwrap_or_default();
+        assert!(note.starts_with("note: nothing is seen: ") && note.contains(why), "{note}");
+        let report = render(input, &out, &[more, &["--json"]].concat()).json();
+        assert!(report["notes"][0].as_str().is_some_and(|n| n.contains(why)), "{report}");
+    }
+    let seen = render(&file, &out, &["--json"]).json();
+    assert_eq!(seen["notes"], serde_json::json!([]), "{seen}");
+}
+
+fn nothing_left() {
+    let folder = Folder::new();
+    let file = built(&folder);
+    let plain = folder.file("plain.esker");
+    build(&[folder.write("plain.xyz", "0 0 0\n1 2 3\n4 5 6\n")], &plain, &[]);
+    let none = "none of its 3 points is wanted";
+    for (input, more, word) in [
+        (&file, ["--classes", "99"], "is wanted"),
+        (&file, ["--box", "0,0,1,1"], "is wanted"),
+        (&file, ["--polygon", "0,0 1,0 0,1"], "is wanted"),
+        // Within the node's box, but at no point of it.
+        (&plain, ["--box", "2,3,3,4"], none),
+        (&plain, ["--classes", "2"], "plain.esker: has no classification"),
+    ] {
+        let (png, las) = (folder.file("p.png"), folder.file("out.las"));
+        let words = [OsStr::new("export"), input.as_os_str(), OsStr::new("-o"), las.as_os_str()];
+        let exported = esker(words.into_iter().chain(more.map(OsStr::new)));
+        for outcome in [render(input, &png, &more), exported] {
+            assert!(outcome.error().contains(word), "{more:?}: {}", outcome.stderr);
+        }
+        assert_eq!(folder.names(), ["out.esker", "plain.esker", "plain.xyz"], "{more:?}");
+    }
+    let words = ["render", "--explain", "--classes", "99"].map(OsStr::new);
+    let explained = esker(words.into_iter().chain([file.as_os_str()]));
+    assert!(explained.error().contains("is wanted"), "{}", explained.stderr);
+}
+
+fn nothing_evened() {
+    let folder = Folder::new();
+    let out = folder.file("P.PNG");
+    // Points of one scan and of two, in a plane.
+    for (scans, note) in [(1, "all points are of one scan"), (2, "scans' own colours")] {
+        let rows: String =
+            (0..400).map(|i| format!("{},{},0,{},90,80,70\n", i % 20, i / 20, i % scans)).collect();
+        let head = "x,y,z,point_source_id,red,green,blue\n".to_owned();
+        let scan = folder.write("scan.csv", &(head + &rows));
+        let more = ["--even-exposure", "--colour", if scans == 1 { "rgb" } else { "elevation" }];
+        let said = render(&scan, &out, &more);
+        let last = said.worked().stdout.lines().last().unwrap_or_default();
+        assert!(last.starts_with("note: evening of exposures: ") && last.contains(note), "{last}");
+        let report = render(&scan, &out, &["--json", "--even-exposure", "--colour", "rgb"]).json();
+        assert_eq!(report["notes"].as_array().unwrap().len(), usize::from(scans == 1), "{report}");
+    }
+}
+
+fn scans_are_named() {
+    let folder = Folder::new();
+    let scan = folder.write("three.xyz", "0 0 0\n1 2 3\n4 5 6\n");
+    let out = folder.file("p.png");
+    for more in [["--colour", "rgb"], ["--colour", "nonsense"], ["--classes", "2"]] {
+        let outcome = render(&scan, &out, &more);
+        assert!(outcome.error().contains("three.xyz: has no "), "{}", outcome.stderr);
+    }
+    let outcome = render(&scan, &out, &["--colour", "rgb", scan.to_str().unwrap()]);
+    assert!(outcome.error().contains("three.xyz and 1 more: has no "), "{}", outcome.stderr);
 }

@@ -147,7 +147,7 @@ pub struct Render {
     #[arg(long, value_name = "N", default_value_t = 10_000_000)]
     pub budget_points: u64,
     /// Distance of neighbouring points on the picture that is fine enough, in pixels; 0 draws all.
-    #[arg(long, value_name = "PX", default_value_t = 1.0, value_parser = parse_spacing)]
+    #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
     /// rgb, intensity, elevation, classification, return_number, source_id, time, normal, level, depth, plain, or any
     /// attribute's name; where it has a range of values, that may follow, with either end open.
@@ -171,13 +171,4 @@ pub struct Render {
     pub how: BuildHow,
     #[command(flatten)]
     pub output: Output,
-}
-
-fn parse_spacing(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if (0.0..=1e6).contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("{value} pixels are out of range"))
-    }
 }

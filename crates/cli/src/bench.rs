@@ -25,7 +25,7 @@ pub enum Benchmark {
     /// and by the CPU, in Morton and in random order; and the share of memory bandwidth that they reach.
     Draw(Box<Draw>),
     /// Draw models whole by every method and backend, as table 1 of marroquim2007 does: project, pull-push, shade and
-    /// total milliseconds, beside the time in which the same bytes are copied.
+    /// total milliseconds, beside the time in which the same bytes are copied; on a GPU beside its floor, memory and dispatches.
     Render(Box<BenchRender>),
     /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident, milliseconds.
     LeaveOut(Box<LeaveOut>),
@@ -72,7 +72,7 @@ pub struct BenchRender {
     /// (table 1 of zwicker2004).
     #[arg(long, value_enum)]
     pub method: Option<MethodArg>,
-    /// Draw points with so many times their radii, such as 1,2,4: what time does with them.
+    /// Draw points with so many times their radii, such as 1,2,4: what time does with them, beside that of a full screen.
     #[arg(long, value_name = "X,X", value_delimiter = ',', value_parser = radius_factor)]
     pub radii: Vec<f32>,
     #[command(flatten)]

@@ -6,10 +6,11 @@ use anyhow::{Context, Result, bail};
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
-use esker_points::{AttrType, Codes, Coding};
+use esker_points::{AttrType, Codes, Coding, Schema};
 use esker_render::colour::{Encoder, class_colour, hue};
 use esker_render::{Codebook, ColourBy, ColourMap, Palette};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 /// Where the colours of a picture come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +44,8 @@ pub struct Legend {
     pub palette: Option<Palette>,
     /// Numbers, what they mean, and their colours (sRGB).
     pub entries: Vec<(u8, String, [u8; 3])>,
+    /// Why there may be little to see.
+    pub note: Option<&'static str>,
 }
 
 impl Legend {
@@ -66,6 +69,9 @@ impl Legend {
         if !entries.is_empty() {
             text += &format!(": {}", entries.join(", "));
         }
+        if let Some(note) = self.note {
+            text += &format!("; {note}");
+        }
         text
     }
 
@@ -76,13 +82,16 @@ impl Legend {
             entries.map(|(n, what, rgb)| json!({ "value": n, "name": what, "rgb": rgb })).collect();
         json!({
             "name": self.name, "range": self.range, "palette": self.palette.map(Palette::name),
-            "entries": entries,
+            "entries": entries, "note": self.note,
         })
     }
 }
 
 /// A number with no more digits than a legend needs.
 fn short(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e15).contains(&value.abs()) {
+        return format!("{value:.3e}");
+    }
     let text = if value.abs() >= 1e7 { format!("{value:.1}") } else { format!("{value:.3}") };
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
@@ -108,7 +117,11 @@ impl<'a> Wish<'a> {
                 format!("`{word}` in `{text}` is no number; a range is given as NAME:MIN..MAX")
             })
         };
-        Ok(Self { name, range: [end(low)?, end(high)?] })
+        let range = [end(low)?, end(high)?];
+        if range[0].is_some() && range[0] == range[1] {
+            bail!("the range of `{text}` has no extent; its ends are two numbers");
+        }
+        Ok(Self { name, range })
     }
 
     /// The range that is asked for, or else that which `find` gives.
@@ -154,6 +167,9 @@ pub fn colouring_of(
         };
     };
     let wish = Wish::parse(text)?;
+    check_end(file, &wish, bounds, shown)?;
+    let has_exactly = file.schema().find(wish.name).is_some();
+    let lower = wish.name.to_ascii_lowercase();
     let plain = |by, name| Colouring { by, plane: None, codes: None, legend: Legend::named(name) };
     let mapped = |by: fn(ColourMap) -> ColourBy, name, [low, high]: [f64; 2], palette| {
         let legend =
@@ -164,9 +180,10 @@ pub fn colouring_of(
         true => bail!("`{}` has no range of values", wish.name),
         false => Ok(colouring),
     };
-    match wish.name {
+    match if has_exactly { wish.name } else { &lower } {
         "rgb" | "colour" | "color" if file.has(PlaneKind::Colour) => without_range(Colouring {
             plane: Some((PlaneKind::Colour, None)),
+            legend: Legend { note: black(file)?, ..Legend::named("rgb") },
             ..plain(ColourBy::Rgb, "rgb")
         }),
         "rgb" | "colour" | "color" => {
@@ -177,7 +194,10 @@ pub fn colouring_of(
             let range = wish.range(|| Ok(ranges::of_heights(file, bounds, shown)))?;
             Ok(mapped(ColourBy::Elevation, "elevation", range, Palette::Terrain))
         }
-        "level" | "cell" | "node" => without_range(plain(ColourBy::Cell, "level")),
+        "level" | "cell" | "node" => without_range(Colouring {
+            legend: Legend { entries: cell_entries(file, shown), ..Legend::named("level") },
+            ..plain(ColourBy::Cell, "level")
+        }),
         "normal" | "normals" if !file.has(PlaneKind::Normal) => {
             bail!(
                 "{}: has no normals; build it with --normals estimate, or try --colour elevation",
@@ -192,6 +212,34 @@ pub fn colouring_of(
         }
         _ => attribute(file, &wish, shown),
     }
+}
+
+/// Refuses what is no attribute's name, but one with something behind it that is no range.
+fn check_end(file: &Forest, wish: &Wish<'_>, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<()> {
+    if let Some((name, end)) = wish.name.rsplit_once(':')
+        && file.schema().find(wish.name).is_none()
+        && colouring_of(file, Some(name), bounds, shown).is_ok()
+    {
+        bail!("`{end}` in `{}` is no range; a range is given as NAME:MIN..MAX", wish.name);
+    }
+    Ok(())
+}
+
+/// What to say of colours that are all black.
+fn black(file: &Forest) -> Result<Option<&'static str>> {
+    Ok((!has_colours(file)?).then_some("all of them are black"))
+}
+
+/// The sizes of cells that occur among what is shown, the largest first, in the scan's unit.
+fn cell_entries(file: &Forest, shown: &Shown) -> Vec<(u8, String, [u8; 3])> {
+    let nodes = (0u32..).zip(&file.table().nodes);
+    let kept = nodes.filter(|&(index, _)| shown.points_max(index) > 0);
+    let sizes: BTreeSet<u8> = kept.map(|(_, node)| node.cell_log2).collect();
+    let entry = |log2: u8| {
+        let edge = f64::from(log2).exp2() * file.lattice().scale[0];
+        (log2, format!("edge {}", short(edge)), bytes(hue(u32::from(log2))))
+    };
+    sizes.into_iter().rev().map(entry).collect()
 }
 
 /// What colours can come from, as the user names it: what every file has, then the attributes.
@@ -262,12 +310,21 @@ fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
     }
 }
 
+/// The attribute of this name, whatever letters are capitals.
+fn find_in_any_case(schema: &Schema, name: &str) -> Option<usize> {
+    schema.attributes.iter().position(|a| a.name.eq_ignore_ascii_case(name))
+}
+
 fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring> {
     let schema = file.schema();
-    let is_number = ["return", RETURN_NUMBER].contains(&wish.name);
+    let is_number = ["return", RETURN_NUMBER].iter().any(|n| n.eq_ignore_ascii_case(wish.name));
     let name = if is_number { names::RETURNS } else { wish.name };
-    let full = SHORT.iter().find(|(short, _)| *short == name).map_or(name, |(_, full)| full);
-    let Some(index) = schema.find(name).or_else(|| schema.find(full)) else {
+    let full = SHORT
+        .iter()
+        .find(|(short, _)| short.eq_ignore_ascii_case(name))
+        .map_or(name, |(_, full)| full);
+    let found = schema.find(name).or_else(|| find_in_any_case(schema, name));
+    let Some(index) = found.or_else(|| schema.find(full)) else {
         let (path, known) = (file.path().display(), choices(file).join(", "));
         bail!("{path}: has no attribute `{}`; it has {known}", wish.name);
     };
@@ -277,8 +334,10 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
     if !file.has(kind) {
         bail!("{}: `{name}` is a part of the colour; use --colour rgb", file.path().display());
     }
+    let whole = ranges::whole(file, index)?;
+    let note = (whole == (0.0, 0.0)).then_some("all values are zero");
     let coded = |book, coding, entries| {
-        let legend = Legend { entries, ..Legend::named(wish.name) };
+        let legend = Legend { entries, note, ..Legend::named(wish.name) };
         let codes = Some(Codes { ty, coding });
         let plane = Some((kind, Some(AttrType::U8)));
         Ok(Colouring { by: ColourBy::Codes(book), plane, codes, legend })
@@ -298,7 +357,9 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         }
     }
     if name == names::POINT_SOURCE_ID && !wish.has_range() {
-        return coded(Codebook::Labels, Coding::Labels, Vec::new());
+        let colouring = coded(Codebook::Labels, Coding::Labels, Vec::new())?;
+        let legend = Legend { range: Some([whole.0, whole.1]), ..colouring.legend };
+        return Ok(Colouring { legend, ..colouring });
     }
     // Extra bytes are shown scaled; the plane has what is stored.
     let scale = if attribute.scale == 0.0 { 1.0 } else { attribute.scale };
@@ -309,7 +370,7 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
     })?;
     let [low, high] = range.map(|value| (value - attribute.offset) / scale);
     let palette = if kind == PlaneKind::Intensity { Palette::Grey } else { Palette::Viridis };
-    let legend = Legend { range: Some(range), palette: Some(palette), ..Legend::named(name) };
+    let legend = Legend { range: Some(range), palette: Some(palette), note, ..Legend::named(name) };
     if kind == PlaneKind::Intensity {
         // A hot plane goes to drawing memory as it is.
         let by = ColourBy::Scalar(ColourMap { low, high, palette });
@@ -361,6 +422,7 @@ mod tests {
         for wrong in ["z:a..7", "z:1..nan"] {
             assert!(wish(wrong).unwrap_err().to_string().contains("MIN..MAX"), "{wrong}");
         }
+        assert!(wish("z:5..5").unwrap_err().to_string().contains("no extent"));
     }
 
     #[test]
@@ -371,6 +433,10 @@ mod tests {
             ..Legend::named("gps_time")
         };
         assert_eq!(range.text(), "gps_time 1.5 .. 250 (viridis)");
+        let wide = Legend { range: Some([-1e-5, f64::MAX]), ..Legend::named("odd") };
+        assert_eq!(wide.text(), "odd -1.000e-5 .. 1.798e308");
+        let empty = Legend { note: Some("all values are zero"), ..Legend::named("nir") };
+        assert_eq!(empty.text(), "nir; all values are zero");
         let entries = vec![(2, "ground".to_owned(), [168, 124, 82])];
         let classes = Legend { entries, ..Legend::named("classification") };
         assert_eq!(classes.text(), "classification: 2 ground #a87c52");

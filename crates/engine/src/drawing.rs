@@ -2,7 +2,7 @@
 //! become what is drawn. Shared by pictures read whole and by sessions that stream.
 
 use crate::colour::{self, Colouring, colouring_of};
-use crate::info;
+use crate::{info, seen};
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_lod::{CompactOctree, View};
@@ -41,6 +41,7 @@ impl Look {
         method: Method,
         shines: bool,
     ) -> Result<Self> {
+        seen::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
         let shown = Shown::of(file, on_lattice, None)?;
         let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;

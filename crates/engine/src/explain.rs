@@ -3,6 +3,7 @@
 
 use crate::quantity::{grouped, readable_bytes};
 use crate::render::{Request, Scene};
+use crate::{colour, ranges, seen};
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind};
 use esker_lod::needs_residual;
@@ -12,6 +13,9 @@ use serde_json::{Value, json};
 /// What a picture of a file would take.
 pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
     let scene = Scene::choose(file, request)?;
+    if scene.selection.counters.points == 0 {
+        seen::check_wanted(file, &scene.look.shown)?;
+    }
     let plan = &scene.plan;
     let (lattice, view) = (file.lattice(), &scene.view);
     let planes: Vec<Value> = scene
@@ -59,6 +63,23 @@ pub(crate) fn explain(file: &Forest, request: &Request) -> Result<Value> {
     }))
 }
 
+/// Why exposures that shall be evened out stay as they are.
+const ONLY_OWN_COLOURS: &str =
+    "evening of exposures: only surfaces in the scans' own colours are evened out";
+
+/// What to say where evening out exposures was asked and changes nothing.
+pub(crate) fn not_evened(file: &Forest, scene: &Scene) -> Result<Option<&'static str>> {
+    if !scene.look.evens {
+        return Ok(None);
+    }
+    if !scene.plan.evens() {
+        return Ok(Some(ONLY_OWN_COLOURS));
+    }
+    let (kind, _) = colour::scans(file)?;
+    let (least, greatest) = ranges::whole(file, usize::from(kind.attribute()))?;
+    Ok((least >= greatest).then_some("evening of exposures: all points are of one scan"))
+}
+
 /// The name of a plane; that of its attribute, where it is one's.
 fn plane_name(file: &Forest, kind: PlaneKind) -> String {
     let index = usize::from(kind.attribute());
@@ -68,7 +89,9 @@ fn plane_name(file: &Forest, kind: PlaneKind) -> String {
 /// What the frame does without, and why.
 fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     let plan = &scene.plan;
-    let has_surface = plan.passes.contains(&Pass::Gather);
+    let is_splats = plan.passes.contains(&Pass::Place);
+    let has_surface = !plan.passes.contains(&Pass::Resolve);
+    let is_pulled = has_surface && !is_splats;
     let mut out = Vec::new();
     let mut say = |is_out: bool, what: &str| {
         if is_out {
@@ -83,11 +106,11 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
         !plan.culls_back_faces,
         match (has_normals, has_surface) {
             (false, _) => "back-face test: no normals",
+            (true, true) if is_splats => "back-face test: splats are drawn from both sides",
             (true, false) => "back-face test: points alone are drawn from both sides",
             (true, true) => "back-face test: the normals do not tell front from back",
         },
     );
-    let is_splats = plan.passes.contains(&Pass::Place);
     say(is_splats && !plan.clips, "clip lines: the file has none, or no normals");
     say(is_splats && !plan.tangents, "shapes of splats: the file has none, or no normals");
     let is_compact = scene.look.colouring.positions() == PlaneKind::Compact;
@@ -99,12 +122,11 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");
     say(!plan.evens() && !scene.look.evens, "evening of exposures: not asked");
-    say(
-        !plan.evens() && scene.look.evens,
-        "evening of exposures: only surfaces in the scans' own colours are evened out",
-    );
+    say(!plan.evens() && scene.look.evens, ONLY_OWN_COLOURS);
+    say(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");
     say(!has_surface, "pyramid, lighting, antialiasing: points alone");
-    say(has_surface && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");
+    say(is_splats, "pyramid: splats cover their pixels themselves");
+    say(is_pulled && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");
     out
 }
 

@@ -2,7 +2,7 @@
 //! polygon that the user names, and the report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
-use crate::{output, pool};
+use crate::{output, pool, seen};
 use anyhow::{Context, Result, bail, ensure};
 use esker_build::Exported;
 use esker_format::Forest;
@@ -35,6 +35,7 @@ pub fn export(
         let forest = Forest::open(file)?;
         let trees: Vec<_> = forest.files().map(|tree| tree.path().to_owned()).collect();
         output::may_write(out, &trees)?;
+        seen::check_classes(&forest, filter)?;
         Ok(esker_build::export(&forest, out, filter, task)?)
     })?;
     Ok((report, start.elapsed().as_secs_f64()))

@@ -24,6 +24,7 @@ pub mod progress;
 pub mod quantity;
 pub mod ranges;
 pub mod render;
+pub mod seen;
 pub mod session;
 pub mod slots;
 pub mod staging;

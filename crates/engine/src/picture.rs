@@ -1,10 +1,25 @@
 //! Pictures to PNG files, whole or not at all.
 
 use crate::output;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use esker_render::Picture;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+
+/// Refuses a name whose ending promises another format than PNG.
+///
+/// # Errors
+/// As said.
+pub fn check_name(path: &Path) -> Result<()> {
+    let ending = path.extension();
+    ensure!(
+        ending.is_none_or(|ending| ending.eq_ignore_ascii_case("png")),
+        "{}: pictures are written as PNG; name it {}",
+        path.display(),
+        path.with_extension("png").display()
+    );
+    Ok(())
+}
 
 /// Writes a picture under a temporary name beside `path`, then gives it its name.
 ///

@@ -45,6 +45,22 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     Ok([width, height])
 }
 
+/// Pixels between points at most.
+const SPACING_PX_MAX: f64 = 1e6;
+
+/// Parses a distance of points on the picture, pixels.
+///
+/// # Errors
+/// Where it is none.
+pub fn spacing_px(text: &str) -> Result<f64> {
+    let pixels: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(
+        (0.0..=SPACING_PX_MAX).contains(&pixels),
+        "{pixels} pixels are out of range; give a number from 0, which draws all points, to {SPACING_PX_MAX}"
+    );
+    Ok(pixels)
+}
+
 /// Threads at most: far above what pays, far below what exhausts a machine.
 const THREADS_MAX: usize = 1024;
 

@@ -1,21 +1,27 @@
 //! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
-//! neither a few strays take all colours nor what a filter leaves out takes any.
+//! neither a few strays take all colours nor what a filter leaves out takes any. Where an end of these is a number that
+//! stands for no value, a sample of the values is read instead.
 
 use anyhow::Result;
-use esker_format::{EskerFile, Forest, Shown};
-use esker_points::Node;
+use esker_format::{EskerFile, Forest, PlaneKind, Shown};
+use esker_points::{AttrType, Node};
 
 /// Share of the values that may lie outside a range on either side.
 const STRAYS: f64 = 0.01;
 /// Bins of heights.
 const BINS: usize = 1024;
+/// Numbers from here on stand for no value: scans write the greatest of their type where they have none.
+const NO_VALUE: f64 = f32::MAX as f64;
+/// Values that a sample has at least, where there are so many.
+const SAMPLE: usize = 1 << 17;
 
 /// The range of an attribute of the forest, in stored values, over all trees that have it.
 ///
 /// # Errors
 /// Where statistics cannot be read.
 pub fn of_attribute(forest: &Forest, attribute: usize, shown: &Shown) -> Result<(f64, f64)> {
-    let attribute = &forest.schema().attributes[attribute];
+    let index = attribute;
+    let attribute = &forest.schema().attributes[index];
     let (mut range, mut first) = (None, 0);
     for file in forest.files() {
         let nodes = file.table().nodes.len() as u32;
@@ -25,7 +31,52 @@ pub fn of_attribute(forest: &Forest, attribute: usize, shown: &Shown) -> Result<
         }
         first += nodes;
     }
+    let range = range.unwrap_or((0.0, 0.0));
+    if is_value(range.0) && is_value(range.1) {
+        return Ok(range);
+    }
+    of_sample(forest, index, attribute.ty, shown)
+}
+
+/// Least and greatest value of an attribute of the forest over all trees, strays and all.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn whole(forest: &Forest, attribute: usize) -> Result<(f64, f64)> {
+    let attribute = &forest.schema().attributes[attribute];
+    let mut range = None;
+    for file in forest.files() {
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        if let Some(index) = index.filter(|_| file.footer().points > 0) {
+            let of = file.statistics()?.histograms().ranges().of(index);
+            range = joined(range, (of.0 <= of.1).then_some(of));
+        }
+    }
     Ok(range.unwrap_or((0.0, 0.0)))
+}
+
+/// Whether a number is a value, and does not stand for none.
+fn is_value(number: f64) -> bool {
+    number.abs() < NO_VALUE
+}
+
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
+fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
+    let kind = PlaneKind::Attribute(attribute as u16);
+    let mut values = Vec::new();
+    let nodes = 0..forest.table().nodes.len() as u32;
+    for node in nodes.filter(|&node| shown.points_max(node) > 0) {
+        let planes = forest.read_planes(node, &[kind])?;
+        let plane = planes.get(kind).unwrap_or_default().chunks_exact(ty.size());
+        values.extend(plane.map(|value| ty.to_f64(value)).filter(|&value| is_value(value)));
+        if values.len() >= SAMPLE {
+            break;
+        }
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    let strays = (values.len() as f64 * STRAYS) as usize;
+    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
+    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
 }
 
 fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {

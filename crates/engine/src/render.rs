@@ -5,7 +5,7 @@ use crate::backend::{Backend, DrawWith, Drawer};
 use crate::camera::Camera;
 use crate::drawing::{Look, draw_node};
 use crate::explain;
-use crate::{info, output, picture, pool, whole};
+use crate::{info, output, picture, pool, seen, whole};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
 use esker_format::{Forest, PlaneKind, Planes, Shown};
@@ -98,11 +98,12 @@ pub fn is_esker(path: &Path) -> Result<bool> {
 /// Draws `inputs` (one `.esker` file with those that it names, or scans) to the PNG file `out`; what it did, for machines.
 ///
 /// # Errors
-/// Where the input cannot be read or the picture not be written.
+/// Where the input cannot be read, a filter leaves no point of it, or the picture cannot be written.
 pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task) -> Result<Value> {
     pool::run(request.threads, || {
         let start = Instant::now();
         output::may_write(out, inputs)?;
+        picture::check_name(out)?;
         let (file, _folder) = open(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;
@@ -149,7 +150,16 @@ pub(crate) fn open(
         tempfile::tempdir().context("cannot make a temporary folder to build the scan in")?;
     let built = folder.path().join("scan.esker");
     esker_build::build(inputs, &built, &request.build, task)?;
-    Ok((Forest::open(&built)?, Some(folder)))
+    Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
+}
+
+/// What a file is called that was built from these.
+fn name_of(inputs: &[PathBuf]) -> PathBuf {
+    match inputs {
+        [first, _, ..] => format!("{} and {} more", first.display(), inputs.len() - 1).into(),
+        [one] => one.clone(),
+        [] => PathBuf::new(),
+    }
 }
 
 /// What the view needs of a file: nodes, prefixes, and just the planes that the frame asks for.
@@ -243,7 +253,7 @@ impl Scene {
 /// Draws an opened file; the picture and what it took.
 ///
 /// # Errors
-/// Where planes cannot be read, or a GPU is asked for and there is none, or it fails.
+/// Where planes cannot be read, the filter leaves no point, or a GPU is asked for and there is none, or it fails.
 pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Picture, Value)> {
     let scene = Scene::read(file, request, task)?;
     let (gpu, mut drawer) = request.with.choose(None)?;
@@ -262,7 +272,11 @@ pub fn draw(file: &Forest, request: &Request, task: &dyn Task) -> Result<(Pictur
             Renderer::default().render(&frame)?
         }
     };
+    if picture.stats.pixels_covered == 0 {
+        seen::check_wanted(file, &scene.look.shown)?;
+    }
     let mut report = report(&picture, &scene);
+    report["notes"] = json!(notes(file, request, &scene, &picture)?);
     report["drawn_by"] = drawer.report();
     report["stages_ms"]["all_drawing"] = json!(ms(start));
     Ok((picture, report))
@@ -334,6 +348,19 @@ fn read(
         .collect()
 }
 
+/// What the user should know of a picture that may not be what was meant, a line each.
+fn notes(
+    file: &Forest,
+    request: &Request,
+    scene: &Scene,
+    picture: &Picture,
+) -> Result<Vec<&'static str>> {
+    let points = scene.selection.counters.points;
+    let is_empty = picture.stats.pixels_covered == 0;
+    let nothing = is_empty.then(|| seen::why_nothing(file, request.budget_points, points));
+    Ok(nothing.into_iter().chain(explain::not_evened(file, scene)?).collect())
+}
+
 fn report(picture: &Picture, scene: &Scene) -> Value {
     let (stats, stages) = (&picture.stats, &picture.stats.stages);
     let (view, counters) = (&scene.view, &scene.selection.counters);
@@ -370,7 +397,7 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
 pub fn text(report: &Value) -> String {
     let stage = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
-    format!(
+    let mut lines = vec![format!(
         "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
          choose {:.1} ms, read {:.1}, project {:.1}, place {:.1}, blend {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
          shade {:.1}, soften {:.1}",
@@ -394,7 +421,10 @@ pub fn text(report: &Value) -> String {
         stage("mend"),
         stage("shade"),
         stage("soften"),
-    )
+    )];
+    let notes = report["notes"].as_array().into_iter().flatten();
+    lines.extend(notes.filter_map(Value::as_str).map(|note| format!("note: {note}")));
+    lines.join("\n")
 }
 
 /// What the colours mean, a line.

@@ -29,6 +29,8 @@ pub struct Forest {
     joined: Option<NodeTable>,
     /// The attributes of all trees.
     schema: Schema,
+    /// What it is called instead of its path.
+    name: Option<PathBuf>,
 }
 
 /// One file of a forest.
@@ -49,7 +51,7 @@ impl From<EskerFile> for Forest {
         let schema = file.metadata().schema.clone();
         let attributes = (0..schema.attributes.len()).map(|i| Some(i as u16)).collect();
         let trees = vec![Tree { file, first_node: 0, first_byte: 0, attributes }];
-        Self { trees, joined: None, schema }
+        Self { trees, joined: None, schema, name: None }
     }
 }
 
@@ -106,12 +108,17 @@ impl Forest {
             trees.push(Tree { file, first_node, first_byte, attributes });
             first_byte = end;
         }
-        Ok(Self { trees, joined: Some(table), schema })
+        Ok(Self { trees, joined: Some(table), schema, name: None })
     }
 
-    /// The path of the file that names the others.
+    /// The same, called by what it was built from: a file that is temporary means nothing to the user.
+    pub fn called(self, name: PathBuf) -> Self {
+        Self { name: Some(name), ..self }
+    }
+
+    /// The path of the file that names the others, or what it is called instead.
     pub fn path(&self) -> &Path {
-        self.trees[0].file.path()
+        self.name.as_deref().unwrap_or_else(|| self.trees[0].file.path())
     }
 
     /// The files, the one that names the others first.

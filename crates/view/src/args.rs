@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     pub budget_points: Option<u64>,
     /// Distance of neighbouring points on the picture that is fine enough, in pixels.
-    #[arg(long, value_name = "PX", default_value_t = 1.0, value_parser = parse_spacing)]
+    #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
     /// Draw what is hidden, too.
     #[arg(long)]
@@ -149,13 +149,4 @@ fn parse_camera(text: &str) -> Result<Camera, String> {
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {
     export::polygon(word).map_err(|e| format!("{e:#}"))
-}
-
-fn parse_spacing(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if (0.0..=1e6).contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("{value} pixels are out of range"))
-    }
 }

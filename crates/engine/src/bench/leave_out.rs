@@ -1,5 +1,7 @@
 //! What leaving out saves: each thing that a frame can do without is drawn with and without it, in turns, in one
-//! run; bytes read from the file, bytes of planes in drawing memory, milliseconds a frame.
+//! run; bytes read from the file, bytes of planes in drawing memory, milliseconds a frame. What only dense views can do
+//! without is drawn at the largest size at which the view is dense, from farther away where it is at none; where even so both frames are the same, the row
+//! says that it does not apply.
 
 use crate::backend::DrawWith;
 use crate::bench::flight::quantile;
@@ -8,13 +10,13 @@ use crate::camera::Camera;
 use crate::colour;
 use crate::pool;
 use crate::quantity::readable_bytes;
-use crate::render::{self, Request as Picture};
+use crate::render::{self, Request as Picture, Scene};
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind};
 use esker_points::attribute::names;
 use esker_points::{Filter, Task};
 use esker_render::gpu::Gpu;
-use esker_render::{Method, Stages};
+use esker_render::{FramePlan, Method, Pass, Stages};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -24,6 +26,8 @@ const FRAMES: [usize; 2] = [3, 9];
 const PATIENCE: Duration = Duration::from_secs(2);
 /// A target spacing with which views are dense.
 const DENSE: f64 = 0.3;
+/// Pixels on the shorter side of the smallest picture in which a dense view is looked for.
+const SIDE_MIN: u32 = 16;
 
 /// What is measured.
 #[derive(Clone, Debug)]
@@ -58,7 +62,7 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
         for path in &request.files {
             let (file, _folder) =
                 render::open(std::slice::from_ref(path), &Picture::default(), task)?;
-            for omission in omissions(&file, request) {
+            for omission in omissions(&file, request)? {
                 task.phase(omission.name, None, "frames");
                 let mut row = omission.measure(&file, gpu.as_ref(), task)?;
                 row["file"] = json!(path.display().to_string());
@@ -69,13 +73,15 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
             "adapter": gpu.as_ref().map(|gpu| &gpu.name),
             "note": drawer.note,
             "threads": rayon::current_num_threads(),
+            "width": request.size[0],
+            "height": request.size[1],
             "rows": rows,
         }))
     })
 }
 
 /// What can be left out of pictures of a file.
-fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
+fn omissions(file: &Forest, request: &Request) -> Result<Vec<Omission>> {
     let base = Picture {
         size: request.size,
         camera: request.camera,
@@ -139,11 +145,13 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
         });
     }
     let dense = Picture { target_spacing_px: DENSE, budget_points: u64::MAX, ..base.clone() };
+    let crowded = largest(file, &dense, FramePlan::averages)?;
     all.push(Omission {
         name: "means of the points that share a pixel",
-        with: (dense.clone(), same),
-        without: (dense.clone(), Changes { one_wins: true, ..same }),
+        with: (crowded.clone(), same),
+        without: (crowded, Changes { one_wins: true, ..same }),
     });
+    let dense = largest(file, &dense, |plan| !plan.passes.contains(&Pass::Push))?;
     all.push(Omission {
         name: "pull and push of a dense view",
         with: (dense.clone(), Changes { always_pushes: true, ..same }),
@@ -164,7 +172,33 @@ fn omissions(file: &Forest, request: &Request) -> Vec<Omission> {
             without: (Picture { filter, ..whole }, same),
         });
     }
-    all
+    Ok(all)
+}
+
+/// The same picture at the largest size, halved and halved again, at which its plan is so; where at none, from farther
+/// away; as it is where not even so.
+fn largest(file: &Forest, picture: &Picture, is_so: fn(&FramePlan) -> bool) -> Result<Picture> {
+    let away = Picture { camera: farther(file, picture), ..picture.clone() };
+    for mut smaller in [picture.clone(), away] {
+        while smaller.size.into_iter().min() >= Some(SIDE_MIN) {
+            if is_so(&Scene::choose(file, &smaller)?.plan) {
+                return Ok(smaller);
+            }
+            // The same points, drawn smaller.
+            smaller.size = smaller.size.map(|side| side / 2);
+            smaller.target_spacing_px /= 2.0;
+        }
+    }
+    Ok(picture.clone())
+}
+
+/// A picture's camera, as much farther away as the file is large: nothing is near the eye.
+fn farther(file: &Forest, picture: &Picture) -> Camera {
+    let bounds = crate::info::bounds(file);
+    let view = picture.camera.view(bounds, picture.size);
+    let extent: f64 = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum();
+    let eye = view.eye - view.forward() * extent.sqrt();
+    Camera { eye: Some(eye), target: Some(eye + view.forward()), ..picture.camera }
 }
 
 /// The camera that shows the whole file, whatever a filter leaves of it.
@@ -188,6 +222,8 @@ impl Omission {
     fn measure(&self, file: &Forest, gpu: Option<&Gpu>, task: &dyn Task) -> Result<Value> {
         let mut with = Stand::new(file, &self.with.0, gpu, task)?;
         let mut without = Stand::new(file, &self.without.0, gpu, task)?;
+        let applies = with.takes(self.with.1) != without.takes(self.without.1);
+        let size = self.without.0.size;
         let mut stands = [(&mut with, self.with.1), (&mut without, self.without.1)];
         let mut frames = [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
         let start = Instant::now();
@@ -222,10 +258,20 @@ impl Omission {
         };
         Ok(json!({
             "left_out": self.name,
+            "applies": applies,
+            "width": size[0],
+            "height": size[1],
             "with": side(&with, &frames[0]),
             "without": side(&without, &frames[1]),
         }))
     }
+}
+
+/// What is left out, and the size of the picture where it is another than was asked for.
+fn name_of(row: &Value, report: &Value) -> String {
+    let name = row["left_out"].as_str().unwrap_or("?");
+    let is_smaller = row["width"] != report["width"] || row["height"] != report["height"];
+    if is_smaller { format!("{name} ({}x{})", row["width"], row["height"]) } else { name.into() }
 }
 
 /// The report for people.
@@ -247,9 +293,13 @@ pub fn text(report: &Value) -> String {
             [Some(with), Some(without)] => format!("{with:>8.2} {without:>8.2} ms"),
             _ => String::new(),
         };
+        let name = name_of(row, report);
+        if row["applies"] == false {
+            lines.push(format!("  {name:<50} not in this view: nothing is left out"));
+            continue;
+        }
         lines.push(format!(
-            "  {:<30} read {}  resident {}  cpu {}{}{}",
-            row["left_out"].as_str().unwrap_or("?"),
+            "  {name:<50} read {}  resident {}  cpu {}{}{}",
             bytes("bytes_read"),
             bytes("bytes_resident"),
             ms("cpu_ms"),

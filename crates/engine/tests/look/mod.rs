@@ -22,15 +22,37 @@ const SIZE: [u32; 2] = [128, 96];
 /// A generated scan with all attributes of LAS and normals, in small nodes; built once for all tests.
 pub fn terrain() -> &'static Path {
     static TERRAIN: OnceLock<PathBuf> = OnceLock::new();
-    TERRAIN.get_or_init(|| {
-        let name = format!("{}-terrain.esker", env!("CARGO_CRATE_NAME"));
-        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let normals = NormalsMode::Estimate;
-        let options = esker_build::Options { node_capacity: 1024, normals, ..Default::default() };
-        let scan = PathBuf::from("synthetic:terrain:60000:5");
-        esker_build::build(&[scan], &out, &options, &Silent).unwrap();
-        out
-    })
+    TERRAIN.get_or_init(|| build_terrain("terrain", NormalsMode::Estimate))
+}
+
+fn build_terrain(name: &str, normals: NormalsMode) -> PathBuf {
+    let name = format!("{}-{name}.esker", env!("CARGO_CRATE_NAME"));
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    build(Path::new("synthetic:terrain:60000:5"), &out, normals);
+    out
+}
+
+fn build(scan: &Path, out: &Path, normals: NormalsMode) {
+    let options = esker_build::Options { node_capacity: 1024, normals, ..Default::default() };
+    esker_build::build(&[scan.to_owned()], out, &options, &Silent).unwrap();
+}
+
+/// Two scans of one hill, each of two thirds of it, the second twice as bright.
+fn two_exposures(folder: &Path) -> Forest {
+    let mut rows = "x,y,z,point_source_id,red,green,blue\n".to_owned();
+    for i in 0..20_000u32 {
+        let scan = i % 2;
+        let (u, v) = (f64::from(i) * 0.754_877_67 % 1.0, f64::from(i) * 0.569_840_29 % 1.0);
+        let (x, y) = (12.0 * (u * 2.0 + f64::from(scan)) / 3.0, 9.0 * v);
+        let z = (x * 0.7).sin() + (y * 0.5).cos();
+        let light = (1.0 + f64::from(scan)) * (50.0 + 8.0 * (x + y).sin());
+        let [red, green, blue] = [1.2, 1.0, 0.7].map(|c| (light * c) as u8);
+        rows += &format!("{x:.4},{y:.4},{z:.4},{},{red},{green},{blue}\n", scan + 1);
+    }
+    let (scan, out) = (folder.join("two.csv"), folder.join("two.esker"));
+    std::fs::write(&scan, rows).unwrap();
+    build(&scan, &out, NormalsMode::Estimate);
+    Forest::open(&out).unwrap()
 }
 
 pub fn request() -> Request {
@@ -223,8 +245,6 @@ fn a_dense_view_needs_no_push() {
 #[test]
 fn every_map_and_method_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
-    let folder = std::path::absolute("tests/golden").unwrap();
-    let bless = std::env::var_os("ESKER_BLESS").is_some();
     let mut looks: Vec<_> = choices(&file).into_iter().map(|c| (Method::Points, c)).collect();
     looks.push((Method::Points, "elevation:530..540".into()));
     looks.extend(["rgb", "plain", "classification"].map(|c| (Method::PullPush, c.to_owned())));
@@ -236,18 +256,49 @@ fn every_map_and_method_has_its_golden_picture() {
             Method::Ewa => format!("splats-{colour}.png"),
         };
         let colour_by = Some(colour);
-        let (drawn, _) = draw(&file, &Request { method, colour_by, ..request() }, &Silent).unwrap();
-        let path = folder.join(&name);
-        if bless {
-            picture::write_png(&drawn, &path).unwrap();
-        }
-        let golden = read_png(&path);
-        let flip = mean_flip(&drawn.rgba, &golden, SIZE[0] as usize);
-        assert!(
-            flip <= 0.01,
-            "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look"
-        );
+        is_golden(&file, &Request { method, colour_by, ..request() }, &name);
     }
+}
+
+/// What changes surfaces beside their colours: no normals (these then come from depth, and clefts are darkened), evened
+/// exposures, no highlights, and a box, to which the view is fitted.
+#[test]
+fn every_option_of_surfaces_has_its_golden_picture() {
+    let file = Forest::open(terrain()).unwrap();
+    let rgb = Request { colour_by: Some("rgb".into()), ..request() };
+    let plain = Request { colour_by: Some("plain".into()), ..request() };
+    let filter = filters(&file).remove(0);
+    is_golden(&file, &Request { filter, ..rgb.clone() }, "surface-rgb-box.png");
+    let folder = tempfile::tempdir().unwrap();
+    let hill = two_exposures(folder.path());
+    let csg = folder.path().join("csg.esker");
+    build(Path::new("synthetic:csg:20000"), &csg, NormalsMode::Estimate);
+    let csg = Forest::open(&csg).unwrap();
+    for (file, asked, other, name) in [
+        (&hill, Request { evens: true, ..rgb.clone() }, &rgb, "surface-rgb-even.png"),
+        (&csg, Request { shines: false, ..plain.clone() }, &plain, "surface-plain-matt.png"),
+    ] {
+        is_golden(file, &asked, name);
+        let [with, without] = [&asked, other].map(|asked| draw(file, asked, &Silent).unwrap().0);
+        let flip = mean_flip(&with.rgba, &without.rgba, SIZE[0] as usize);
+        assert!(flip > 0.02, "{name}: FLIP {flip} beside the same without the option");
+    }
+    let bare = build_terrain("bare", NormalsMode::None);
+    let bare = Forest::open(&bare).unwrap();
+    assert!(!bare.has(PlaneKind::Normal));
+    is_golden(&bare, &rgb, "surface-rgb-bare.png");
+    is_golden(&bare, &plain, "surface-plain-bare.png");
+}
+
+/// Holds that a picture is the one that is kept.
+fn is_golden(file: &Forest, asked: &Request, name: &str) {
+    let (drawn, _) = draw(file, asked, &Silent).unwrap();
+    let path = std::path::absolute("tests/golden").unwrap().join(name);
+    if std::env::var_os("ESKER_BLESS").is_some() {
+        picture::write_png(&drawn, &path).unwrap();
+    }
+    let flip = mean_flip(&drawn.rgba, &read_png(&path), SIZE[0] as usize);
+    assert!(flip <= 0.01, "{name}: FLIP {flip}; if it is meant, run with ESKER_BLESS=1 and look");
 }
 
 /// Four bytes a pixel.

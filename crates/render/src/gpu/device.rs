@@ -85,6 +85,18 @@ struct State {
     gate: Arc<Gate>,
     bytes: AtomicU64,
     peak_bytes: AtomicU64,
+    runs: Runs,
+}
+
+/// How often kernels were run on a device, and point primitives drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Runs(Arc<AtomicU64>);
+
+impl Runs {
+    /// Counts one.
+    pub fn count(&self) {
+        self.0.fetch_add(1, Relaxed);
+    }
 }
 
 /// What those pass who write mapped memory on other threads: shut when the device is lost, before the device
@@ -251,6 +263,16 @@ impl Gpu {
         let now = self.state.bytes.fetch_add(size, Relaxed) + size;
         self.state.peak_bytes.fetch_max(now, Relaxed);
         Ok(Counted { buffer, state: Arc::clone(&self.state) })
+    }
+
+    /// What counts the runs of kernels.
+    pub fn runs(&self) -> &Runs {
+        &self.state.runs
+    }
+
+    /// Dispatches, and draws of point primitives, that were encoded so far.
+    pub fn dispatches(&self) -> u64 {
+        self.state.runs.0.load(Relaxed)
     }
 
     /// Bytes of all buffers that live.

@@ -1,6 +1,6 @@
 //! A dispatch that is ready to run, frame after frame: a kernel with what it is bound to.
 
-use super::device::{Counted, Gpu};
+use super::device::{Counted, Gpu, Runs};
 use super::error::GpuError;
 use super::kernel::Kernel;
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferUsages, ComputePass};
@@ -14,6 +14,7 @@ pub struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     bind: wgpu::BindGroup,
     groups: Groups,
+    runs: Runs,
 }
 
 /// How many groups run.
@@ -56,7 +57,8 @@ impl Dispatch {
             layout: &kernel.pipeline().get_bind_group_layout(0),
             entries: &entries,
         });
-        Self { pipeline: kernel.pipeline().clone(), bind, groups }
+        let (pipeline, runs) = (kernel.pipeline().clone(), kernel.runs().clone());
+        Self { pipeline, bind, groups, runs }
     }
 
     /// Runs it.
@@ -67,6 +69,7 @@ impl Dispatch {
             &Groups::Fixed([x, y]) => pass.dispatch_workgroups(x, y, 1),
             Groups::Told(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
         }
+        self.runs.count();
     }
 }
 

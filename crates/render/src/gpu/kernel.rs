@@ -2,7 +2,7 @@
 //! whose shader has changed on the disk is made anew; where the new one does not build, the last good one
 //! goes on running and the fault is told.
 
-use super::device::Gpu;
+use super::device::{Gpu, Runs};
 use super::error::GpuError;
 use super::shader::{Source, folder};
 use std::time::SystemTime;
@@ -15,6 +15,7 @@ pub struct Kernel {
     is_zeroed: bool,
     pipeline: wgpu::ComputePipeline,
     changed: Option<SystemTime>,
+    runs: Runs,
 }
 
 impl Kernel {
@@ -54,7 +55,8 @@ impl Kernel {
     ) -> Result<Self, GpuError> {
         let pipeline = pipeline(gpu, source.file, source.wgsl, entry, constants, is_zeroed)?;
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
-        Ok(Self { source, entry, constants: constants.to_vec(), is_zeroed, pipeline, changed })
+        let (constants, runs) = (constants.to_vec(), gpu.runs().clone());
+        Ok(Self { source, entry, constants, is_zeroed, pipeline, changed, runs })
     }
 
     /// Makes it anew where its shader has changed on the disk (where [`super::shader::folder`] is). Whether it has.
@@ -76,6 +78,11 @@ impl Kernel {
     /// Its pipeline.
     pub fn pipeline(&self) -> &wgpu::ComputePipeline {
         &self.pipeline
+    }
+
+    /// What counts its runs.
+    pub fn runs(&self) -> &Runs {
+        &self.runs
     }
 
     /// A bind group of whole buffers for group 0.
@@ -104,6 +111,7 @@ impl Kernel {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bind, &[]);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+        self.runs.count();
     }
 }
 

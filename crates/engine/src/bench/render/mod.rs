@@ -1,6 +1,10 @@
 //! Table 1 of marroquim2007: the time of a frame for models of several sizes and pictures of two, by every method
 //! and backend; beside each row the time in which the same bytes are copied once. All points are drawn, as in
 //! the paper. Frames of the backends take turns, so that they share what else the machine does.
+//!
+//! What a GPU draws has another floor beside it: its memory moves the bytes of the points, or those of the pixels, whichever
+//! are more, and every dispatch takes [`DISPATCH_MS`]. Where radii are asked for, each row has the time of the same points and passes
+//! where every pixel is covered: what no radius may exceed.
 
 mod models;
 mod report;
@@ -38,6 +42,8 @@ const PATIENCE: Duration = Duration::from_secs(4);
 const POINT_PIXEL_BYTES: u64 = 8 + 8;
 /// The pyramid's planes, with normals, and a third more for the levels above.
 const SURFACE_PIXEL_BYTES: u64 = (16 + 16 + 4 + 16) * 4 / 3;
+/// Milliseconds that a dispatch takes on a GPU at least.
+const DISPATCH_MS: f64 = 0.01;
 /// Bytes that a thread copies at once.
 const COPY_PIECE: usize = 1 << 18;
 
@@ -93,12 +99,20 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                     let mut stand = Stand::new(&model.file, &picture, gpu.as_ref(), task)?;
                     let own = [1.0];
                     let radii = if request.radii.is_empty() { &own } else { &request.radii[..] };
+                    let full = if request.radii.is_empty() || method == Method::Points {
+                        [None; 2]
+                    } else {
+                        full_screen_ms(&mut stand, task)?
+                    };
                     for &radius in radii {
                         stand.set_radii(radius);
-                        let mut found =
-                            rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?;
-                        found.iter_mut().for_each(|row| row["radius_factor"] = json!(radius));
-                        rows.extend(found);
+                        let found = rows_of(&model, &mut stand, size, name, gpu.as_ref(), task)?;
+                        for mut row in found {
+                            row["radius_factor"] = json!(radius);
+                            row["full_screen_ms"] =
+                                json!(full[usize::from(row["backend"] == "gpu")]);
+                            rows.push(row);
+                        }
                     }
                 }
             }
@@ -157,6 +171,58 @@ fn rows_of(
     task: &dyn Task,
 ) -> Result<Vec<Value>> {
     task.phase(&format!("{} {}x{} {method}", model.name, size[0], size[1]), None, "frames");
+    let frames = frames_of(stand, task)?;
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let surface = if method == "points" { 0 } else { SURFACE_PIXEL_BYTES };
+    let (plane_bytes, pixel_bytes) = (stand.plane_bytes(), pixels * (POINT_PIXEL_BYTES + surface));
+    let bytes = plane_bytes + pixel_bytes;
+    let rate = gpu.map(copy_rate).transpose()?;
+    // The rate counts bytes read and bytes written.
+    let ms = |bytes: u64, rate: f64| bytes as f64 / rate.max(1.0) * 1e3;
+    let floors = [Some(copy_ms(bytes)), rate.map(|rate| ms(2 * bytes, rate))];
+    let dispatches = stand.dispatches();
+    let gpu_floor_ms =
+        rate.map(|rate| ms(plane_bytes.max(pixel_bytes), rate) + DISPATCH_MS * dispatches as f64);
+    let paper = model.paper_ms.filter(|_| method == "pull-push").and_then(|ms| match size {
+        [512, 512] => Some(ms[0]),
+        [1024, 1024] => Some(ms[1]),
+        _ => None,
+    });
+    let mut rows = Vec::new();
+    let backends = ["cpu", "gpu"].into_iter().zip(stand.pixels_covered());
+    for ((backend, pixels_covered), (frames, floor)) in backends.zip(frames.iter().zip(floors)) {
+        let Some(floor) = floor.filter(|_| !frames.is_empty()) else { continue };
+        let gpu_floor_ms = gpu_floor_ms.filter(|_| backend == "gpu");
+        let median =
+            |of: fn(&Stages) -> f64| quantile(&frames.iter().map(of).collect::<Vec<_>>(), 0.5);
+        let total_ms = median(|s| s.total_ms);
+        rows.push(json!({
+            "model": model.name,
+            "points": stand.points(),
+            "width": size[0],
+            "height": size[1],
+            "backend": backend,
+            "method": method,
+            "project_ms": median(|s| s.project_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
+            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
+            "shade_ms": median(|s| s.shade_ms + s.soften_ms),
+            "total_ms": total_ms,
+            "pixels_covered": pixels_covered,
+            "copy_floor_ms": floor,
+            "dispatches": gpu_floor_ms.map(|_| dispatches),
+            "gpu_floor_ms": gpu_floor_ms,
+            "over_floor": gpu_floor_ms.map(|floor| total_ms / floor),
+            "mpoints_per_s": stand.points() as f64 / total_ms.max(1e-9) * 1e-3,
+            "frames": frames.len(),
+            "least_ms": least(frames),
+            "paper_total_ms": paper,
+        }));
+    }
+    Ok(rows)
+}
+
+/// Frames on the CPU, and on the GPU where there is one, in turns.
+fn frames_of(stand: &mut Stand<'_>, task: &dyn Task) -> Result<[Vec<Stages>; 2]> {
     let mut frames = [Vec::new(), Vec::new()];
     // The first frames pay for fresh memory and for pipelines.
     stand.on_cpu(PUBLISHED)?;
@@ -172,40 +238,23 @@ fn rows_of(
             frames[1].push(stand.on_gpu(PUBLISHED)?);
         }
     }
-    let pixels = u64::from(size[0]) * u64::from(size[1]);
-    let surface = if method == "points" { 0 } else { SURFACE_PIXEL_BYTES };
-    let bytes = stand.plane_bytes() + pixels * (POINT_PIXEL_BYTES + surface);
-    let floors = [Some(copy_ms(bytes)), gpu.map(|gpu| gpu_copy_ms(gpu, bytes)).transpose()?];
-    let paper = model.paper_ms.filter(|_| method == "pull-push").and_then(|ms| match size {
-        [512, 512] => Some(ms[0]),
-        [1024, 1024] => Some(ms[1]),
-        _ => None,
-    });
-    let mut rows = Vec::new();
-    for (backend, (frames, floor)) in ["cpu", "gpu"].into_iter().zip(frames.iter().zip(floors)) {
-        let Some(floor) = floor.filter(|_| !frames.is_empty()) else { continue };
-        let median =
-            |of: fn(&Stages) -> f64| quantile(&frames.iter().map(of).collect::<Vec<_>>(), 0.5);
-        let total_ms = median(|s| s.total_ms);
-        rows.push(json!({
-            "model": model.name,
-            "points": stand.points(),
-            "width": size[0],
-            "height": size[1],
-            "backend": backend,
-            "method": method,
-            "project_ms": median(|s| s.project_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
-            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
-            "shade_ms": median(|s| s.shade_ms + s.soften_ms),
-            "total_ms": total_ms,
-            "copy_floor_ms": floor,
-            "mpoints_per_s": stand.points() as f64 / total_ms.max(1e-9) * 1e-3,
-            "frames": frames.len(),
-            "least_ms": least(frames),
-            "paper_total_ms": paper,
-        }));
+    Ok(frames)
+}
+
+/// Milliseconds of a frame of the same points from so near that every pixel is covered, on the CPU and on the GPU; `None` where
+/// no view does that.
+fn full_screen_ms(stand: &mut Stand<'_>, task: &dyn Task) -> Result<[Option<f64>; 2]> {
+    task.phase("a full screen", None, "frames");
+    let view = stand.scene.view;
+    if !stand.fill(PUBLISHED)? {
+        return Ok([None; 2]);
     }
-    Ok(rows)
+    let frames = frames_of(stand, task)?;
+    stand.scene.view = view;
+    Ok(frames.map(|frames| {
+        let all: Vec<f64> = frames.iter().map(|s| s.total_ms).collect();
+        (!all.is_empty()).then(|| quantile(&all, 0.5))
+    }))
 }
 
 /// The least time of each pass among frames: what it takes where nothing else is running.
@@ -240,10 +289,4 @@ fn copy_ms(bytes: u64) -> f64 {
     copy();
     let copies: Vec<f64> = (0..5).map(|_| copy()).collect();
     quantile(&copies, 0.5)
-}
-
-/// Milliseconds in which a GPU copies so many bytes, by the rate of its plain copies.
-fn gpu_copy_ms(gpu: &Gpu, bytes: u64) -> Result<f64> {
-    // The rate counts bytes read and bytes written.
-    Ok(2.0 * bytes as f64 / copy_rate(gpu)?.max(1.0) * 1e3)
 }

@@ -8,8 +8,14 @@ use esker_format::{Forest, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
 use esker_render::gpu::{Gpu, PlaneAt};
-use esker_render::{Frame, Picture, Renderer, Stages};
+use esker_render::{Frame, FramePlan, Picture, Renderer, Stages, Stats};
+use glam::DVec3;
 use std::time::Instant;
+
+/// Parts of the way to the middle of a file, one after another of which the eye goes until the picture is full.
+const NEARER: u32 = 32;
+/// Of so many pixels of a full picture one may show nothing: between points at the picture's corners.
+const MISSING: u64 = 1000;
 
 /// A scene in main memory, and in a GPU's.
 pub struct Stand<'a> {
@@ -20,6 +26,8 @@ pub struct Stand<'a> {
     renderer: Renderer,
     picture: Picture,
     gpu: Option<(Gpu, OnGpu)>,
+    /// Dispatches of the newest frame on the GPU, and pixels that it covered.
+    on_gpu: (u64, u64),
 }
 
 /// What may be changed of a frame before it is drawn, wherever its planes lie.
@@ -60,7 +68,7 @@ impl<'a> Stand<'a> {
         let on_gpu = |gpu: &Gpu| OnGpu::new(gpu, &scene).map(|on| (gpu.clone(), on));
         let gpu = gpu.map(on_gpu).transpose()?;
         let (renderer, picture) = (Renderer::default(), Picture::default());
-        Ok(Self { file, scene, octree, renderer, picture, gpu })
+        Ok(Self { file, scene, octree, renderer, picture, gpu, on_gpu: (0, 0) })
     }
 
     /// Draws points with so many times their radii.
@@ -68,6 +76,38 @@ impl<'a> Stand<'a> {
         let mut drawn = self.scene.selection.drawn.clone();
         drawn.iter_mut().for_each(|drawn| drawn.effective_spacing *= factor);
         self.octree = CompactOctree::new(self.file.table(), &drawn);
+    }
+
+    /// Brings the eye nearer, towards the middle of the file, until all pixels are covered but one in a thousand. Whether it is so; else the view is
+    /// as it was. What is drawn, and its planes, stay the same.
+    ///
+    /// # Errors
+    /// Where the view is no usable camera.
+    pub fn fill(&mut self, changes: Changes) -> Result<bool> {
+        let far = self.scene.view;
+        let pixels = u64::from(far.width) * u64::from(far.height);
+        let [low, high] = crate::info::bounds(self.file).map(DVec3::from_array);
+        for step in 1..NEARER {
+            let share = f64::from(step) / f64::from(NEARER);
+            self.scene.view.eye = far.eye.lerp(low.midpoint(high), share);
+            self.on_cpu(changes)?;
+            let missing = pixels.saturating_sub(self.pixels_covered()[0]);
+            if missing <= pixels / MISSING {
+                return Ok(true);
+            }
+        }
+        self.scene.view = far;
+        Ok(false)
+    }
+
+    /// Pixels that the newest frames covered: on the CPU, on the GPU.
+    pub fn pixels_covered(&self) -> [u64; 2] {
+        [self.picture.stats.pixels_covered, self.on_gpu.1]
+    }
+
+    /// Dispatches of the newest frame on the GPU.
+    pub fn dispatches(&self) -> u64 {
+        self.on_gpu.0
     }
 
     /// Whether a GPU draws it as well.
@@ -83,6 +123,15 @@ impl<'a> Stand<'a> {
     /// Bytes of its planes.
     pub fn plane_bytes(&self) -> u64 {
         self.scene.planes.iter().map(Planes::bytes).sum()
+    }
+
+    /// What a frame takes: its plan, points, and bytes of planes that are read and resident.
+    pub fn takes(&self, changes: Changes) -> (FramePlan, u64, [u64; 2]) {
+        let draws = self.scene.draws(self.file);
+        let mut frame = self.scene.look.frame(self.file, &self.scene.view, &draws, &self.octree);
+        changes.apply(&mut frame);
+        let bytes = [self.scene.read_bytes, self.plane_bytes()];
+        (FramePlan::new(&frame), self.points(), bytes)
     }
 
     /// A frame on the CPU: its stages.
@@ -103,12 +152,13 @@ impl<'a> Stand<'a> {
     /// Where the GPU fails.
     pub fn on_gpu(&mut self, changes: Changes) -> Result<Stages> {
         let Some((gpu, on_gpu)) = &mut self.gpu else { return Ok(Stages::default()) };
-        let start = Instant::now();
+        let (start, before) = (Instant::now(), gpu.dispatches());
         let change = |frame: &mut Frame<'_, PlaneAt>| changes.apply(frame);
         on_gpu.draw(self.file, &self.scene, &self.octree, change)?;
         wait(gpu)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let stages = on_gpu.stats().map_or(Stages::default(), |stats| stats.stages);
+        let Stats { stages, pixels_covered, .. } = on_gpu.stats().unwrap_or_default();
+        self.on_gpu = (gpu.dispatches() - before, pixels_covered);
         let total_ms = if gpu.tier.is_software { wall_ms } else { stages.total_ms.max(1e-6) };
         Ok(Stages { total_ms, ..stages })
     }
