@@ -40,17 +40,30 @@ fn pixel_of(at: vec2<i32>) -> u32 {
     return u32(at.y) * frame.width + u32(at.x);
 }
 
-// Whether nothing that way lies as near as the surface, nor as near as its own slope goes on.
-fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
-    // Depths over the same width, since quotients are rounded as a GPU likes.
+// By how much depth may grow over WIDTH_RADII of reach beyond a pixel for the surface to go on: by widths that divide it, since
+// quotients are rounded as a GPU likes.
+fn rise_of(at: vec2<i32>, way: vec2<i32>, reach: i32) -> f32 {
     var rise = 0.0;
+    if reach < SLOPE_REACH_MIN {
+        return rise;
+    }
     for (var i = 0; i < 3; i++) {
         let inner = at - way * (SLOPE_RADII[i] * reach);
-        if reach >= SLOPE_REACH_MIN && is_in_picture(inner) {
-            let steep = (depth[pixel_of(at)] - depth[pixel_of(inner)]) * (STEEPER * f32(WIDTH_RADII / SLOPE_RADII[i]));
-            rise = max(rise, steep);
+        if is_in_picture(inner) {
+            let times = STEEPER * f32(WIDTH_RADII / SLOPE_RADII[i]);
+            rise = max(rise, (depth[pixel_of(at)] - depth[pixel_of(inner)]) * times);
         }
     }
+    return rise;
+}
+
+// Whether nothing that way lies as near as the surface, nor as near as its own slope goes on.
+fn is_open(at: vec2<i32>, way: vec2<i32>, reach: i32, beyond: f32) -> bool {
+    // Mostly the next pixel is as near, which is seen without a slope.
+    if is_in_picture(at + way) && depth[pixel_of(at + way)] <= beyond {
+        return false;
+    }
+    let rise = rise_of(at, way, reach);
     for (var k = 1; k <= reach; k++) {
         let there = at + way * k;
         if !is_in_picture(there) {

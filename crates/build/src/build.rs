@@ -210,12 +210,12 @@ pub fn build_shared(
     check(&sources, options)?;
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let scratch = Scratch::new(&folder)?;
-    // What was stopped between its last two acts, taking its name and deleting its journal, is finished.
-    let goes_on = options.resume == Resume::Now && FileWriter::has_left(out);
+    // A journal without a file is of a build that is finished: it was stopped between its last two acts, taking its name and
+    // deleting its journal.
+    let was_cut = FileWriter::has_left(out);
+    let goes_on = options.resume == Resume::Now && was_cut;
     let resume =
         if options.resume == Resume::Now && !goes_on { Resume::Later } else { options.resume };
-    // A journal without a file is of a build that is finished.
-    let was_cut = FileWriter::has_left(out);
     let mut writer = if goes_on { FileWriter::resume(out)? } else { FileWriter::create(out)? };
     writer.keep(goes_on);
     let identity = Identity::of(&sources, options, &shares);

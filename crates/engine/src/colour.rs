@@ -168,8 +168,9 @@ pub fn colouring_of(
     };
     let wish = Wish::parse(text)?;
     check_end(file, &wish, bounds, shown)?;
-    let has_exactly = file.schema().find(wish.name).is_some();
-    let lower = wish.name.to_ascii_lowercase();
+    // Capitals make no difference but between attributes.
+    let is_attribute = file.schema().find(wish.name).is_some();
+    let name = if is_attribute { wish.name.to_owned() } else { wish.name.to_ascii_lowercase() };
     let plain = |by, name| Colouring { by, plane: None, codes: None, legend: Legend::named(name) };
     let mapped = |by: fn(ColourMap) -> ColourBy, name, [low, high]: [f64; 2], palette| {
         let legend =
@@ -180,7 +181,7 @@ pub fn colouring_of(
         true => bail!("`{}` has no range of values", wish.name),
         false => Ok(colouring),
     };
-    match if has_exactly { wish.name } else { &lower } {
+    match name.as_str() {
         "rgb" | "colour" | "color" if file.has(PlaneKind::Colour) => without_range(Colouring {
             plane: Some((PlaneKind::Colour, None)),
             legend: Legend { note: black(file)?, ..Legend::named("rgb") },

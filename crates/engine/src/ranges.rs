@@ -19,9 +19,8 @@ const SAMPLE: usize = 1 << 17;
 ///
 /// # Errors
 /// Where statistics cannot be read.
-pub fn of_attribute(forest: &Forest, attribute: usize, shown: &Shown) -> Result<(f64, f64)> {
-    let index = attribute;
-    let attribute = &forest.schema().attributes[index];
+pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f64, f64)> {
+    let attribute = &forest.schema().attributes[number];
     let (mut range, mut first) = (None, 0);
     for file in forest.files() {
         let nodes = file.table().nodes.len() as u32;
@@ -35,7 +34,7 @@ pub fn of_attribute(forest: &Forest, attribute: usize, shown: &Shown) -> Result<
     if is_value(range.0) && is_value(range.1) {
         return Ok(range);
     }
-    of_sample(forest, index, attribute.ty, shown)
+    of_sample(forest, number, attribute.ty, shown)
 }
 
 /// Least and greatest value of an attribute of the forest over all trees, strays and all.
