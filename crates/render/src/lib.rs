@@ -22,6 +22,7 @@ pub mod frame;
 pub mod gather;
 pub mod gpu;
 mod lanes;
+pub mod marks;
 pub mod mend;
 pub mod plan;
 pub mod project;
@@ -38,6 +39,7 @@ pub mod surface;
 pub mod tangent;
 pub mod trim;
 mod values;
+mod windows;
 
 pub use colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use error::RenderError;

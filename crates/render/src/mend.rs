@@ -5,8 +5,12 @@
 //! long that it takes in the surface behind. A gap takes nothing from other gaps: what is read in a round is not
 //! written in it, so that a GPU may close all of them at once, in place.
 
+use crate::marks::{Marks, bits};
 use crate::pyramid::Level;
 use crate::rim::Grid;
+use crate::values::{EIGHT, Values, bits as bits_of, only};
+use crate::windows::{eight, rows_around, windows};
+use fearless_simd::{Level as Width, Simd, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -27,63 +31,72 @@ struct Patch {
     normal: Vec4,
 }
 
-/// A bit for every pixel.
-struct Marks(Vec<u64>);
-
-impl Marks {
-    fn new(pixels: usize) -> Self {
-        Self(vec![0; pixels.div_ceil(64)])
-    }
-
-    fn set(&mut self, pixel: usize) {
-        self.0[pixel / 64] |= 1 << (pixel % 64);
-    }
-
-    fn clear(&mut self, pixel: usize) {
-        self.0[pixel / 64] &= !(1 << (pixel % 64));
-    }
-
-    fn has(&self, pixel: usize) -> bool {
-        self.0[pixel / 64] >> (pixel % 64) & 1 == 1
+/// Closes gaps of `base` among its [`crate::edges`]; `depth` is its depth image (infinite where there is nothing).
+pub fn mend(base: &mut Level, depth: &mut [f32], edges: &Marks, focal_px: f32) {
+    let mut patched = close(base, depth, edges, focal_px);
+    for _ in 1..ROUNDS {
+        // Only a gap that was closed, or another beside it, may be one still.
+        patched = close(base, depth, &patched.grown(true).and(edges), focal_px);
     }
 }
 
-/// Closes gaps of `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::edges`], in their order: all gaps are among them.
-pub fn mend(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) {
-    let mut is_edge = Marks::new(depth.len());
-    edges.iter().for_each(|&p| is_edge.set(p));
-    let mut is_gap_now = Marks::new(depth.len());
-    let mut candidates: Option<Vec<usize>> = None;
-    for _ in 0..ROUNDS {
-        let found = candidates.as_deref().unwrap_or(edges).par_iter().with_min_len(1024);
-        let gaps = found.copied().filter(|&p| is_gap(base, depth, focal_px, p));
-        let gaps: Vec<usize> = gaps.collect();
-        gaps.iter().for_each(|&p| is_gap_now.set(p));
-        let patches = gaps.par_iter().with_min_len(256);
-        let patches: Vec<Patch> =
-            patches.filter_map(|&p| patch(base, depth, focal_px, &is_gap_now, p)).collect();
-        gaps.iter().for_each(|&p| is_gap_now.clear(p));
-        let mut next = Vec::new();
-        for p in patches {
-            depth[p.pixel] = p.depth;
-            base.depth[p.pixel] = p.depth;
-            base.front[p.pixel] = p.front;
-            base.tint[p.pixel] = p.tint;
-            if let Some(normal) = base.normal.get_mut(p.pixel) {
-                *normal = p.normal;
+/// Closes those gaps at once, and returns them.
+fn close(base: &mut Level, depth: &mut [f32], candidates: &Marks, focal_px: f32) -> Marks {
+    let gaps = gaps(base, depth, candidates, focal_px);
+    let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
+    let patches: Vec<Patch> = patches.collect();
+    let mut patched = Marks::new(base.width, base.height);
+    for p in &patches {
+        patched.set(p.pixel);
+    }
+    let Level { front, tint, depth: mean, normal, .. } = base;
+    let put = |plane: &mut [Vec4], value: fn(&Patch) -> Vec4| {
+        patches.iter().for_each(|p| plane[p.pixel] = value(p));
+    };
+    rayon::join(
+        || rayon::join(|| put(front, |p| p.front), || put(tint, |p| p.tint)),
+        || {
+            patches.iter().for_each(|p| (depth[p.pixel], mean[p.pixel]) = (p.depth, p.depth));
+            if !normal.is_empty() {
+                put(normal, |p| p.normal);
             }
-            // Only a gap that was closed, or another beside it, may be one still. Each is noted once.
-            for n in around(base, p.pixel).into_iter().flatten().chain([p.pixel]) {
-                if is_edge.has(n) {
-                    is_edge.clear(n);
-                    next.push(n);
+        },
+    );
+    patched
+}
+
+/// The gaps among some pixels.
+fn gaps(base: &Level, depth: &[f32], candidates: &Marks, focal_px: f32) -> Marks {
+    let Level { width, height, .. } = *base;
+    Marks::of_rows(width, height, |y, band| {
+        let rows = rows_around(depth, width, y);
+        dispatch!(Width::new(), simd => {
+            for x in (0..width).step_by(EIGHT) {
+                let pixel = y * width + x;
+                let marked = candidates.run(pixel, EIGHT.min(width - x));
+                // Most are none, which is seen without their radii.
+                if marked != 0 {
+                    let among = bits(marked & surrounded(simd, rows, x)).map(|k| pixel + k);
+                    among.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
                 }
             }
+        });
+    })
+}
+
+/// Which of eight pixels have enough neighbours that are nearer, a bit each.
+#[inline(always)]
+fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize) -> u64 {
+    let mut space = [[0.0; _]; 3];
+    let rows = windows::<_, 3, { EIGHT + 2 }>(rows, x, &mut space);
+    let here = eight(simd, rows[1], 1);
+    let (mut count, one) = (here.like(0.0), here.like(1.0));
+    for row in rows {
+        for from in 0..3 {
+            count += only(eight(simd, row, from).cmplt(here), one);
         }
-        next.iter().for_each(|&p| is_edge.set(p));
-        candidates = Some(next);
     }
+    u64::from(bits_of(count.like(SURROUNDED as f32).cmple(count)))
 }
 
 /// The neighbours of a pixel that is not at the border.
@@ -94,10 +107,7 @@ fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
 /// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let Some(around) = around(base, pixel) else { return false };
-    // Most are none, which is seen without their radii.
-    around.into_iter().filter(|&n| depth[n] < depth[pixel]).count() >= SURROUNDED
-        && around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count()
-            >= SURROUNDED
+    around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count() >= SURROUNDED
 }
 
 fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: usize) -> bool {

@@ -9,6 +9,7 @@ use crate::even::Evening;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
+use crate::marks::Marks;
 use crate::mend::mend;
 use crate::plan::{FramePlan, Pass};
 use crate::project::{DrawList, EMPTY, project};
@@ -121,7 +122,7 @@ impl Renderer {
             pyramid.fit_levels(width, height, plan.carries_normals, levels);
             pyramid.lens = Lens::new(&camera);
         }
-        let (mut edges, mut creases) = (Vec::new(), Vec::new());
+        let (mut edges, mut creases) = (Marks::default(), Marks::default());
         let mut clock = Clock(start);
         for &pass in plan.passes {
             match pass {
@@ -176,13 +177,13 @@ impl Renderer {
 
 /// Closes gaps of the filled level, whose depth image is `depth`, and takes back what sticks out of its surfaces.
 /// Returns the pixels that may lie at an edge.
-fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32]) -> Vec<usize> {
+fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32]) -> Marks {
     let (base, lens) = (&mut pyramid.levels[0], pyramid.lens);
     let focal_px = lens.focal_px;
-    let mut edges = edges(depth, base.width, STEP_PX / focal_px);
+    let edges = edges(depth, base.width, STEP_PX / focal_px);
     mend(base, depth, &edges, focal_px);
-    edges.extend(trim_with(sources, base, depth, &edges, focal_px));
-    edges
+    let trimmed = trim_with(sources, base, depth, &edges, focal_px);
+    edges.or(&trimmed)
 }
 
 /// Time since the last lap.

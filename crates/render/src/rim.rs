@@ -1,7 +1,11 @@
 //! Rims: where a surface ends on the picture, and whether a pixel there lies beyond the surface's samples; what [`crate::trim`]
 //! takes back. At a rim nothing lies as near as the surface, outwards in three neighbouring directions.
 
+use crate::marks::{Marks, bits};
 use crate::pyramid::Level;
+use crate::values::{EIGHT, Values, bits as bits_of, load};
+use crate::windows::{eight, rows_around, windows};
+use fearless_simd::{Level as Width, Simd, dispatch};
 
 /// How far a surface may reach beyond its samples, over the radius, with normals and without. With them
 /// ellipses end near silhouettes by themselves, and less only roughens them: a sphere's outline, spacing 8
@@ -55,14 +59,47 @@ impl Rims<'_> {
         self.depth[pixel] * (1.0 + self.base.tint[shown].w * self.per_focal)
     }
 
+    /// Tells of the pixels of `edges` in a row beside which another surface begins: all rims are among them.
+    pub fn ends(&self, edges: &Marks, y: usize, mut tell: impl FnMut(Place)) {
+        let width = self.base.width;
+        let rows = rows_around(self.depth, width, y);
+        dispatch!(Width::new(), simd => {
+            for x in (0..width).step_by(EIGHT) {
+                let index = y * width + x;
+                let edges = edges.run(index, EIGHT.min(width - x));
+                if edges != 0 {
+                    let ends = edges & self.ends_of_eight(simd, rows, x, index);
+                    bits(ends).for_each(|k| tell(Place { index: index + k, x: x + k, y }));
+                }
+            }
+        });
+    }
+
+    /// Those of eight pixels from one on, a bit each.
+    #[inline(always)]
+    fn ends_of_eight<S: Simd>(&self, simd: S, rows: [&[f32]; 3], x: usize, first: usize) -> u64 {
+        let mut space = [[0.0; _]; 3];
+        let [above, here, below] = windows::<_, 3, { EIGHT + 2 }>(rows, x, &mut space);
+        let across = eight(simd, here, 0).max(eight(simd, here, 2));
+        let along = eight(simd, above, 1).max(eight(simd, below, 1));
+        let here = eight(simd, here, 1);
+        let tints = &self.base.tint[first..];
+        let radii = match tints.first_chunk::<EIGHT>() {
+            Some(tints) => tints.map(|tint| tint.w),
+            None => std::array::from_fn(|k| tints.get(k).map_or(0.0, |tint| tint.w)),
+        };
+        let limit = here * (load(simd, &radii) * self.per_focal + 1.0);
+        u64::from(bits_of(limit.cmplt(across.max(along))))
+    }
+
     /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
     /// nothing lies as near as the surface. And where the rim is a line's, its direction outwards plus one, else 0.
-    pub fn beyond(&self, pixel: usize) -> Option<(usize, u32)> {
+    pub fn beyond(&self, place: Place) -> Option<(usize, u32)> {
+        let pixel = place.index;
         if self.depth[pixel] == f32::INFINITY || !may_stick_out(self.base, pixel) {
             return None;
         }
         let (limit, radius) = (self.limit(pixel, pixel), self.base.tint[pixel].w);
-        let place = self.grid().place(pixel);
         let is_open = |way| self.is_open(place, way, radius, limit);
         let mut open = [false; 8];
         for i in [0, 2, 4, 6] {
@@ -178,10 +215,10 @@ impl Rims<'_> {
 
 /// A pixel, its column and its row.
 #[derive(Clone, Copy)]
-struct Place {
-    index: usize,
-    x: usize,
-    y: usize,
+pub(crate) struct Place {
+    pub index: usize,
+    pub x: usize,
+    pub y: usize,
 }
 
 /// The pixels' places.
@@ -211,7 +248,7 @@ impl Grid {
         is_inside.then(|| [up - 1, up, up + 1, pixel - 1, pixel + 1, down - 1, down, down + 1])
     }
 
-    fn place(self, index: usize) -> Place {
+    pub fn place(self, index: usize) -> Place {
         Place { index, x: index % self.width, y: index / self.width }
     }
 

@@ -9,6 +9,7 @@
 use crate::camera::Camera;
 use crate::colour::words;
 use crate::frame::{Background, Picture};
+use crate::marks::Marks;
 use crate::relief::{DepthImage, ReliefScratch, Surroundings};
 use crate::resolve::backdrop;
 use crate::soften::{are_creases, is_crease};
@@ -37,8 +38,8 @@ const DOME: (f32, f32) = (2.0, 0.5);
 pub struct Shaded {
     /// Pixels that show a surface.
     pub covered: u64,
-    /// Pixels beside which the surface bends sharply, in their order.
-    pub creases: Vec<usize>,
+    /// Pixels beside which the surface bends sharply.
+    pub creases: Marks,
 }
 
 /// Lights a surface, whose depth image the picture has already, and writes its colours.
@@ -96,7 +97,8 @@ fn shade_as<const SHINES: bool, S: Surface>(
     });
     let found: Vec<_> = found.collect();
     let covered = found.iter().map(|(count, _)| count).sum();
-    let creases = found.into_iter().flat_map(|(_, creases)| creases).collect();
+    let mut creases = Marks::new(width, height);
+    found.iter().flat_map(|(_, pixels)| pixels).for_each(|&pixel| creases.set(pixel));
     Shaded { covered, creases }
 }
 

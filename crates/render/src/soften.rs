@@ -7,10 +7,14 @@
 //! taken back by the slope of the count, which is how much of it a pixel's step makes; but not those of lines two pixels
 //! wide or less, of which too little would be left.
 
-use crate::colour::{Encoder, linear};
-use crate::values::{Values, dot};
-use glam::{Vec3, Vec4};
+use crate::colour::{linear, words};
+use crate::marks::{Marks, bits};
+use crate::values::{EIGHT, Values, bits as bits_of, dot, load, only};
+use crate::windows::{eight, rows_around, windows};
+use fearless_simd::{ExtractToken, Level, Select, Simd, dispatch, f32x8, mask32x8, u32x8};
+use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Weights of coverage an axis (binomial).
 const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
@@ -18,7 +22,7 @@ const COVERAGE_SUM: f32 = 256.0;
 /// Places of the weights, pixels from the middle.
 const PLACES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Weights of colours an axis.
-const COLOUR: [f32; 5] = [0.0, 1.0, 2.0, 1.0, 0.0];
+const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
 const COLOUR_SUM: f32 = 16.0;
 /// How much steeper the outline is than its weighted count. Steeper ones show steps again.
 const STEEP: f32 = 1.5;
@@ -50,114 +54,181 @@ pub fn soften(
     depth: &[f32],
     width: usize,
     focal_px: f32,
-    edges: &[usize],
-    creases: &[usize],
+    edges: &Marks,
+    creases: &Marks,
     rgba: &mut [u8],
 ) {
-    let near = STEP_PX / focal_px;
-    let image = Image { depth, pixels: rgba.as_chunks().0, width };
-    let at_edges = edges.par_iter().with_min_len(1024).filter_map(|&p| {
-        let split = image.split(p, near);
-        (split < f32::INFINITY).then(|| (p, image.softened(p, split)))
-    });
-    let at_creases = creases.par_iter().with_min_len(1024);
-    let at_creases = at_creases.map(|&p| (p, image.softened(p, image.split(p, near))));
-    let softened: Vec<_> = at_edges.chain(at_creases).collect();
+    let outlines = Outlines { depth, width, near: STEP_PX / focal_px, edges, creases };
+    let shown = rgba.as_chunks().0;
+    let bands = edges.bands().map(|pixels| outlines.softened(shown, pixels));
+    let softened: Vec<Vec<_>> = bands.collect();
     let pixels = rgba.as_chunks_mut::<4>().0;
-    for (pixel, colour) in softened {
-        pixels[pixel] = colour;
+    for (pixel, colour) in softened.into_iter().flatten() {
+        pixels[pixel as usize] = colour;
     }
 }
 
-/// Column and row of the surroundings, two pixels from the middle in this direction: whole numbers and no root, so that
-/// processors and GPUs choose the same.
-fn inwards([x, y]: [f32; 2]) -> [usize; 2] {
-    let square = x * x + y * y;
-    // Rounded: beyond three quarters of the way two, beyond a quarter one.
-    [x, y].map(|along| {
-        let part = 16.0 * along * along;
-        let steps = usize::from(part > square) + usize::from(part > 9.0 * square);
-        if along < 0.0 { 2 - steps } else { 2 + steps }
+/// Where a picture is softened.
+struct Outlines<'a> {
+    depth: &'a [f32],
+    width: usize,
+    /// The share of its depth beyond which there is a step.
+    near: f32,
+    edges: &'a Marks,
+    creases: &'a Marks,
+}
+
+impl Outlines<'_> {
+    /// The pixels of a run of rows that change, with their new colours.
+    fn softened(&self, shown: &[[u8; 4]], pixels: Range<usize>) -> Vec<(u32, [u8; 4])> {
+        let mut softened = Vec::new();
+        for y in pixels.start / self.width..pixels.end / self.width {
+            dispatch!(Level::new(), simd => self.soften_row(simd, shown, y, &mut softened));
+        }
+        softened
+    }
+
+    /// Adds those of a row.
+    #[inline(always)]
+    fn soften_row<S: Simd>(
+        &self,
+        simd: S,
+        shown: &[[u8; 4]],
+        y: usize,
+        softened: &mut Vec<(u32, [u8; 4])>,
+    ) {
+        let (depths, shown) =
+            (rows_around(self.depth, self.width, y), rows_around(shown, self.width, y));
+        for x in (0..self.width).step_by(EIGHT) {
+            let (pixel, count) = (y * self.width + x, EIGHT.min(self.width - x));
+            let [edges, creases] = [self.edges, self.creases].map(|m| m.run(pixel, count));
+            if edges | creases == 0 {
+                continue;
+            }
+            let (mut space, mut none) = ([[0.0; _]; 5], [[[0; 4]; _]; 3]);
+            let depths = windows(depths, x, &mut space);
+            let split = split(simd, depths, self.near);
+            let at_steps = bits_of(split.cmplt(split.like(f32::INFINITY)));
+            let changing = creases | edges & u64::from(at_steps);
+            if changing != 0 {
+                let colours = mixed(simd, depths, split, windows(shown, x, &mut none));
+                softened.extend(bits(changing).map(|k| ((pixel + k) as u32, colours[k])));
+            }
+        }
+    }
+}
+
+/// Rows of depths around eight pixels, two to each side.
+type Depths<'a> = [&'a [f32; EIGHT + 4]; 5];
+
+/// The depths between the two sides of the greatest steps from eight pixels to a neighbour, where these are more than the
+/// share `near` of the depth; else infinity.
+#[inline(always)]
+fn split<S: Simd>(simd: S, depths: Depths<'_>, near: f32) -> f32x8<S> {
+    let here = eight(simd, depths[2], 2);
+    let (mut most, mut split) = (here.like(0.0), here.like(f32::INFINITY));
+    for (row, from) in [(2, 1), (2, 3), (1, 2), (3, 2)] {
+        let beside = eight(simd, depths[row], from);
+        // Infinity less infinity is no number, which is no step; nor is there one to what lies beyond the picture.
+        let (step, nearer) = ((beside - here).abs(), beside.min(here));
+        let is_most = (nearer * near).cmplt(step) & most.cmplt(step);
+        let between = (nearer + step * 0.5).min(step.like(f32::MAX));
+        (most, split) =
+            (Values::select(is_most, step, most), Values::select(is_most, between, split));
+    }
+    split
+}
+
+/// Eight pixels' surroundings before `split` and behind it, mixed.
+#[inline(always)]
+fn mixed<S: Simd>(
+    simd: S,
+    depths: Depths<'_>,
+    split: f32x8<S>,
+    shown: [&[[u8; 4]; EIGHT + 2]; 3],
+) -> [[u8; 4]; EIGHT] {
+    let (zero, one) = (split.like(0.0), split.like(1.0));
+    let is_before = |row: usize, from: usize| eight(simd, depths[row], from).cmple(split);
+    // What the count changes by, towards what is before, is its sum of places.
+    let (mut coverage, mut slope) = (zero, [zero; 2]);
+    // Which of the surroundings are before, a bit each.
+    let mut places = simd.splat_u32x8(0);
+    for (row, (down, y)) in COVERAGE.into_iter().zip(PLACES).enumerate() {
+        let (mut count, mut across) = (zero, zero);
+        for (from, (weight, x)) in COVERAGE.into_iter().zip(PLACES).enumerate() {
+            let is_before = is_before(row, from);
+            count += only(is_before, one.like(weight));
+            across += only(is_before, one.like(weight * x));
+            let place = simd.splat_u32x8(1 << (5 * row + from));
+            places |= is_before.select(place, simd.splat_u32x8(0));
+        }
+        coverage = count.mul_add(one.like(down), coverage);
+        slope[0] = across.mul_add(one.like(down), slope[0]);
+        slope[1] = count.mul_add(one.like(down * y), slope[1]);
+    }
+    let is_inside = is_inside(slope, places);
+    let length = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+    coverage -= only(is_inside, length * INSET_PX);
+    // Colours times alpha, alpha, and their weights.
+    let (mut before, mut all, mut weight) = ([zero; 4], [zero; 4], zero);
+    for (row, down) in COLOUR.into_iter().enumerate() {
+        let light = lit(shown[row]);
+        for (from, across) in COLOUR.into_iter().enumerate() {
+            let is_before = is_before(row + 1, from + 1);
+            let share = one.like(down * across);
+            weight += only(is_before, share);
+            for k in 0..4 {
+                let light = eight(simd, &light[k], from) * share;
+                all[k] += light;
+                before[k] += only(is_before, light);
+            }
+        }
+    }
+    let share = ((coverage * (1.0 / COVERAGE_SUM) - 0.5) * STEEP + 0.5).max(zero).min(one);
+    let is_whole = weight.cmpeq(zero) | weight.cmpeq(weight.like(COLOUR_SUM));
+    let parts = [share / weight, (one - share) / (weight.like(COLOUR_SUM) - weight)];
+    let mixed: [_; 4] = std::array::from_fn(|k| {
+        let parted = before[k] * parts[0] + (all[k] - before[k]) * parts[1];
+        Values::select(is_whole, all[k] * (1.0 / COLOUR_SUM), parted)
+    });
+    let is_seen = zero.cmplt(mixed[3]);
+    let colour = words([0, 1, 2].map(|k| only(is_seen, mixed[k] / mixed[3])));
+    let alpha = mixed[3] + 0.5;
+    let (colour, alpha) = (<[u32; EIGHT]>::from(colour), *alpha);
+    std::array::from_fn(|k| {
+        let [r, g, b, _] = colour[k].to_le_bytes();
+        [r, g, b, alpha[k] as u8]
     })
 }
 
-struct Image<'a> {
-    depth: &'a [f32],
-    pixels: &'a [[u8; 4]],
-    width: usize,
+/// Colours of a row in linear light times alpha, and alpha: plane after plane.
+#[inline(always)]
+fn lit<const N: usize>(shown: &[[u8; 4]; N]) -> [[f32; N]; 4] {
+    let mut planes = [[0.0; N]; 4];
+    for (k, &[r, g, b, a]) in shown.iter().enumerate() {
+        let light = linear([r, g, b]).extend(1.0) * f32::from(a);
+        (0..4).for_each(|i| planes[i][k] = light[i]);
+    }
+    planes
 }
 
-impl Image<'_> {
-    /// Its surroundings before `split` and behind it, mixed. Beyond the picture they go on as at its border.
-    fn softened(&self, pixel: usize, split: f32) -> [u8; 4] {
-        let [width, height] = [self.width, self.depth.len() / self.width];
-        let around = |at: usize, len: usize| {
-            [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(len - 1))
-        };
-        let columns = around(pixel % width, width);
-        let rows = around(pixel / width, height).map(|y| y * width);
-        // Colours times alpha, alpha, and their weights.
-        let (mut coverage, mut before, mut all) = (0.0, Vec4::ZERO, Vec4::ZERO);
-        // What the count changes by, towards what is before: its sum of places.
-        let (mut weight, mut slope) = (0.0, [0.0; 2]);
-        for ((row, down), y) in rows.into_iter().zip(COVERAGE).zip(PLACES) {
-            for ((column, across), x) in columns.into_iter().zip(COVERAGE).zip(PLACES) {
-                let is_before = self.depth[row + column] <= split;
-                let count = if is_before { across * down } else { 0.0 };
-                coverage += count;
-                slope[0] += count * x;
-                slope[1] += count * y;
-            }
-        }
-        let [x, y] = inwards(slope);
-        if self.depth[rows[y] + columns[x]] <= split {
-            coverage -= INSET_PX * (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-        }
-        for (row, down) in rows.into_iter().zip(COLOUR).skip(1).take(3) {
-            for (column, across) in columns.into_iter().zip(COLOUR).skip(1).take(3) {
-                let [r, g, b, a] = self.pixels[row + column];
-                let share = down * across;
-                let colour = linear([r, g, b]).extend(1.0) * (f32::from(a) * share);
-                all += colour;
-                if self.depth[row + column] <= split {
-                    before += colour;
-                    weight += share;
-                }
-            }
-        }
-        let share = ((coverage / COVERAGE_SUM - 0.5) * STEEP + 0.5).clamp(0.0, 1.0);
-        let mixed = if weight == 0.0 || weight == COLOUR_SUM {
-            all / COLOUR_SUM
-        } else {
-            before * (share / weight) + (all - before) * ((1.0 - share) / (COLOUR_SUM - weight))
-        };
-        let colour = if mixed.w > 0.0 { mixed.truncate() / mixed.w } else { Vec3::ZERO };
-        let [r, g, b] = Encoder::get().bytes(colour);
-        [r, g, b, (mixed.w + 0.5) as u8]
-    }
-
-    /// The depth between the two sides of the greatest step to a neighbour, where it is more than the share
-    /// `near` of the depth; else infinity.
-    fn split(&self, pixel: usize, near: f32) -> f32 {
-        let (width, here) = (self.width, self.depth[pixel]);
-        let x = pixel % width;
-        let beside = [
-            (x > 0).then(|| pixel - 1),
-            (x + 1 < width).then_some(pixel + 1),
-            pixel.checked_sub(width),
-            Some(pixel + width).filter(|&p| p < self.depth.len()),
-        ];
-        let (mut most, mut split) = (0.0, f32::INFINITY);
-        for depth in beside.into_iter().flatten().map(|p| self.depth[p]) {
-            // Infinity less infinity is no number, which is no step.
-            let (step, nearer) = ((depth - here).abs(), depth.min(here));
-            if step > near * nearer && step > most {
-                (most, split) =
-                    (step, if step < f32::INFINITY { nearer + step * 0.5 } else { f32::MAX });
-            }
-        }
-        split
-    }
+/// Whether of the surroundings of eight pixels that lies before which lies two pixels from the middle in a direction. Whole
+/// numbers and no root, so that processors and GPUs choose the same.
+#[inline(always)]
+fn is_inside<S: Simd>([x, y]: [f32x8<S>; 2], places: u32x8<S>) -> mask32x8<S> {
+    let square = x * x + y * y;
+    // Rounded: beyond three quarters of the way two, beyond a quarter one.
+    let steps = |along: f32x8<S>| {
+        let part = along * along * 16.0;
+        let one = along.like(1.0);
+        let steps = only(square.cmplt(part), one) + only((square * 9.0).cmplt(part), one);
+        Values::select(along.cmplt(along.like(0.0)), -steps, steps)
+    };
+    let place = *((steps(y) + 2.0) * 5.0 + (steps(x) + 2.0));
+    let places = <[u32; EIGHT]>::from(places);
+    let inside: [f32; EIGHT] = std::array::from_fn(|k| (places[k] >> place[k] as u32 & 1) as f32);
+    let inside = load(x.token(), &inside);
+    inside.like(0.0).cmplt(inside)
 }
 
 #[cfg(test)]
@@ -168,8 +239,9 @@ mod tests {
 
     fn softened(depth: impl Fn(usize) -> f32, rgba: &mut [u8]) {
         let depth: Vec<f32> = (0..SIDE * SIDE).map(depth).collect();
-        let all: Vec<usize> = (0..SIDE * SIDE).collect();
-        soften(&depth, SIDE, 100.0, &all, &[], rgba);
+        let mut all = Marks::new(SIDE, SIDE);
+        (0..SIDE * SIDE).for_each(|pixel| all.set(pixel));
+        soften(&depth, SIDE, 100.0, &all, &Marks::new(SIDE, SIDE), rgba);
     }
 
     #[test]

@@ -18,8 +18,9 @@
 //! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
 //! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
 
+use crate::marks::Marks;
 use crate::pyramid::Level;
-use crate::rim::{Grid, Rims, sticks_out};
+use crate::rim::{Grid, Place, Rims, sticks_out};
 use rayon::prelude::*;
 
 /// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
@@ -35,8 +36,8 @@ const ALONE: usize = 7;
 const ALONE_RADIUS_PX: f32 = 3.0;
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
-/// [`crate::edges`]. Returns the pixels that changed and those beside them, each once.
-pub fn trim(base: &mut Level, depth: &mut [f32], edges: &[usize], focal_px: f32) -> Vec<usize> {
+/// [`crate::edges`]. Returns the pixels that changed and those beside them.
+pub fn trim(base: &mut Level, depth: &mut [f32], edges: &Marks, focal_px: f32) -> Marks {
     trim_with(&mut Vec::new(), base, depth, edges, focal_px)
 }
 
@@ -45,32 +46,31 @@ pub(crate) fn trim_with(
     scratch: &mut Vec<u32>,
     base: &mut Level,
     depth: &mut [f32],
-    edges: &[usize],
+    edges: &Marks,
     focal_px: f32,
-) -> Vec<usize> {
+) -> Marks {
     scratch.resize(depth.len(), 0);
-    let source = std::mem::take(scratch);
-    let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source };
-    let mut gone = Vec::new();
-    let rims = waves.write(waves.rims(edges), &mut gone);
+    let (source, gone) = (std::mem::take(scratch), Marks::new(base.width, base.height));
+    let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source, gone };
+    let rims = waves.write(waves.rims(edges));
     let (mut last, mut waiting): (Vec<_>, Vec<_>) =
         rims.into_iter().partition(|&p| !waves.is_due(p, 1));
     for wave in 1..=WAVES {
-        last = waves.write(waves.inwards(wave, &last), &mut gone);
+        last = waves.write(waves.inwards(wave, &last));
         // The rims that were due in the first wave themselves.
         last.append(&mut waiting);
         if last.is_empty() {
             break;
         }
     }
-    waves.write(waves.left_alone(&gone), &mut gone);
+    waves.write(waves.left_alone());
+    let gone: Vec<_> = waves.gone.pixels().collect();
     let sources: Vec<_> = gone.par_iter().map(|&p| waves.shown(p)).collect();
-    let beside = waves.beside(&gone);
+    let touched = waves.gone.grown(false);
     *scratch = waves.source;
     gone.iter().for_each(|&pixel| scratch[pixel] = 0);
     replace(base, &gone, &sources);
-    gone.extend(beside);
-    gone
+    touched
 }
 
 /// What the waves up to one have decided.
@@ -83,6 +83,8 @@ struct Waves<'a> {
     /// For each pixel the one whose attributes it shows, plus one, and above [`PIXEL_BITS`] the line's direction; 0
     /// where it shows its own.
     source: Vec<u32>,
+    /// Those that show others'.
+    gone: Marks,
 }
 
 /// A pixel that goes, and the one whose attributes it is to show.
@@ -105,11 +107,20 @@ impl Waves<'_> {
     }
 
     /// The pixels of `edges` at a rim, each with what lies beyond it.
-    fn rims(&self, edges: &[usize]) -> Vec<Step> {
-        let rims = edges.par_iter().with_min_len(1024);
-        let picture = self.picture();
-        let step = |pixel| picture.beyond(pixel).map(|(after, line)| self.step(pixel, after, line));
-        rims.filter_map(|&pixel| step(pixel)).collect()
+    fn rims(&self, edges: &Marks) -> Vec<Step> {
+        let (picture, width) = (self.picture(), self.base.width);
+        let step = |place: Place| {
+            let (after, line) = picture.beyond(place)?;
+            Some(self.step(place.index, after, line))
+        };
+        let rims = edges.bands().flat_map_iter(|pixels| {
+            let mut steps = Vec::new();
+            for y in pixels.start / width..pixels.end / width {
+                picture.ends(edges, y, |place| steps.extend(step(place)));
+            }
+            steps
+        });
+        rims.collect()
     }
 
     /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
@@ -128,12 +139,11 @@ impl Waves<'_> {
         Step { pixel, source, depth: self.depth[after] }
     }
 
-    /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels; those that had
-    /// not gone before are added to `gone`.
-    fn write(&mut self, steps: Vec<Step>, gone: &mut Vec<usize>) -> Vec<usize> {
+    /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels.
+    fn write(&mut self, steps: Vec<Step>) -> Vec<usize> {
         let written = steps.into_iter().filter_map(|Step { pixel, source, depth }| {
             match self.source[pixel] {
-                0 => gone.push(pixel),
+                0 => self.gone.set(pixel),
                 // Twice among the steps, after a neighbour that was twice among the last.
                 before if before == source => return None,
                 _ => {}
@@ -169,28 +179,23 @@ impl Waves<'_> {
     }
 
     /// The pixels that are left alone beside those that went; none beside what went from a line.
-    fn left_alone(&self, gone: &[usize]) -> Vec<Step> {
-        let alone = self.beside(gone).into_par_iter().with_min_len(1024).filter_map(|pixel| {
+    fn left_alone(&self) -> Vec<Step> {
+        let beside = self.gone.grown(false).without(&self.gone);
+        let alone = beside.pixels().filter_map(|pixel| {
             let (picture, around) = (self.picture(), self.grid().around(pixel)?);
+            let behind = |limit: f32| around.iter().filter(|p| self.depth[**p] > limit).count();
+            // Most are not, which is seen without their radii.
+            if behind(self.depth[pixel]) < ALONE {
+                return None;
+            }
             let limit = picture.limit(pixel, pixel);
-            let is_behind = |p: &usize| self.depth[*p] > limit;
             let is_alone = self.base.tint[pixel].w >= ALONE_RADIUS_PX
-                && around.iter().filter(|p| is_behind(p)).count() >= ALONE
+                && behind(limit) >= ALONE
                 && around.into_iter().all(|p| self.source[p] <= PIXEL_MASK);
             let after = self.farthest(pixel).filter(|_| is_alone)?;
-            is_behind(&after).then(|| self.step(pixel, after, 0))
+            (self.depth[after] > limit).then(|| self.step(pixel, after, 0))
         });
         alone.collect()
-    }
-
-    /// The pixels that stay beside those that went, each once.
-    fn beside(&self, gone: &[usize]) -> Vec<usize> {
-        let went = |p: usize| self.source[p] > 0;
-        let beside = |p| self.grid().beside(p).into_iter().flatten();
-        let found = gone.par_iter().with_min_len(4096).flat_map_iter(|&pixel| {
-            beside(pixel).filter(move |&p| !went(p) && beside(p).find(|&q| went(q)) == Some(pixel))
-        });
-        found.collect()
     }
 
     fn picture(&self) -> Rims<'_> {
@@ -274,15 +279,15 @@ mod tests {
     fn reference(
         base: &Level,
         depth: &mut [f32],
-        edges: &[usize],
+        edges: &Marks,
         order: &[usize],
     ) -> (Vec<Option<usize>>, usize) {
         let before = &depth.to_vec();
         let rim = Rims { base, per_focal: 1.0 / FOCAL_PX, depth: before };
         let mut source = vec![None; depth.len()];
         let mut lines = vec![0; depth.len()];
-        for &pixel in edges {
-            let Some((beyond, line)) = rim.beyond(pixel) else { continue };
+        for pixel in edges.among(0..depth.len()) {
+            let Some((beyond, line)) = rim.beyond(rim.grid().place(pixel)) else { continue };
             (source[pixel], lines[pixel]) = (Some(beyond), line);
             depth[pixel] = rim.depth[beyond];
         }
@@ -356,7 +361,7 @@ mod tests {
             let (expected, left) = expected;
             went_alone += left;
             let before = base.clone();
-            let mut touched = trim(base, &mut depth, &edges, FOCAL_PX);
+            let touched = trim(base, &mut depth, &edges, FOCAL_PX);
             for (pixel, source) in expected.iter().enumerate() {
                 let from = source.unwrap_or(pixel);
                 went_twice += usize::from(expected[from].is_some() && from != pixel);
@@ -370,8 +375,7 @@ mod tests {
             let beside = |p: usize| Grid { width: WIDTH, height: HEIGHT }.beside(p);
             let changed =
                 (0..depth.len()).filter(|&p| went(p) || beside(p).into_iter().flatten().any(went));
-            touched.sort_unstable();
-            assert_eq!(touched, changed.collect::<Vec<_>>());
+            assert_eq!(touched.pixels().collect::<Vec<_>>(), changed.collect::<Vec<_>>());
             assert!(expected.iter().flatten().count() > 300, "seed {seed}");
         }
         assert!(went_twice > 100, "sources that went themselves: {went_twice}");

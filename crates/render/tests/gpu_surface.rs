@@ -92,10 +92,11 @@ fn twins(input: &Input<'_>) -> Twins {
     };
     let (level, depth) = (&mut last.levels[0], &mut picture.depth);
     level.depth_image(&pulled.lens, depth);
-    let mut found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
+    let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
     mend::mend(level, depth, &found, camera.focal_px);
     let mended = depth.clone();
-    found.extend(trim::trim(level, depth, &found, camera.focal_px));
+    let trimmed = trim::trim(level, depth, &found, camera.focal_px);
+    let found = found.or(&trimmed);
     let mut scratch = ReliefScratch::default();
     let shaded =
         shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);

@@ -152,9 +152,9 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut base = pyramid.levels.swap_remove(0);
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
-    let mut found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
+    let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
     mend::mend(&mut base, &mut depth, &found, camera.focal_px);
-    found.extend(trim::trim(&mut base, &mut depth, &found, camera.focal_px));
+    trim::trim(&mut base, &mut depth, &found, camera.focal_px);
     (base, depth)
 }
 
