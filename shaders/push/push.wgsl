@@ -21,6 +21,8 @@ override NORMALS: bool;
 @group(0) @binding(9) var<storage, read> coarse_normal: array<vec4<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
+// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
+const HIDING_PX: f32 = 24.0;
 // A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
 const ROUNDING: f32 = 0.99999;
 
@@ -57,6 +59,24 @@ fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
     return along(coarse_normal[pixel], origin, place - origin);
 }
 
+// Whether a pixel lies behind the interval of a coarser one beside the one above whose ellipse is wide.
+fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> bool {
+    for (var k = 1u; k < 4u; k++) {
+        if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
+            continue;
+        }
+        let source = near(k, above, odd);
+        let front = coarse_front[source.pixel];
+        if is_valid(front)
+            && coarse_tint[source.pixel].w >= HIDING_PX
+            && own > front.y * factor(source.pixel, centre - source.to_finer, place)
+        {
+            return true;
+        }
+    }
+    return false;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= fine.width || id.y >= fine.height {
@@ -67,6 +87,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
     let own = fine_front[pixel].x;
     let is_filled = !is_infinite(own);
+    // Neighbours beyond the picture's edge are none.
+    let has = select(id.xy > vec2<u32>(1u), above + 1u < vec2<u32>(coarse.width, coarse.height), odd);
     let centre = (vec2<f32>(id.xy) + 0.5) * fine.edge_px;
     // Where depths are compared.
     var place = centre;
@@ -76,12 +98,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let cover = coarse_front[over];
         let moved = factor(over, centre - near(0u, above, odd).to_finer, place);
         let least = select(moved, moved * ROUNDING, NORMALS);
-        if own >= cover.x * least && own <= cover.y * moved {
+        let is_within = own >= cover.x * least && own <= cover.y * moved;
+        if is_within && !is_behind(own, place, centre, above, odd, has) {
             return;
         }
     }
-    // Neighbours beyond the picture's edge are none.
-    let has = select(id.xy > vec2<u32>(1u), above + 1u < vec2<u32>(coarse.width, coarse.height), odd);
 
     // Those that cover the finer pixel, a bit each, and the depths of the frontmost of them.
     var taken = 0u;

@@ -10,6 +10,8 @@
 //!   as in the pull phase: at a silhouette two surfaces may cover a pixel, and their mean is neither.
 //! - An occluded pixel is replaced only by what lies in front of it: it keeps its own attributes where
 //!   nothing covers it, or where its least depth is not behind the frontmost interval.
+//! - A wide ellipse hides also what lies below the coarser pixels beside its own: where points are far apart, whole pixels of coarse
+//!   levels hold but points of what lies behind, which would show as squares.
 //! - All attributes are interpolated, the two ends of the depth interval as well; to displacements the
 //!   vector between the centres is added, as in the pull phase.
 //!
@@ -29,6 +31,10 @@ use glam::Vec4;
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
 /// the biquadratic B-spline's, times 16.
 const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
+
+/// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels. Of narrower ones
+/// there is one in every pixel, and what they make of outlines is not to grow.
+const HIDING_PX: f32 = 24.0;
 
 /// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
 const ROUNDING: f32 = 0.99999;
@@ -134,7 +140,11 @@ fn push_block<S: Simd, const NORMALS: bool>(
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
     let block = Block { least, displaced };
-    let asking = !(is_valid & block.is_within::<NORMALS>(&near[0]));
+    let [above, b, c, d] = &near;
+    let is_hidden = block.is_behind::<NORMALS>(b)
+        | block.is_behind::<NORMALS>(c)
+        | block.is_behind::<NORMALS>(d);
+    let asking = !(is_valid & block.is_within::<NORMALS>(above)) | is_hidden;
     if asking.any_true() {
         block.fill::<NORMALS>(&near, asking, row, first);
     }
@@ -200,6 +210,17 @@ impl<S: Simd> Block<S> {
         }
         let moved = above.moved(self.from(above.displaced()));
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
+    }
+
+    /// Which lie behind the interval of a coarser pixel beside the one above, where its ellipse is wide.
+    #[inline(always)]
+    fn is_behind<const NORMALS: bool>(&self, beside: &Near<'_, S>) -> mask32x8<S> {
+        let [least, mut most] = [0, 1].map(|i| beside.lane(Line::FRONT + i));
+        let is_wide = least.like(HIDING_PX).cmple(beside.lane(Line::TINT + 3));
+        if NORMALS {
+            most *= beside.moved(self.from(beside.displaced()));
+        }
+        least.cmplt(least.like(f32::INFINITY)) & is_wide & most.cmplt(self.least)
     }
 
     /// To where depths are compared from the centres of ellipses that are so far from the pixels.

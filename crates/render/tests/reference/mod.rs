@@ -207,6 +207,9 @@ fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -
     form <= 1.0
 }
 
+/// As in the pass.
+const HIDING_PX: f64 = 24.0;
+
 /// Section 3.3: the finer level with its invalid and occluded pixels interpolated.
 fn push(coarser: &Image, finer: &Image) -> Image {
     let mut out = Image { near_ties: 0, ..finer.clone() };
@@ -216,17 +219,30 @@ fn push(coarser: &Image, finer: &Image) -> Image {
             let above = coarser.get(x / 2, y / 2);
             let place = finer.centre(x, y);
             let compare_at = own.map_or(place, |own| own.ellipse(place));
+            let side = [if x % 2 == 1 { 1 } else { -1 }, if y % 2 == 1 { 1 } else { -1 }];
             if let (Some(own), Some(above)) = (own, above) {
                 let factor = above.factor(finer.lens, coarser.centre(x / 2, y / 2), compare_at);
                 let [min, max] = above.moved(factor).depth;
                 // Whether it is a little in front of the interval that it has itself given does not matter.
                 let before = near(own.depth[0], min) && finer.lens.is_none();
                 out.near_ties += usize::from(before || near(own.depth[0], max));
-                if own.depth[0] >= min && own.depth[0] <= max {
+                let mut is_hidden = own.depth[0] < min || own.depth[0] > max;
+                // Not published: also by wide ellipses beside the one above.
+                for (dx, dy) in [(side[0], 0), (0, side[1]), (side[0], side[1])] {
+                    let at = (x / 2 + dx, y / 2 + dy);
+                    let Some(beside) = coarser.get(at.0, at.1) else { continue };
+                    let centre = coarser.centre(at.0, at.1);
+                    let [_, max] =
+                        beside.moved(beside.factor(finer.lens, centre, compare_at)).depth;
+                    out.near_ties += usize::from(
+                        near(own.depth[0], max) || (beside.radius - HIDING_PX).abs() < 1e-4,
+                    );
+                    is_hidden |= beside.radius >= HIDING_PX && own.depth[0] > max;
+                }
+                if !is_hidden {
                     continue;
                 }
             }
-            let side = [if x % 2 == 1 { 1 } else { -1 }, if y % 2 == 1 { 1 } else { -1 }];
             let mut covering = Vec::new();
             for (dx, dy, weight) in
                 [(0, 0, 9.0), (side[0], 0, 3.0), (0, side[1], 3.0), (side[0], side[1], 1.0)]
