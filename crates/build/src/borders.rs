@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Rows that are looked at by one task, and tasks whose positions are put aside together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
-/// Bytes of a position.
-const POSITION_BYTES: usize = 12;
+/// Bytes of a position that is put aside.
+pub const POSITION_BYTES: usize = 12;
 
 /// The borders of all chunks.
 pub struct Borders {

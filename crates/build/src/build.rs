@@ -14,7 +14,7 @@ use crate::normals::{Bounds, NormalsMode};
 use crate::onto::{OFF_LATTICE, Onto};
 use crate::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::scratch::Scratch;
-use crate::shares::Shares;
+use crate::shares::{SPILLED_BYTES_MAX, Shares};
 use crate::space::{Needs, free_bytes};
 use crate::store::Store;
 use crate::subtree::assemble;
@@ -41,9 +41,6 @@ const COPIES: u64 = 6;
 /// keeps for it.
 const BASE_BYTES: u64 = 128 << 20;
 const THREAD_BYTES: u64 = 56 << 20;
-
-/// Rows in memory where they go to scratch though it would hold all.
-const SPILLED_BYTES_MAX: u64 = 320 << 20;
 
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
@@ -123,6 +120,8 @@ pub struct Report {
     pub peak_anon_bytes: u64,
     /// Greatest resident set, in bytes.
     pub peak_rss_bytes: u64,
+    /// What scratch would hold at once at most, as was estimated before work started; not where a build was gone on with.
+    pub scratch_bytes_estimated: Option<u64>,
     /// Bytes written to scratch.
     pub scratch_bytes: u64,
     /// The most bytes that scratch held at once.
@@ -265,6 +264,7 @@ fn build_into(
     intake.finds_edges = options.sharp_features;
     intake.finds_shapes = options.tangents;
     intake.lattice = options.onto.lattice;
+    let mut scratch_bytes_estimated = None;
     if !store.journal.is_resumed() {
         let plan = intake.plan()?;
         let rows = u64::from(options.node_capacity) * NODES_MIN;
@@ -275,9 +275,12 @@ fn build_into(
             let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
-        let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max);
+        let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes()).1;
+        let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max, chunk_rows_max);
         needs.check(folder, out, free_bytes)?;
-        if needs.spills(free_bytes(folder)) {
+        let spills = needs.spills(free_bytes(folder));
+        scratch_bytes_estimated = Some(needs.scratch_bytes(spills));
+        if spills {
             shares.buffer_bytes_max = SPILLED_BYTES_MAX;
         }
     }
@@ -364,6 +367,7 @@ fn build_into(
         hash,
         peak_anon_bytes: peak.bytes().saturating_sub(start),
         peak_rss_bytes: memory::usage().rss_peak_bytes,
+        scratch_bytes_estimated,
         scratch_bytes: store.scratch.bytes(),
         scratch_bytes_peak: store.scratch.bytes_peak(),
         disk_bytes_peak: store.scratch.disk_bytes_peak().max(bytes_out),

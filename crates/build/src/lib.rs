@@ -31,6 +31,7 @@ pub mod normals;
 pub mod onto;
 mod order;
 mod palette;
+mod parting;
 mod partition;
 mod pending;
 mod places;

@@ -7,6 +7,8 @@ use crate::tree::LEAF_NODES;
 /// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
 const CHUNK_NODES: u64 = 24;
 const CHUNK_ROWS: u64 = 1 << 20;
+/// Rows in memory where all go to scratch.
+pub(crate) const SPILLED_BYTES_MAX: u64 = 320 << 20;
 /// Bytes a point of a chunk while normals are estimated, its halo's share among them.
 const NORMALS_BYTES: f64 = 80.0;
 

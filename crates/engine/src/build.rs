@@ -88,6 +88,7 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "points_per_second": report.points_in as f64 / seconds.max(1e-9),
         "peak_anon_bytes": report.peak_anon_bytes,
         "peak_rss_bytes": report.peak_rss_bytes,
+        "scratch_bytes_estimated": report.scratch_bytes_estimated,
         "scratch_bytes": report.scratch_bytes,
         "scratch_bytes_peak": report.scratch_bytes_peak,
         "disk_bytes_peak": report.disk_bytes_peak,
@@ -143,14 +144,25 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
     }
     lines.push(codes(report));
     lines.push(format!(
-        "memory: {} at most, {} resident; disk: {} through scratch, {} at most with the file",
+        "memory: {} at most, {} resident; disk: {} through scratch{}, {} at most with the file",
         readable_bytes(report.peak_anon_bytes),
         readable_bytes(report.peak_rss_bytes),
         readable_bytes(report.scratch_bytes),
+        scratch_at_once(report),
         readable_bytes(report.disk_bytes_peak)
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
+}
+
+/// What scratch held at once, beside what was estimated.
+fn scratch_at_once(report: &Report) -> String {
+    if report.scratch_bytes == 0 {
+        return String::new();
+    }
+    let estimated = report.scratch_bytes_estimated.map(readable_bytes);
+    let estimated = estimated.map_or_else(String::new, |bytes| format!(" of {bytes} estimated"));
+    format!(" ({}{estimated} at once)", readable_bytes(report.scratch_bytes_peak))
 }
 
 /// What codes that pictures are drawn from are off by at most.
