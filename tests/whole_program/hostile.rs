@@ -81,9 +81,7 @@ mod unix {
     const CLOUDS: [(&str, Position); 5] = [
         ("one place", |_| [77, -5, 9]),
         ("a volume", scattered),
-        ("all of the lattice", |i| {
-            [0, 1, 2].map(|axis| below(3 * i + axis, u32::MAX).wrapping_mul(2))
-        }),
+        ("all of the lattice", anywhere),
         ("two places, and points far apart", |i| match i % 3 {
             0 => [i32::MIN; 3],
             1 => [i32::MAX; 3],
@@ -95,13 +93,26 @@ mod unix {
         }),
     ];
 
+    fn anywhere(i: u64) -> [i32; 3] {
+        [0, 1, 2].map(|axis| below(3 * i + axis, u32::MAX).wrapping_mul(2))
+    }
+
     pub fn trials(trials: &mut Vec<Trial>) {
         for (name, position) in CLOUDS {
             let name = format!("hostile: {name} within its memory");
-            trials.push(trial(&name, move || keeps_within(false, position)));
+            trials.push(trial(&name, move || {
+                keeps_within(false, POINTS, position);
+            }));
         }
         let name = "hostile: one chunk of all points within its memory";
-        trials.push(trial(name, || keeps_within(true, scattered)));
+        trials.push(trial(name, || {
+            keeps_within(true, POINTS, scattered);
+        }));
+        let name = "hostile: one chunk of a third of its memory within it";
+        trials.push(trial(name, || {
+            let bytes = keeps_within(true, 7 * POINTS / 2, anywhere);
+            assert!(bytes > (MEMORY_KIB << 10) / 3, "the chunk has only {bytes} bytes");
+        }));
         trials.push(trial("hostile: more inputs than may be open", many_inputs));
         trials.push(trial("hostile: a full disk leaves nothing behind", full_disk));
     }
@@ -116,19 +127,21 @@ mod unix {
         words
     }
 
-    fn keeps_within(is_compressed: bool, position: Position) {
+    /// Builds so many points within the least memory; the bytes of their file.
+    fn keeps_within(is_compressed: bool, points: u64, position: Position) -> u64 {
         let folder = Folder::new();
         let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
-        las::write(&scan, "", is_compressed, POINTS, position);
+        las::write(&scan, "", is_compressed, points, position);
         let limit_kib = empty_kib() + MEMORY_KIB + MEMORY_KIB / 20;
         let words = words(std::slice::from_ref(&scan), &out, &folder.file(""));
         let report = esker_within(limit_kib, 300, words).json();
-        assert_eq!(report["points_out"], POINTS, "{report}");
+        assert_eq!(report["points_out"], points, "{report}");
         let peak = report["peak_anon_bytes"].as_u64().unwrap();
         assert!(peak <= (MEMORY_KIB + MEMORY_KIB / 20) << 10, "{peak} bytes at the peak");
         let verified = verify(&out, &[&scan]).json();
-        assert_eq!((&verified["points"], &verified["ok"]), (&POINTS.into(), &true.into()));
+        assert_eq!((&verified["points"], &verified["ok"]), (&points.into(), &true.into()));
         assert_eq!(folder.names(), ["out.esker", "scan"], "nothing else is left");
+        scan.metadata().unwrap().len()
     }
 
     fn many_inputs() {

@@ -98,10 +98,9 @@ impl Default for Options {
 }
 
 impl Options {
-    /// How inputs are opened. Decoding and the rows of what is decoded are all there is in memory while they are read.
+    /// How inputs are opened.
     pub(crate) fn opening(&self) -> OpenOptions {
-        let chunk_bytes_max = Some(self.memory_bytes / 4);
-        OpenOptions { colour_depth: self.colour_depth, chunk_bytes_max }
+        OpenOptions { colour_depth: self.colour_depth, memory_bytes: Some(self.memory_bytes) }
     }
 }
 
@@ -179,7 +178,9 @@ pub fn build_sources(
     if options.memory_bytes < MEMORY_BYTES_MIN {
         return Err(too_little_memory(MEMORY_BYTES_MIN, ""));
     }
-    let build = || build_shared(sources, out, options, Shares::of(options.memory_bytes), task);
+    let held_bytes = sources.iter().map(|s| s.held_bytes()).max().unwrap_or(0);
+    let shares = Shares::of(options.memory_bytes).beside(held_bytes, options.memory_bytes);
+    let build = || build_shared(sources, out, options, shares, task);
     let threads_max = ((options.memory_bytes - BASE_BYTES) / THREAD_BYTES) as usize;
     if rayon::current_num_threads() <= threads_max {
         return build();
