@@ -18,12 +18,14 @@ use crate::shares::{SPILLED_BYTES_MAX, Shares};
 use crate::space::{Needs, free_bytes};
 use crate::store::Store;
 use crate::subtree::assemble;
+use crate::times;
 use crate::tree::Context;
 use esker_format::{
     Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::palette::Misfit;
 use esker_points::{ColourDepth, MultisetHash, Task};
+use esker_scan::las::gps_times;
 use esker_scan::{OpenOptions, ReadReport, Source};
 use rayon::ThreadBuilder;
 use std::collections::BTreeMap;
@@ -503,7 +505,7 @@ fn of_merged(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
-/// The notes on all sources; and a word where their reference systems differ.
+/// The notes on all sources; and a word where their reference systems differ, or what their GPS times are counted from.
 fn notes(metadata: &Metadata) -> Vec<String> {
     let mut out: Vec<String> = metadata
         .sources
@@ -516,5 +518,8 @@ fn notes(metadata: &Metadata) -> Vec<String> {
     {
         out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
     }
+    out.extend(times::mixed(
+        metadata.sources.iter().map(|s| (s.path.clone(), gps_times(&s.verbatim))),
+    ));
     out
 }

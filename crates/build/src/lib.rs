@@ -57,6 +57,7 @@ mod taking;
 mod tangents;
 mod thin;
 mod tiles;
+mod times;
 mod tree;
 mod turn;
 

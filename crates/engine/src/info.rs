@@ -4,6 +4,7 @@ use crate::quantity::{grouped, readable_bytes};
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind, SourceRecord};
 use esker_points::{MultisetHash, Node, NodeTable, Task};
+use esker_scan::las::{GpsTimes, gps_times};
 use esker_scan::{OpenOptions, SourceInfo};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -63,17 +64,29 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
         "multiset_hash": hash.to_string(),
         "generator": forest.files().next().map(|file| &file.metadata().generator),
-        "sources": records().map(source).collect::<Vec<_>>(),
+        "sources": sources(&forest)?,
         "trees": trees(&forest),
     }))
 }
 
-fn source(s: &SourceRecord) -> Value {
+/// The sources of all trees.
+fn sources(forest: &Forest) -> Result<Vec<Value>> {
+    let mut all = Vec::new();
+    for file in forest.files() {
+        for (i, record) in file.metadata().sources.iter().enumerate() {
+            all.push(source(record, gps_times(&file.verbatim(i)?)));
+        }
+    }
+    Ok(all)
+}
+
+fn source(s: &SourceRecord, gps_times: Option<GpsTimes>) -> Value {
     json!({
         "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
         "rounding_error_max": s.rounding_error_max,
         "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
         "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "gps_times": gps_times.map(GpsTimes::name),
         "notes": s.notes,
     })
 }
@@ -117,6 +130,7 @@ fn scan(info: &SourceInfo) -> Value {
         "colour_bits": info.colour_depth.map(bits),
         "crs": info.crs.as_ref().map(|c| &c.text),
         "unit": info.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "gps_times": gps_times(&info.verbatim).map(GpsTimes::name),
         "bytes": info.bytes,
         "notes": info.notes,
     })
@@ -287,8 +301,10 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
     for source in info["sources"].as_array().into_iter().flatten() {
         let colours =
             source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));
+        let times = source["gps_times"].as_str();
+        let times = times.map_or(String::new(), |times| format!(", GPS times: {times}"));
         lines.push(format!(
-            "source       {} ({}), {} points{colours}",
+            "source       {} ({}), {} points{colours}{times}",
             source["path"].as_str().unwrap_or("?"),
             source["format"].as_str().unwrap_or("?"),
             grouped(source["points"].as_u64().unwrap_or(0))

@@ -11,6 +11,8 @@ mod laszip;
 pub(crate) mod points;
 pub(crate) mod vlr;
 
+pub use header::GpsTimes;
+
 use crate::error::ScanError;
 use crate::source::{BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use decode::Points;
@@ -43,6 +45,13 @@ const WINDOW_SHARE: u64 = 16;
 const WINDOW_BYTES_MAX: u64 = 64 << 20;
 /// First points whose colours tell whether 16-bit fields hold 8-bit values.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
+
+/// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
+pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
+    let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
+    // It was checked when it was read; here it only must not be believed.
+    Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
+}
 
 /// An opened LAS or LAZ file.
 struct LasSource {
