@@ -99,15 +99,17 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "palette_misfit": report.palette_misfit.map(|m| {
             json!({ "mean": m.mean, "most": m.most, "worst": m.worst })
         }),
-        "radius_error_max": quant::RADIUS_ERROR,
-        "normal_error_degrees_max": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
-        "shape_error_max": report.has_tangents.then(|| {
-            json!({
-                "axis_degrees": tangents::AXIS_ERROR_DEGREES,
-                "apart": tangents::APART_ERROR,
-                "aspect": tangents::ASPECT_ERROR,
-            })
-        }),
+        "code_error_bounds": {
+            "radius": quant::RADIUS_ERROR,
+            "normal_degrees": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
+            "shape": report.has_tangents.then(|| {
+                json!({
+                    "axis_degrees": tangents::AXIS_ERROR_DEGREES,
+                    "apart": tangents::APART_ERROR,
+                    "aspect": tangents::ASPECT_ERROR,
+                })
+            }),
+        },
         "notes": report.notes,
     })
 }
@@ -165,10 +167,11 @@ fn scratch_at_once(report: &Report) -> String {
     format!(" ({}{estimated} at once)", readable_bytes(report.scratch_bytes_peak))
 }
 
-/// What codes that pictures are drawn from are off by at most.
+/// What codes that pictures are drawn from can be off by: this follows from their form, not from the points.
 fn codes(report: &Report) -> String {
     let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
-    let mut line = format!("codes: radii too wide by {} at most", per_cent(quant::RADIUS_ERROR));
+    let mut line = "codes: their form lets ".to_owned();
+    line += &format!("radii be too wide by {} at most", per_cent(quant::RADIUS_ERROR));
     if report.normals != Normals::None {
         line += &format!(", normals turned by {} degrees", quant::NORMAL_ERROR_DEGREES);
     }
