@@ -163,8 +163,8 @@ fn scratch_at_once(report: &Report) -> String {
         return String::new();
     }
     let estimated = report.scratch_bytes_estimated.map(readable_bytes);
-    let estimated = estimated.map_or_else(String::new, |bytes| format!(" of {bytes} estimated"));
-    format!(" ({}{estimated} at once)", readable_bytes(report.scratch_bytes_peak))
+    let estimated = estimated.map_or_else(String::new, |bytes| format!(", {bytes} estimated"));
+    format!(" ({} at once{estimated})", readable_bytes(report.scratch_bytes_peak))
 }
 
 /// What codes that pictures are drawn from can be off by: this follows from their form, not from the points.

@@ -62,6 +62,7 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "normals": each_once(&forest, |file| file.metadata().normals.name()),
         "table_bytes_a_node": table.bytes_a_node(),
         "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
+        "structure_bytes": table.bytes(),
         "multiset_hash": hash.to_string(),
         "generator": forest.files().next().map(|file| &file.metadata().generator),
         "sources": sources(&forest)?,
@@ -276,12 +277,17 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
     let each = &info["bytes_a_point"];
     let bytes = |name: &str| each[name].as_f64().unwrap_or(0.0);
     lines.push(format!(
-        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold; {} a node in the table",
+        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold",
         readable_bytes(info["bytes"].as_u64().unwrap_or(0)),
         bytes("hot"),
         bytes("residual"),
         bytes("cold"),
-        info["table_bytes_a_node"]
+    ));
+    lines.push(format!(
+        "structure    {} in memory, {} a node; {} in the file",
+        readable_bytes(info["structure_bytes"].as_u64().unwrap_or(0)),
+        info["table_bytes_a_node"],
+        readable_bytes(info["table_bytes"].as_u64().unwrap_or(0))
     ));
     let planes = each["planes"].as_array().into_iter().flatten();
     let planes: Vec<_> = planes
