@@ -108,6 +108,12 @@ impl Borders {
         Ok(())
     }
 
+    /// Forgets what this cell has put aside: where it lies.
+    pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
+        let at = self.cells.iter().position(|(other, _)| other == cell);
+        at.map_or_else(Vec::new, |at| self.cells.swap_remove(at).1)
+    }
+
     /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.
     pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Mmap) {
         let stride = self.rows.bytes();

@@ -69,9 +69,13 @@ impl Raiser<'_> {
                 }
                 Step::Part(bucket) => {
                     self.store.write(std::mem::take(&mut built.outgoing))?;
+                    let cell = bucket.cell;
                     let parts = self.part(bucket)?;
                     let before = steps.len();
                     self.plan(parts, &mut steps);
+                    if steps.len() - before > 1 {
+                        self.store.forget_aside(&cell);
+                    }
                     self.put_aside(&steps[before..])?;
                 }
                 Step::Coincident(bucket) => {

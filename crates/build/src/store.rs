@@ -148,6 +148,12 @@ impl Store {
         }
     }
 
+    /// Gives back what a cell has put aside whose parts are to: that is all of it that others may need, and more.
+    pub fn forget_aside(&mut self, cell: &Cell) {
+        let extents = self.borders.as_mut().map(|borders| borders.forget(cell));
+        self.scratch.release(extents.unwrap_or_default());
+    }
+
     /// Tells of what was put aside after the first `known` cells.
     ///
     /// # Errors
