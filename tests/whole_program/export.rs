@@ -206,11 +206,9 @@ fn sample_comes_back() {
     let report = build(&[sample()], &compact, &["--compact", "--tangents"]);
     assert!(report["palette_misfit"]["mean"].as_f64().is_some_and(|mean| mean < 6.0), "{report}");
     // What is drawn from codes is off by so much, and is said.
-    assert!(report["normal_error_degrees_max"].as_f64().is_some_and(|e| e < 0.01), "{report}");
-    assert!(
-        report["shape_error_max"]["axis_degrees"].as_f64().is_some_and(|e| e < 1.0),
-        "{report}"
-    );
+    let bounds = &report["code_error_bounds"];
+    assert!(bounds["normal_degrees"].as_f64().is_some_and(|e| e < 0.01), "{report}");
+    assert!(bounds["shape"]["axis_degrees"].as_f64().is_some_and(|e| e < 1.0), "{report}");
     gives_back(&sample(), &compact);
     // Through another format, the points are still the same.
     let las = folder.file("out.las");

@@ -2,17 +2,21 @@
 //! the system holds (`RLIMIT_DATA`); more inputs than the system lets be open; a disk that is full in the middle.
 //! Inputs that lie or contradict each other are told so.
 
+use crate::export::export;
 use crate::folder::Folder;
 use crate::las;
 use crate::program::{build, esker, verify};
 use crate::trial;
 use libtest_mimic::Trial;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 pub fn trials(trials: &mut Vec<Trial>) {
     #[cfg(unix)]
     unix::trials(trials);
     trials.push(trial("hostile: counts that lie are told with the true one", counts));
     trials.push(trial("hostile: inputs of two reference systems are refused by name", systems));
+    trials.push(trial("hostile: GPS times that don't compare are told", gps_times));
 }
 
 /// A number from 0 to `n - 1` by its place in a sequence (splitmix64).
@@ -65,11 +69,51 @@ fn systems() {
     verify(&out, &[&a, &b]).json();
 }
 
+fn gps_times() {
+    let folder = Folder::new();
+    let [week, adjusted] = ["a-week.las", "b-adjusted.las"].map(|name| {
+        let scan = folder.file(name);
+        las::write(&scan, "", false, 100, scattered);
+        scan
+    });
+    las::count_from_week(&week);
+    let (both, out) = (folder.file("both.esker"), folder.file("out.las"));
+    let tells = |report: &Value, words: &[&str]| {
+        let notes = report["notes"].to_string();
+        assert!(words.iter().all(|word| notes.contains(word)), "{notes}");
+    };
+    let report = build(&[&week, &adjusted], &both, &[]);
+    tells(&report, &["a-week.las and", "b-adjusted.las count GPS times from different beginnings"]);
+    let info = esker(["info".as_ref(), both.as_os_str(), "--json".as_ref()]).json();
+    let times = [0, 1].map(|i| info["sources"][i]["gps_times"].as_str().unwrap());
+    assert_eq!(times, ["week", "adjusted standard"]);
+    // Global encodings: WKT, and of the second also adjusted times.
+    let encoding = |path: &Path| std::fs::read(path).unwrap()[6..8].to_vec();
+    let report = export(&both, &out, &[]).json();
+    tells(&report, &["GPS times of 1 sources", "which the global encoding tells (week)"]);
+    assert_eq!(encoding(&out), [16, 0]);
+    // Each by itself has its own back.
+    for (scan, bits) in [(&week, 16), (&adjusted, 17)] {
+        let file = folder.file("one.esker");
+        let report = build(&[scan], &file, &[]);
+        assert_eq!(report["notes"], json!([]));
+        assert_eq!(export(&file, &out, &[]).json()["notes"], json!([]));
+        assert_eq!((encoding(&out), encoding(scan)), (vec![bits, 0], vec![bits, 0]));
+        let more = folder.file("more.esker");
+        let appended = ["append", "--json", "--progress", "none", "-o"].map(PathBuf::from);
+        let words = appended.into_iter().chain([more, file, adjusted.clone()]);
+        let report = esker(words).json();
+        match bits {
+            16 => tells(&report, &["a-week.las and", "b-adjusted.las count GPS times"]),
+            _ => assert_eq!(report["notes"], json!([])),
+        }
+    }
+}
+
 #[cfg(unix)]
 mod unix {
     use super::*;
     use crate::program::{Outcome, empty_kib, esker_under, esker_within};
-    use std::path::{Path, PathBuf};
 
     /// Points whose rows are more than the least memory holds.
     const POINTS: u64 = 2_000_000;
@@ -81,9 +125,7 @@ mod unix {
     const CLOUDS: [(&str, Position); 5] = [
         ("one place", |_| [77, -5, 9]),
         ("a volume", scattered),
-        ("all of the lattice", |i| {
-            [0, 1, 2].map(|axis| below(3 * i + axis, u32::MAX).wrapping_mul(2))
-        }),
+        ("all of the lattice", anywhere),
         ("two places, and points far apart", |i| match i % 3 {
             0 => [i32::MIN; 3],
             1 => [i32::MAX; 3],
@@ -95,13 +137,26 @@ mod unix {
         }),
     ];
 
+    fn anywhere(i: u64) -> [i32; 3] {
+        [0, 1, 2].map(|axis| below(3 * i + axis, u32::MAX).wrapping_mul(2))
+    }
+
     pub fn trials(trials: &mut Vec<Trial>) {
         for (name, position) in CLOUDS {
             let name = format!("hostile: {name} within its memory");
-            trials.push(trial(&name, move || keeps_within(false, position)));
+            trials.push(trial(&name, move || {
+                keeps_within(false, POINTS, position);
+            }));
         }
         let name = "hostile: one chunk of all points within its memory";
-        trials.push(trial(name, || keeps_within(true, scattered)));
+        trials.push(trial(name, || {
+            keeps_within(true, POINTS, scattered);
+        }));
+        let name = "hostile: one chunk of a third of its memory within it";
+        trials.push(trial(name, || {
+            let bytes = keeps_within(true, 7 * POINTS / 2, anywhere);
+            assert!(bytes > (MEMORY_KIB << 10) / 3, "the chunk has only {bytes} bytes");
+        }));
         trials.push(trial("hostile: more inputs than may be open", many_inputs));
         trials.push(trial("hostile: a full disk leaves nothing behind", full_disk));
     }
@@ -116,19 +171,21 @@ mod unix {
         words
     }
 
-    fn keeps_within(is_compressed: bool, position: Position) {
+    /// Builds so many points within the least memory; the bytes of their file.
+    fn keeps_within(is_compressed: bool, points: u64, position: Position) -> u64 {
         let folder = Folder::new();
         let (scan, out) = (folder.file("scan"), folder.file("out.esker"));
-        las::write(&scan, "", is_compressed, POINTS, position);
+        las::write(&scan, "", is_compressed, points, position);
         let limit_kib = empty_kib() + MEMORY_KIB + MEMORY_KIB / 20;
         let words = words(std::slice::from_ref(&scan), &out, &folder.file(""));
         let report = esker_within(limit_kib, 300, words).json();
-        assert_eq!(report["points_out"], POINTS, "{report}");
+        assert_eq!(report["points_out"], points, "{report}");
         let peak = report["peak_anon_bytes"].as_u64().unwrap();
         assert!(peak <= (MEMORY_KIB + MEMORY_KIB / 20) << 10, "{peak} bytes at the peak");
         let verified = verify(&out, &[&scan]).json();
-        assert_eq!((&verified["points"], &verified["ok"]), (&POINTS.into(), &true.into()));
+        assert_eq!((&verified["points"], &verified["ok"]), (&points.into(), &true.into()));
         assert_eq!(folder.names(), ["out.esker", "scan"], "nothing else is left");
+        scan.metadata().unwrap().len()
     }
 
     fn many_inputs() {

@@ -49,6 +49,13 @@ pub fn claim(path: &Path, count: u64) {
     file.write_all(&count.to_le_bytes()).unwrap();
 }
 
+/// Says of a file's GPS times that they are seconds of a week, not adjusted standard ones.
+pub fn count_from_week(path: &Path) {
+    let mut file = File::options().write(true).open(path).unwrap();
+    file.seek(SeekFrom::Start(6)).unwrap();
+    file.write_all(&(1u16 << 4).to_le_bytes()).unwrap();
+}
+
 fn record(i: u64, position: [i32; 3]) -> [u8; RECORD_BYTES as usize] {
     let mut record = [0; RECORD_BYTES as usize];
     for (axis, c) in position.into_iter().enumerate() {

@@ -6,10 +6,12 @@ use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::intake::open_with;
 use crate::onto::{Onto, Within};
+use crate::times;
 use esker_format::forest::TREES_MAX;
 use esker_format::{EskerFile, Forest, TreeRef};
 use esker_points::Task;
 use esker_scan::Source;
+use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
 
 /// Builds `out` from `inputs` onto the lattice of the file `old`, which it then names with all that `old`
@@ -58,7 +60,25 @@ pub fn append_sources(
     let palette = old.palette().cloned();
     let onto = Onto { lattice: Some(*old.lattice()), palette, forest, merged: None };
     let options = Options { onto, ..options.clone() };
-    build_sources(Within::all(sources), out, &options, task)
+    let times = mixed_times(old, &sources)?;
+    let mut report = build_sources(Within::all(sources), out, &options, task)?;
+    report.notes.extend(times);
+    Ok(report)
+}
+
+/// A line where GPS times of the old files and of the inputs don't compare, unless either's alone do not.
+fn mixed_times(old: &Forest, sources: &[Box<dyn Source>]) -> Result<Option<String>, BuildError> {
+    let (mut known, mut new) = (Vec::new(), Vec::new());
+    for file in old.files() {
+        for (i, record) in file.metadata().sources.iter().enumerate() {
+            known.push((record.path.clone(), gps_times(&file.verbatim(i)?)));
+        }
+    }
+    for info in sources.iter().map(|source| source.info()) {
+        new.push((info.path.display().to_string(), gps_times(&info.verbatim)));
+    }
+    let is_told = [&known, &new].iter().any(|of| times::mixed(of.iter().cloned()).is_some());
+    Ok(if is_told { None } else { times::mixed(known.into_iter().chain(new)) })
 }
 
 /// A file that is read must not be written.

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Rows that are looked at by one task, and tasks whose positions are put aside together.
 const TASK_ROWS: usize = 1 << 14;
 const GROUP_TASKS: usize = 64;
-/// Bytes of a position.
-const POSITION_BYTES: usize = 12;
+/// Bytes of a position that is put aside.
+pub const POSITION_BYTES: usize = 12;
 
 /// The borders of all chunks.
 pub struct Borders {
@@ -106,6 +106,12 @@ impl Borders {
         }
         self.cells.push((cell, extents));
         Ok(())
+    }
+
+    /// Forgets what this cell has put aside: where it lies.
+    pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
+        let at = self.cells.iter().position(|(other, _)| other == cell);
+        at.map_or_else(Vec::new, |at| self.cells.swap_remove(at).1)
     }
 
     /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.

@@ -14,16 +14,18 @@ use crate::normals::{Bounds, NormalsMode};
 use crate::onto::{OFF_LATTICE, Onto};
 use crate::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::scratch::Scratch;
-use crate::shares::Shares;
+use crate::shares::{SPILLED_BYTES_MAX, Shares};
 use crate::space::{Needs, free_bytes};
 use crate::store::Store;
 use crate::subtree::assemble;
+use crate::times;
 use crate::tree::Context;
 use esker_format::{
     Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
 };
 use esker_points::palette::Misfit;
 use esker_points::{ColourDepth, MultisetHash, Task};
+use esker_scan::las::gps_times;
 use esker_scan::{OpenOptions, ReadReport, Source};
 use rayon::ThreadBuilder;
 use std::collections::BTreeMap;
@@ -41,9 +43,6 @@ const COPIES: u64 = 6;
 /// keeps for it.
 const BASE_BYTES: u64 = 128 << 20;
 const THREAD_BYTES: u64 = 56 << 20;
-
-/// Rows in memory where they go to scratch though it would hold all.
-const SPILLED_BYTES_MAX: u64 = 320 << 20;
 
 /// More chunks than these are told to the journal, also where all rows are in memory: fewer are soon built again.
 const UNKEPT_CHUNKS: u64 = 16;
@@ -101,10 +100,9 @@ impl Default for Options {
 }
 
 impl Options {
-    /// How inputs are opened. Decoding and the rows of what is decoded are all there is in memory while they are read.
+    /// How inputs are opened.
     pub(crate) fn opening(&self) -> OpenOptions {
-        let chunk_bytes_max = Some(self.memory_bytes / 4);
-        OpenOptions { colour_depth: self.colour_depth, chunk_bytes_max }
+        OpenOptions { colour_depth: self.colour_depth, memory_bytes: Some(self.memory_bytes) }
     }
 }
 
@@ -123,6 +121,8 @@ pub struct Report {
     pub peak_anon_bytes: u64,
     /// Greatest resident set, in bytes.
     pub peak_rss_bytes: u64,
+    /// What scratch would hold at once at most, as was estimated before work started; not where a build was gone on with.
+    pub scratch_bytes_estimated: Option<u64>,
     /// Bytes written to scratch.
     pub scratch_bytes: u64,
     /// The most bytes that scratch held at once.
@@ -180,7 +180,9 @@ pub fn build_sources(
     if options.memory_bytes < MEMORY_BYTES_MIN {
         return Err(too_little_memory(MEMORY_BYTES_MIN, ""));
     }
-    let build = || build_shared(sources, out, options, Shares::of(options.memory_bytes), task);
+    let held_bytes = sources.iter().map(|s| s.held_bytes()).max().unwrap_or(0);
+    let shares = Shares::of(options.memory_bytes).beside(held_bytes, options.memory_bytes);
+    let build = || build_shared(sources, out, options, shares, task);
     let threads_max = ((options.memory_bytes - BASE_BYTES) / THREAD_BYTES) as usize;
     if rayon::current_num_threads() <= threads_max {
         return build();
@@ -265,6 +267,7 @@ fn build_into(
     intake.finds_edges = options.sharp_features;
     intake.finds_shapes = options.tangents;
     intake.lattice = options.onto.lattice;
+    let mut scratch_bytes_estimated = None;
     if !store.journal.is_resumed() {
         let plan = intake.plan()?;
         let rows = u64::from(options.node_capacity) * NODES_MIN;
@@ -275,9 +278,12 @@ fn build_into(
             let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
-        let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max);
+        let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes()).1;
+        let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max, chunk_rows_max);
         needs.check(folder, out, free_bytes)?;
-        if needs.spills(free_bytes(folder)) {
+        let spills = needs.spills(free_bytes(folder));
+        scratch_bytes_estimated = Some(needs.scratch_bytes(spills));
+        if spills {
             shares.buffer_bytes_max = SPILLED_BYTES_MAX;
         }
     }
@@ -364,6 +370,7 @@ fn build_into(
         hash,
         peak_anon_bytes: peak.bytes().saturating_sub(start),
         peak_rss_bytes: memory::usage().rss_peak_bytes,
+        scratch_bytes_estimated,
         scratch_bytes: store.scratch.bytes(),
         scratch_bytes_peak: store.scratch.bytes_peak(),
         disk_bytes_peak: store.scratch.disk_bytes_peak().max(bytes_out),
@@ -498,7 +505,7 @@ fn of_merged(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
-/// The notes on all sources; and a word where their reference systems differ.
+/// The notes on all sources; and a word where their reference systems differ, or what their GPS times are counted from.
 fn notes(metadata: &Metadata) -> Vec<String> {
     let mut out: Vec<String> = metadata
         .sources
@@ -511,5 +518,8 @@ fn notes(metadata: &Metadata) -> Vec<String> {
     {
         out.push(format!("{} and {} name different coordinate reference systems; coordinates are taken as they are", first.path, other.path));
     }
+    out.extend(times::mixed(
+        metadata.sources.iter().map(|s| (s.path.clone(), gps_times(&s.verbatim))),
+    ));
     out
 }

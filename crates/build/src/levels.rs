@@ -7,21 +7,15 @@ use crate::counts::Counts;
 use crate::error::BuildError;
 use crate::memory::Peak;
 use crate::normals::UNKNOWN;
-use crate::partition::{Bucket, Partition, block_of_rows};
+use crate::partition::Bucket;
 use crate::pending::Below;
 use crate::record::Kind;
-use crate::row::{Rows, position};
+use crate::row::Rows;
 use crate::shape::Moments;
 use crate::store::Store;
 use crate::subtree::Subtree;
 use crate::tree::Context;
 use esker_points::{Cell, Task};
-use rayon::prelude::*;
-
-/// Octree levels by which a bucket that is too large is parted at a time.
-const PART_LEVELS: u8 = 3;
-/// Rows of a part that are sorted into cells together.
-const BLOCK_ROWS: usize = 1 << 16;
 
 /// Builds a tree out of buckets.
 pub struct Raiser<'a> {
@@ -75,12 +69,13 @@ impl Raiser<'_> {
                 }
                 Step::Part(bucket) => {
                     self.store.write(std::mem::take(&mut built.outgoing))?;
-                    let parts = match self.store.parted(&bucket, self.context.rows.bytes())? {
-                        Some(parts) => parts,
-                        None => self.part(bucket)?,
-                    };
+                    let cell = bucket.cell;
+                    let parts = self.part(bucket)?;
                     let before = steps.len();
                     self.plan(parts, &mut steps);
+                    if steps.len() - before > 1 {
+                        self.store.forget_aside(&cell);
+                    }
                     self.put_aside(&steps[before..])?;
                 }
                 Step::Coincident(bucket) => {
@@ -172,54 +167,6 @@ impl Raiser<'_> {
             self.store.put_aside(buckets, &self.context.rows)?;
         }
         self.store.tell_aside(known)
-    }
-
-    /// Parts a bucket that is too large into smaller cells: some levels below the smallest cell that
-    /// holds its rows, so that a far outlier or a stack of points costs one pass, not one for each level.
-    fn part(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
-        let stride = self.context.rows.bytes();
-        let map = self.store.map(&bucket)?;
-        // A build that goes on finds the parts where it finds the bucket.
-        let is_told = map.is_some() && self.store.journal.keeps_rows();
-        let runs = bucket.runs(map.as_ref(), stride);
-        self.store.check(&bucket, &runs, &self.context.rows)?;
-        let scratch = &mut self.store.scratch;
-        let blocks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(BLOCK_ROWS * stride)).collect();
-        let empty = || ([u32::MAX; 3], [0; 3]);
-        let join = |a: ([u32; 3], [u32; 3]), b: ([u32; 3], [u32; 3])| {
-            ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i])))
-        };
-        let bounds_of = |rows: &&[u8]| {
-            let positions = rows.chunks_exact(stride).map(position);
-            positions.fold(empty(), |bounds, p| join(bounds, (p, p)))
-        };
-        let (min, max) = blocks.par_iter().map(bounds_of).reduce(empty, join);
-        self.task.check()?;
-        let log2 = Cell::enclosing(min, max).log2.saturating_sub(PART_LEVELS);
-        // Rows in memory lie in blocks that others share, so they are not freed as they are parted.
-        let buffer_bytes_max =
-            if map.is_some() { self.buffer_bytes_max } else { self.buffer_bytes_max / 8 };
-        let mut partition = Partition::new(stride, log2, buffer_bytes_max, is_told);
-        for group in blocks.chunks(rayon::current_num_threads().max(1)) {
-            self.task.check()?;
-            let parted: Vec<_> =
-                group.par_iter().map(|rows| block_of_rows(rows, stride, log2)).collect();
-            parted.into_iter().try_for_each(|block| partition.add(block, scratch))?;
-        }
-        drop((blocks, runs));
-        drop(map);
-        let extents = std::mem::take(&mut bucket.extents);
-        drop(bucket);
-        if is_told {
-            partition.spill(scratch)?;
-        }
-        let log2 = partition.log2();
-        let parts = partition.finish(scratch)?;
-        if is_told {
-            self.store.tell_parted(log2, &parts)?;
-        }
-        self.store.scratch.release(extents);
-        Ok(parts)
     }
 
     /// More coincident points than memory holds: a node's worth at a time, in the order of their records.

@@ -31,6 +31,7 @@ pub mod normals;
 pub mod onto;
 mod order;
 mod palette;
+mod parting;
 mod partition;
 mod pending;
 mod places;
@@ -56,6 +57,7 @@ mod taking;
 mod tangents;
 mod thin;
 mod tiles;
+mod times;
 mod tree;
 mod turn;
 

@@ -73,6 +73,10 @@ impl Source for Within {
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
         self.0.survey(task)
     }
+
+    fn held_bytes(&self) -> u64 {
+        self.0.held_bytes()
+    }
 }
 
 /// A batch without the points that were refused, and how many those were.

@@ -4,6 +4,7 @@
 //! harm.
 
 use crate::error::BuildError;
+use crate::record::{Reading, Record};
 use crate::row::position;
 use crate::scratch::{Extent, Run, Scratch};
 use esker_points::{Cell, morton};
@@ -117,6 +118,51 @@ pub struct Stored {
     pub extent: Extent,
 }
 
+/// Rows that went to scratch together, a cell's behind another's.
+#[derive(Debug)]
+pub struct Spilled {
+    /// Log2 of the cells' edge.
+    pub log2: u8,
+    /// What lies where.
+    pub parts: Vec<Stored>,
+}
+
+impl Spilled {
+    /// Their bytes.
+    pub fn bytes(&self) -> u64 {
+        self.parts.iter().map(|part| part.extent.bytes).sum()
+    }
+
+    /// Where they lie.
+    pub fn extents(&self) -> Vec<Extent> {
+        self.parts.iter().map(|part| part.extent).collect()
+    }
+
+    /// Adds them to a record.
+    pub fn put(&self, record: &mut Record) {
+        record.put(self.log2);
+        record.put(self.parts.first().map_or(0, |part| part.extent.offset));
+        record.put(self.parts.len() as u64);
+        for part in &self.parts {
+            record.put(part.corner);
+            record.put(part.extent.bytes);
+        }
+    }
+
+    /// Reads them from a record.
+    pub fn get(from: &mut Reading<'_>) -> Option<Self> {
+        let log2 = from.get::<u8>().filter(|&log2| log2 <= 32)?;
+        let (mut offset, count) = (from.get::<u64>()?, from.get::<u64>()?);
+        let mut parts = Vec::new();
+        for _ in 0..count {
+            let (corner, bytes) = (from.get()?, from.get()?);
+            parts.push(Stored { corner, extent: Extent { offset, bytes } });
+            offset = offset.checked_add(bytes)?;
+        }
+        Some(Self { log2, parts })
+    }
+}
+
 /// The rows of one cell.
 #[derive(Debug)]
 pub struct Bucket {
@@ -177,21 +223,6 @@ impl Partition {
         self.log2
     }
 
-    /// Adds a block, of cells no larger than this partition's.
-    ///
-    /// # Errors
-    /// Where scratch space fails.
-    pub fn add(&mut self, block: Block, scratch: &mut Scratch) -> Result<(), BuildError> {
-        if self.is_full_for(&block) {
-            self.spill(scratch)?;
-        }
-        self.hold(block);
-        if self.is_full() {
-            self.spill(scratch)?;
-        }
-        Ok(())
-    }
-
     /// Whether memory has no room for a block beside what is in it.
     pub fn is_full_for(&self, block: &Block) -> bool {
         self.buffered_bytes > 0 && self.buffered_bytes + block.bytes() > self.held_bytes_max()
@@ -207,7 +238,12 @@ impl Partition {
         if self.is_spilling { self.buffer_bytes_max / 2 } else { self.buffer_bytes_max }
     }
 
-    /// Adds a block in memory.
+    /// Whether any rows are in memory.
+    pub fn holds_rows(&self) -> bool {
+        self.buffered_bytes > 0
+    }
+
+    /// Adds a block in memory, of cells no larger than this partition's.
     pub fn hold(&mut self, block: Block) {
         debug_assert!(block.log2 <= self.log2);
         self.buffered_bytes += block.bytes();
@@ -221,11 +257,11 @@ impl Partition {
     }
 
     /// Adds what an earlier build has put in scratch, out of cells of this size.
-    pub fn restore(&mut self, log2: u8, stored: &[Stored]) {
-        while self.log2 < log2.min(32) {
+    pub fn restore(&mut self, spilled: &Spilled) {
+        while self.log2 < spilled.log2 {
             self.coarsen();
         }
-        for part in stored {
+        for part in &spilled.parts {
             let index = self.bucket_of(part.corner);
             let bucket = &mut self.buckets[index];
             bucket.rows += part.extent.bytes / self.stride as u64;
@@ -271,11 +307,11 @@ impl Partition {
     ///
     /// # Errors
     /// Where scratch space fails, for these rows or those before.
-    pub fn spill(&mut self, scratch: &mut Scratch) -> Result<Vec<Stored>, BuildError> {
+    pub fn spill(&mut self, scratch: &mut Scratch) -> Result<Spilled, BuildError> {
         let mut along: Vec<&mut Bucket> =
             self.buckets.iter_mut().filter(|bucket| !bucket.pieces.is_empty()).collect();
         along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
-        let (mut runs, mut stored) = (Vec::new(), Vec::with_capacity(along.len()));
+        let (mut runs, mut parts) = (Vec::new(), Vec::with_capacity(along.len()));
         let mut offset = scratch.end();
         for bucket in along {
             let pieces = bucket.pieces.drain(..).map(|piece| piece.run(self.stride));
@@ -284,7 +320,7 @@ impl Partition {
             let bytes = runs[before..].iter().map(|run| run.bytes.len() as u64).sum();
             let extent = Extent { offset, bytes };
             offset += bytes;
-            stored.push(Stored { corner: bucket.cell.corner, extent });
+            parts.push(Stored { corner: bucket.cell.corner, extent });
             bucket.extents.push(extent);
         }
         scratch.append_meanwhile(runs)?;
@@ -293,7 +329,7 @@ impl Partition {
             scratch.flush()?;
         }
         (self.buffered_bytes, self.is_spilling) = (0, true);
-        Ok(stored)
+        Ok(Spilled { log2: self.log2, parts })
     }
 
     /// The buckets along the Morton curve; once anything has gone to scratch, everything does, so that
@@ -351,6 +387,16 @@ mod tests {
     use crate::candidates::tests::rows_of;
     use proptest::prelude::*;
 
+    fn add(partition: &mut Partition, block: Block, scratch: &mut Scratch) {
+        if partition.is_full_for(&block) {
+            partition.spill(scratch).unwrap();
+        }
+        partition.hold(block);
+        if partition.is_full() {
+            partition.spill(scratch).unwrap();
+        }
+    }
+
     proptest! {
         #[test]
         fn every_row_is_in_the_bucket_of_its_cell(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), log2 in 0u8..=32, memory in 0usize..100_000, is_spilling: bool) {
@@ -359,7 +405,7 @@ mod tests {
             let mut partition = Partition::new(12, log2, memory, is_spilling);
             for part in rows_of(&points).chunks(12 * 7) {
                 let log2 = partition.log2();
-                partition.add(block_of_rows(part, 12, log2), &mut scratch).unwrap();
+                add(&mut partition, block_of_rows(part, 12, log2), &mut scratch);
             }
             let buckets = partition.finish(&mut scratch).unwrap();
             let map = scratch.map().ok();
@@ -388,7 +434,7 @@ mod tests {
         let points: Vec<_> = (0..60_000u32)
             .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i << 16])
             .collect();
-        partition.add(block_of_rows(&rows_of(&points), 12, 0), &mut scratch).unwrap();
+        add(&mut partition, block_of_rows(&rows_of(&points), 12, 0), &mut scratch);
         let buckets = partition.finish(&mut scratch).unwrap();
         assert!(buckets.len() <= BUCKETS_MAX);
         assert_eq!(buckets.iter().map(|b| b.rows).sum::<u64>(), 60_000);

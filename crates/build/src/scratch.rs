@@ -34,6 +34,22 @@ impl Extent {
     }
 }
 
+/// Takes so many bytes from the front of extents.
+pub fn take_first(extents: &mut Vec<Extent>, bytes: u64) -> Vec<Extent> {
+    let (mut taken, mut left) = (Vec::new(), bytes);
+    for extent in &mut *extents {
+        let bytes = extent.bytes.min(left);
+        taken.push(Extent { offset: extent.offset, bytes });
+        *extent = Extent { offset: extent.offset + bytes, bytes: extent.bytes - bytes };
+        left -= bytes;
+        if left == 0 {
+            break;
+        }
+    }
+    extents.retain(|extent| extent.bytes > 0);
+    taken
+}
+
 /// Bytes of a block that others share, on their way to scratch.
 pub struct Run {
     /// The block.
@@ -342,6 +358,16 @@ mod tests {
         assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
         assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_013, 20_000));
         assert_eq!(scratch.disk_bytes_peak(), 20_500);
+    }
+
+    #[test]
+    fn the_first_bytes_of_extents_are_taken_across_their_ends() {
+        let extent = |offset, bytes| Extent { offset, bytes };
+        let mut extents = vec![extent(100, 10), extent(7, 20), extent(500, 5)];
+        assert_eq!(take_first(&mut extents, 10), [extent(100, 10)]);
+        assert_eq!(take_first(&mut extents, 3), [extent(7, 3)]);
+        assert_eq!(take_first(&mut extents, 18), [extent(10, 17), extent(500, 1)]);
+        assert_eq!(extents, [extent(501, 4)]);
     }
 
     #[test]

@@ -7,6 +7,10 @@ use crate::tree::LEAF_NODES;
 /// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
 const CHUNK_NODES: u64 = 24;
 const CHUNK_ROWS: u64 = 1 << 20;
+/// Memory that reading takes beside rows and what a reader holds; less than `BESIDE_HELD_BYTES`.
+const READING_BYTES: u64 = 96 << 20;
+/// Rows in memory where all go to scratch.
+pub(crate) const SPILLED_BYTES_MAX: u64 = 320 << 20;
 /// Bytes a point of a chunk while normals are estimated, its halo's share among them.
 const NORMALS_BYTES: f64 = 80.0;
 
@@ -31,6 +35,12 @@ impl Shares {
     pub fn of(memory_bytes: u64) -> Self {
         let part = |share: f64| (memory_bytes as f64 * share) as u64;
         Self { buffer_bytes_max: part(0.3), chunk_bytes_max: part(0.45) }
+    }
+
+    /// What is left of this memory for rows while a reader holds so much of an input.
+    pub fn beside(self, held_bytes: u64, memory_bytes: u64) -> Self {
+        let room = memory_bytes.saturating_sub(READING_BYTES + held_bytes);
+        Self { buffer_bytes_max: self.buffer_bytes_max.min(room), ..self }
     }
 
     /// Rows of a chunk of several buckets, and of all chunks that are built at once, or of one bucket alone. Their sorted

@@ -1,8 +1,10 @@
-//! Space on disks: estimated before work starts, and refused early where it cannot suffice. What cannot be
-//! known counts for nothing, so that no build is refused that could have worked.
+//! Space on disks: estimated before work starts, and refused early where it cannot suffice. What the file takes beside
+//! hot positions is not known, and counts for nothing.
 
+use crate::borders::POSITION_BYTES;
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan};
+use crate::parting::twice_bytes_max;
 use esker_points::quant::HOT_POSITION_BYTES;
 use std::path::Path;
 
@@ -11,34 +13,49 @@ use std::path::Path;
 /// touched at a time.
 const HELD_BYTES_MAX: u64 = 1 << 30;
 
-/// What a build needs at least, in bytes.
+/// What a build needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Needs {
-    /// All rows.
+    /// Bytes of all rows.
     pub rows_bytes: u64,
-    /// Scratch files: all rows, where memory does not hold them.
-    pub scratch_bytes: u64,
-    /// The file: hot positions, what it has of every point whatever the rest is compressed to.
+    /// Whether memory holds them.
+    pub is_held: bool,
+    /// Whether a cell may hold more of them than a chunk, which then is parted through scratch.
+    pub may_part: bool,
+    /// Bytes of scratch at most, where rows go there: all of them, those that a cell that is parted has twice, and, where
+    /// normals are estimated, the positions near borders, at most all.
+    pub scratch_bytes_max: u64,
+    /// Bytes of the file at least: hot positions, what it has of every point whatever the rest is compressed to.
     pub file_bytes: u64,
 }
 
 impl Needs {
-    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory.
-    pub fn of(intake: &Intake, plan: &Plan, buffer_bytes_max: u64) -> Self {
+    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory, and chunks have so many rows.
+    pub fn of(intake: &Intake, plan: &Plan, buffer_bytes_max: u64, chunk_rows_max: u64) -> Self {
         let points = intake.points_likely();
         let rows_bytes = points.saturating_mul(plan.row_bytes() as u64);
+        let twice_bytes = twice_bytes_max(buffer_bytes_max, plan.row_bytes()).min(rows_bytes);
+        let aside_bytes = if intake.estimates_normals { POSITION_BYTES as u64 } else { 0 };
+        let beside_bytes = twice_bytes.saturating_add(points.saturating_mul(aside_bytes));
         Self {
             rows_bytes,
-            scratch_bytes: if rows_bytes > buffer_bytes_max { rows_bytes } else { 0 },
+            is_held: rows_bytes <= buffer_bytes_max,
+            may_part: points > chunk_rows_max,
+            scratch_bytes_max: rows_bytes.saturating_add(beside_bytes),
             file_bytes: points.saturating_mul(HOT_POSITION_BYTES as u64),
         }
     }
 
     /// Whether rows go to scratch, where so much is free as far as the system tells, although memory would hold them.
     pub fn spills(self, free_bytes: Option<u64>) -> bool {
-        self.scratch_bytes == 0
+        self.is_held
             && self.rows_bytes > HELD_BYTES_MAX
-            && free_bytes.is_none_or(|free| self.rows_bytes <= free)
+            && free_bytes.is_none_or(|free| self.scratch_bytes_max <= free)
+    }
+
+    /// What scratch files have at once at most, as estimated.
+    pub fn scratch_bytes(self, spills: bool) -> u64 {
+        if spills || self.may_part || !self.is_held { self.scratch_bytes_max } else { 0 }
     }
 
     /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it does.
@@ -59,8 +76,10 @@ impl Needs {
         let of_scratch =
             ("scratch files need", "name another folder with --scratch, or give more --memory");
         let of_file = ("the file needs", "choose another folder for it");
+        // Where memory holds the rows, few builds part a cell.
+        let scratch_bytes = if self.is_held { 0 } else { self.scratch_bytes_max };
         for (path, needed_bytes, (what, remedy)) in
-            [(scratch, self.scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]
+            [(scratch, scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]
         {
             if let Some(free_bytes) = free_bytes(path).filter(|&free| needed_bytes > free) {
                 let path = path.to_owned();
@@ -91,7 +110,13 @@ mod tests {
 
     #[test]
     fn too_little_space_is_refused_with_what_is_needed_and_what_is_free() {
-        let needs = Needs { rows_bytes: 3 << 30, scratch_bytes: 3 << 30, file_bytes: 1 << 30 };
+        let needs = Needs {
+            rows_bytes: 2 << 30,
+            is_held: false,
+            may_part: true,
+            scratch_bytes_max: 3 << 30,
+            file_bytes: 1 << 30,
+        };
         let free = |scratch: u64, out: u64| {
             let free = move |p: &Path| Some(if p.ends_with("scratch") { scratch } else { out });
             needs
@@ -105,16 +130,28 @@ mod tests {
         let text = free(9 << 30, 1 << 20).unwrap_err();
         assert!(text.starts_with("/out: the file needs at least 1024 MiB, 1 MiB are"), "{text}");
         needs.check("/scratch".as_ref(), "a.esker".as_ref(), |_| None).unwrap();
+        // What memory holds is built without, where no cell has to be parted.
+        let needs = Needs { is_held: true, ..needs };
+        needs.check("/scratch".as_ref(), "a.esker".as_ref(), |_| Some(1 << 30)).unwrap();
+        assert_eq!(needs.scratch_bytes(false), 3 << 30);
+        assert_eq!(Needs { may_part: false, ..needs }.scratch_bytes(false), 0);
     }
 
     #[test]
     fn many_rows_go_to_scratch_where_it_has_room() {
-        let needs = |rows_bytes, scratch_bytes| Needs { rows_bytes, scratch_bytes, file_bytes: 9 };
-        assert!(needs(3 << 30, 0).spills(Some(3 << 30)) && needs(3 << 30, 0).spills(None));
-        assert!(!needs(3 << 30, 0).spills(Some((3 << 30) - 1)));
-        assert!(!needs(1 << 30, 0).spills(None));
+        let scratch_bytes_max = 4 << 30;
+        let needs = |rows_bytes, is_held| Needs {
+            rows_bytes,
+            is_held,
+            may_part: false,
+            scratch_bytes_max,
+            file_bytes: 9,
+        };
+        assert!(needs(3 << 30, true).spills(Some(4 << 30)) && needs(3 << 30, true).spills(None));
+        assert!(!needs(3 << 30, true).spills(Some((4 << 30) - 1)));
+        assert!(!needs(1 << 30, true).spills(None));
         // Memory holds less anyway.
-        assert!(!needs(3 << 30, 3 << 30).spills(None));
+        assert!(!needs(3 << 30, false).spills(None));
     }
 
     #[test]

@@ -4,13 +4,13 @@
 use crate::borders::{self, Borders, cell_of};
 use crate::error::BuildError;
 use crate::journal::Journal;
-use crate::partition::Bucket;
+use crate::partition::{Bucket, Spilled};
 use crate::record::{Kind, Reading, Record};
 use crate::row::{RowLayout, position};
-use crate::scratch::{Extent, Scratch};
+use crate::scratch::{Extent, Scratch, take_first};
 use crate::sort::sort;
 use esker_format::FileWriter;
-use esker_points::{Cell, morton};
+use esker_points::Cell;
 use memmap2::Mmap;
 use rayon::prelude::*;
 
@@ -148,6 +148,12 @@ impl Store {
         }
     }
 
+    /// Gives back what a cell has put aside whose parts are to: that is all of it that others may need, and more.
+    pub fn forget_aside(&mut self, cell: &Cell) {
+        let extents = self.borders.as_mut().map(|borders| borders.forget(cell));
+        self.scratch.release(extents.unwrap_or_default());
+    }
+
     /// Tells of what was put aside after the first `known` cells.
     ///
     /// # Errors
@@ -197,47 +203,33 @@ impl Store {
         if self.journal.rows().is_some() { self.journal.ask(kind) } else { Ok(None) }
     }
 
-    /// Tells of the parts of a bucket, whose cells have this size.
-    ///
-    /// # Errors
-    /// Where the disk is full.
-    pub fn tell_parted(&mut self, log2: u8, parts: &[Bucket]) -> Result<(), BuildError> {
-        self.scratch.flush()?;
-        let mut record = Record::new(Kind::Parted);
-        record.put(log2);
-        record.put(parts.len() as u64);
-        for part in parts {
-            record.put(part.cell.corner);
-            put_extents(&part.extents, &mut record);
-        }
-        self.journal.tell(record)
-    }
-
-    /// The parts of a bucket of rows of `stride` bytes, where the journal has them.
+    /// What the journal has next of the parts of a bucket of rows of `stride` bytes; they then are the bucket's no more.
     ///
     /// # Errors
     /// Where it is damaged.
     pub fn parted(
         &mut self,
-        bucket: &Bucket,
+        bucket: &mut Bucket,
         stride: usize,
-    ) -> Result<Option<Vec<Bucket>>, BuildError> {
+    ) -> Result<Option<Spilled>, BuildError> {
         if bucket.extents.is_empty() {
             return Ok(None);
         }
         let Some(record) = self.ask_of_rows(Kind::Parted)? else { return Ok(None) };
-        let parts = read_parted(&record, stride).filter(|parts| {
-            let rows: u64 = parts.iter().map(|part| part.rows).sum();
-            let cells = parts.iter().map(|part| part.cell.corner);
-            rows == bucket.rows && cells.is_sorted_by_key(morton::encode3)
-        });
-        let parts = parts.ok_or_else(|| self.journal.damaged("a part of its rows"))?;
-        let extents: Vec<Extent> = parts.iter().flat_map(|p| p.extents.iter().copied()).collect();
-        if !self.scratch.restore(&extents)? {
+        let stride_bytes = stride as u64;
+        let is_own = |spilled: &Spilled| {
+            let bytes = spilled.bytes();
+            bytes.is_multiple_of(stride_bytes)
+                && (1..=bucket.rows).contains(&(bytes / stride_bytes))
+        };
+        let spilled = Spilled::get(&mut Reading(&record)).filter(is_own);
+        let spilled = spilled.ok_or_else(|| self.journal.damaged("a part of its rows"))?;
+        if !self.scratch.restore(&spilled.extents())? {
             return Err(self.journal.damaged("its scratch file"));
         }
-        self.scratch.release(bucket.extents.clone());
-        Ok(Some(parts))
+        bucket.rows -= spilled.bytes() / stride_bytes;
+        self.scratch.release(take_first(&mut bucket.extents, spilled.bytes()));
+        Ok(Some(spilled))
     }
 }
 
@@ -265,20 +257,6 @@ impl Stored {
         }
         self.buckets.into_iter().flat_map(|b| b.extents).collect()
     }
-}
-
-fn read_parted(record: &[u8], stride: usize) -> Option<Vec<Bucket>> {
-    let mut from = Reading(record);
-    let (log2, count) = (from.get::<u8>().filter(|&log2| log2 <= 32)?, from.get::<u64>()?);
-    let part = |_| {
-        let mut bucket = Bucket::new(Cell::containing(from.get()?, log2));
-        bucket.extents = extents(&mut from)?;
-        for extent in &bucket.extents {
-            bucket.rows = bucket.rows.checked_add(extent.bytes / stride as u64)?;
-        }
-        Some(bucket)
-    };
-    (0..count).map(part).collect()
 }
 
 fn put_extents(extents: &[Extent], record: &mut Record) {

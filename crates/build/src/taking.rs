@@ -4,10 +4,10 @@
 use crate::error::BuildError;
 use crate::intake::{Intake, Plan, Taken};
 use crate::journal::Journal;
-use crate::partition::{Block, Partition, Stored};
+use crate::partition::{Block, Partition, Spilled};
 use crate::record::{Kind, Reading, Record};
 use crate::row::{Incoming, RowLayout};
-use crate::scratch::{Extent, Scratch};
+use crate::scratch::Scratch;
 use esker_format::Ranges;
 use esker_points::attribute::names;
 use esker_points::{AttrType, Batch, Lattice, MultisetHash, quant};
@@ -173,7 +173,7 @@ impl<'a> Taking<'a> {
             self.journal.tell(self.intake.known())?;
         }
         self.tell()?;
-        let stored = self.partition.spill(self.scratch)?;
+        let spilled = self.partition.spill(self.scratch)?;
         if !self.journal.keeps_rows() {
             return Ok(());
         }
@@ -188,13 +188,7 @@ impl<'a> Taking<'a> {
         record.put(reports.len() as u64);
         reports.iter().for_each(|report| put_report(report, &mut record));
         self.told = self.added.0;
-        record.put(self.partition.log2());
-        record.put(stored.first().map_or(0, |s| s.extent.offset));
-        record.put(stored.len() as u64);
-        for part in stored {
-            record.put(part.corner);
-            record.put(part.extent.bytes);
-        }
+        spilled.put(&mut record);
         self.untold = Some(record);
         Ok(())
     }
@@ -211,18 +205,15 @@ impl<'a> Taking<'a> {
             })?;
         }
         for record in records {
-            let stored = self.restore(&record);
-            let extents: Option<Vec<Extent>> =
-                stored.map(|stored| stored.iter().map(|s| s.extent).collect());
-            match extents {
-                Some(extents) if self.scratch.restore(&extents)? => {}
+            match self.restore(&record) {
+                Some(spilled) if self.scratch.restore(&spilled.extents())? => {}
                 _ => return Err(self.journal.damaged("what it has of the inputs")),
             }
         }
         Ok(())
     }
 
-    fn restore(&mut self, record: &[u8]) -> Option<Vec<Stored>> {
+    fn restore(&mut self, record: &[u8]) -> Option<Spilled> {
         let mut from = Reading(record);
         let [source, points] = from.get()?;
         self.added = (usize::try_from(source).ok()?, points);
@@ -234,15 +225,9 @@ impl<'a> Taking<'a> {
             self.reports.push(report(&mut from)?);
         }
         self.told = self.reports.len();
-        let (log2, mut offset) = (from.get()?, from.get::<u64>()?);
-        let mut stored = Vec::new();
-        for _ in 0..from.get::<u64>()? {
-            let (corner, bytes) = (from.get()?, from.get()?);
-            stored.push(Stored { corner, extent: Extent { offset, bytes } });
-            offset = offset.checked_add(bytes)?;
-        }
-        self.partition.restore(log2, &stored);
-        (self.told == self.added.0).then_some(stored)
+        let spilled = Spilled::get(&mut from)?;
+        self.partition.restore(&spilled);
+        (self.told == self.added.0).then_some(spilled)
     }
 }
 

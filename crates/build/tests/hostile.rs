@@ -5,7 +5,7 @@ mod cloud;
 mod given;
 
 use cloud::{below, random};
-use esker_build::{Options, build, build_sources};
+use esker_build::{NormalsMode, Options, Shares, build, build_shared, build_sources};
 use esker_points::AttrType;
 use esker_points::task::Silent;
 use given::{Given, given, whole};
@@ -62,6 +62,46 @@ fn one_far_outlier() {
     points.push([i32::MAX, 3, i32::MIN]);
     let (report, _) = whole(&[numbered(points)], &small(1024));
     assert!(report.depth < 12, "chains of single children are skipped: {}", report.depth);
+}
+
+#[test]
+fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
+    use NormalsMode::{Estimate, Keep};
+    let near = |i: u64| [0, 1, 2].map(|a| below(3 * i + a, 1000));
+    let cloud = (0..250_000).map(near);
+    let far = [i32::MAX, 3, i32::MIN];
+    // Seen from the first outlier all is one cell, from the second again.
+    let clouds: [Vec<_>; 3] = [
+        cloud.clone().collect(),
+        cloud.clone().chain([far]).collect(),
+        cloud.chain([far, [1_000_000; 3]]).collect(),
+    ];
+    for (outliers, positions) in clouds.iter().enumerate() {
+        let rows_bytes = 12 * positions.len() as u64;
+        for (buffer_bytes_max, normals) in
+            [(0, Keep), (1 << 20, Keep), (rows_bytes, Keep), (0, Estimate)]
+        {
+            let source = given("cloud", MM, positions.clone()).boxed();
+            let folder = tempfile::tempdir().unwrap();
+            let out = folder.path().join("out.esker");
+            let shares = Shares { buffer_bytes_max, chunk_bytes_max: 500_000 };
+            let options = Options { normals, ..small(256) };
+            let report = build_shared(vec![source], &out, &options, shares, &Silent).unwrap();
+            let of = format!("{outliers} outliers, {buffer_bytes_max} bytes in memory");
+            let (peak, estimate) =
+                (report.scratch_bytes_peak, report.scratch_bytes_estimated.unwrap());
+            assert!(peak <= estimate, "{of}: {peak}, {estimate} estimated");
+            if buffer_bytes_max < rows_bytes && normals == Keep {
+                assert!(estimate < rows_bytes * 4 / 3, "{of}: {estimate} for {rows_bytes}");
+                let passes = (report.scratch_bytes + rows_bytes / 2) / rows_bytes;
+                assert_eq!(
+                    passes,
+                    1 + outliers as u64,
+                    "{of}: rows went to scratch {passes} times"
+                );
+            }
+        }
+    }
 }
 
 #[test]

@@ -153,6 +153,30 @@ fn a_build_that_is_cut_anywhere_goes_on_to_the_same_bytes() {
 }
 
 #[test]
+fn a_cell_that_was_parted_halfway_goes_on_there() {
+    let point = |i: u64| [below(3 * i, 900), below(3 * i + 1, 900), below(3 * i + 2, 900)];
+    let far = (0..300_000u64).map(point).chain([[i32::MAX; 3]]).collect();
+    let sources = [given("far", [0.001; 3], far)];
+    let shares = Shares { chunk_bytes_max: 4_000_000, ..LITTLE };
+    let place = Place::new();
+    // One thread parts one block of five between two questions.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        place.run(&sources, Resume::Never, shares, u64::MAX);
+        let whole = place.file();
+        // Reading ends before, building begins behind.
+        for after in 8..20 {
+            let place = Place::new();
+            let (ended, _) = place.run(&sources, Resume::Later, shares, after);
+            assert_eq!(ended, Ended::Kept, "cut at {after}");
+            let (ended, _) = place.run(&sources, Resume::Now, shares, u64::MAX);
+            assert_eq!(ended, Ended::Done, "cut at {after}");
+            assert!(place.file() == whole, "other bytes after a cut at {after}");
+        }
+    });
+}
+
+#[test]
 fn normals_are_estimated_as_if_nothing_had_been() {
     for shares in [LITTLE, NO_SCRATCH] {
         assert!(cut_and_resumed_with(NormalsMode::Estimate, &sources(), shares, 6) > 2);

@@ -104,7 +104,7 @@ pub struct LeaveOut {
 
 #[derive(ClapArgs)]
 pub struct BenchBuild {
-    /// Scans; each is built by itself, in a process of its own, into a temporary file.
+    /// Scans; each is built by itself, in a process of its own, into a temporary file; all in turn in each run.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// A rival: the path of PotreeConverter or copc_converter, or a command line such as

@@ -88,6 +88,7 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "points_per_second": report.points_in as f64 / seconds.max(1e-9),
         "peak_anon_bytes": report.peak_anon_bytes,
         "peak_rss_bytes": report.peak_rss_bytes,
+        "scratch_bytes_estimated": report.scratch_bytes_estimated,
         "scratch_bytes": report.scratch_bytes,
         "scratch_bytes_peak": report.scratch_bytes_peak,
         "disk_bytes_peak": report.disk_bytes_peak,
@@ -98,15 +99,17 @@ pub fn json(report: &Report, seconds: f64) -> Value {
         "palette_misfit": report.palette_misfit.map(|m| {
             json!({ "mean": m.mean, "most": m.most, "worst": m.worst })
         }),
-        "radius_error_max": quant::RADIUS_ERROR,
-        "normal_error_degrees_max": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
-        "shape_error_max": report.has_tangents.then(|| {
-            json!({
-                "axis_degrees": tangents::AXIS_ERROR_DEGREES,
-                "apart": tangents::APART_ERROR,
-                "aspect": tangents::ASPECT_ERROR,
-            })
-        }),
+        "code_error_bounds": {
+            "radius": quant::RADIUS_ERROR,
+            "normal_degrees": (report.normals != Normals::None).then_some(quant::NORMAL_ERROR_DEGREES),
+            "shape": report.has_tangents.then(|| {
+                json!({
+                    "axis_degrees": tangents::AXIS_ERROR_DEGREES,
+                    "apart": tangents::APART_ERROR,
+                    "aspect": tangents::ASPECT_ERROR,
+                })
+            }),
+        },
         "notes": report.notes,
     })
 }
@@ -143,20 +146,32 @@ pub fn text(report: &Report, seconds: f64, out: &Path) -> String {
     }
     lines.push(codes(report));
     lines.push(format!(
-        "memory: {} at most, {} resident; disk: {} through scratch, {} at most with the file",
+        "memory: {} at most, {} resident; disk: {} through scratch{}, {} at most with the file",
         readable_bytes(report.peak_anon_bytes),
         readable_bytes(report.peak_rss_bytes),
         readable_bytes(report.scratch_bytes),
+        scratch_at_once(report),
         readable_bytes(report.disk_bytes_peak)
     ));
     lines.extend(report.notes.iter().map(|n| format!("note: {n}")));
     lines.join("\n")
 }
 
-/// What codes that pictures are drawn from are off by at most.
+/// What scratch held at once, beside what was estimated.
+fn scratch_at_once(report: &Report) -> String {
+    if report.scratch_bytes == 0 {
+        return String::new();
+    }
+    let estimated = report.scratch_bytes_estimated.map(readable_bytes);
+    let estimated = estimated.map_or_else(String::new, |bytes| format!(", {bytes} estimated"));
+    format!(" ({} at once{estimated})", readable_bytes(report.scratch_bytes_peak))
+}
+
+/// What codes that pictures are drawn from can be off by: this follows from their form, not from the points.
 fn codes(report: &Report) -> String {
     let per_cent = |share: f64| format!("{:.1} %", share * 100.0);
-    let mut line = format!("codes: radii too wide by {} at most", per_cent(quant::RADIUS_ERROR));
+    let mut line = "codes: their form lets ".to_owned();
+    line += &format!("radii be too wide by {} at most", per_cent(quant::RADIUS_ERROR));
     if report.normals != Normals::None {
         line += &format!(", normals turned by {} degrees", quant::NORMAL_ERROR_DEGREES);
     }

@@ -4,6 +4,7 @@ use crate::quantity::{grouped, readable_bytes};
 use anyhow::Result;
 use esker_format::{Forest, PlaneKind, SourceRecord};
 use esker_points::{MultisetHash, Node, NodeTable, Task};
+use esker_scan::las::{GpsTimes, gps_times};
 use esker_scan::{OpenOptions, SourceInfo};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -61,19 +62,32 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "normals": each_once(&forest, |file| file.metadata().normals.name()),
         "table_bytes_a_node": table.bytes_a_node(),
         "table_bytes": footers().map(|footer| footer.table.bytes).sum::<u64>(),
+        "structure_bytes": table.bytes(),
         "multiset_hash": hash.to_string(),
         "generator": forest.files().next().map(|file| &file.metadata().generator),
-        "sources": records().map(source).collect::<Vec<_>>(),
+        "sources": sources(&forest)?,
         "trees": trees(&forest),
     }))
 }
 
-fn source(s: &SourceRecord) -> Value {
+/// The sources of all trees.
+fn sources(forest: &Forest) -> Result<Vec<Value>> {
+    let mut all = Vec::new();
+    for file in forest.files() {
+        for (i, record) in file.metadata().sources.iter().enumerate() {
+            all.push(source(record, gps_times(&file.verbatim(i)?)));
+        }
+    }
+    Ok(all)
+}
+
+fn source(s: &SourceRecord, gps_times: Option<GpsTimes>) -> Value {
     json!({
         "path": s.path, "format": s.format, "points": s.points, "refused": s.refused,
         "rounding_error_max": s.rounding_error_max,
         "colour_bits": s.colour_depth.map(bits), "colour_bits_forced": s.colour_depth_forced,
         "crs": s.crs.as_ref().map(|c| &c.text), "unit": s.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "gps_times": gps_times.map(GpsTimes::name),
         "notes": s.notes,
     })
 }
@@ -117,6 +131,7 @@ fn scan(info: &SourceInfo) -> Value {
         "colour_bits": info.colour_depth.map(bits),
         "crs": info.crs.as_ref().map(|c| &c.text),
         "unit": info.crs.as_ref().and_then(|c| c.unit.as_ref()),
+        "gps_times": gps_times(&info.verbatim).map(GpsTimes::name),
         "bytes": info.bytes,
         "notes": info.notes,
     })
@@ -262,12 +277,17 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
     let each = &info["bytes_a_point"];
     let bytes = |name: &str| each[name].as_f64().unwrap_or(0.0);
     lines.push(format!(
-        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold; {} a node in the table",
+        "bytes        {}; a point {:.1} hot, {:.1} residual, {:.1} cold",
         readable_bytes(info["bytes"].as_u64().unwrap_or(0)),
         bytes("hot"),
         bytes("residual"),
         bytes("cold"),
-        info["table_bytes_a_node"]
+    ));
+    lines.push(format!(
+        "structure    {} in memory, {} a node; {} in the file",
+        readable_bytes(info["structure_bytes"].as_u64().unwrap_or(0)),
+        info["table_bytes_a_node"],
+        readable_bytes(info["table_bytes"].as_u64().unwrap_or(0))
     ));
     let planes = each["planes"].as_array().into_iter().flatten();
     let planes: Vec<_> = planes
@@ -287,8 +307,10 @@ fn tree_lines(info: &Value, lines: &mut Vec<String>) {
     for source in info["sources"].as_array().into_iter().flatten() {
         let colours =
             source["colour_bits"].as_u64().map_or(String::new(), |b| format!(", {b}-bit colours"));
+        let times = source["gps_times"].as_str();
+        let times = times.map_or(String::new(), |times| format!(", GPS times: {times}"));
         lines.push(format!(
-            "source       {} ({}), {} points{colours}",
+            "source       {} ({}), {} points{colours}{times}",
             source["path"].as_str().unwrap_or("?"),
             source["format"].as_str().unwrap_or("?"),
             grouped(source["points"].as_u64().unwrap_or(0))

@@ -209,6 +209,11 @@ impl NodeTable {
         size_of::<Node>() + if self.sides.is_empty() { 0 } else { size_of::<Sides>() }
     }
 
+    /// Bytes that all nodes take in memory.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * self.bytes_a_node()
+    }
+
     /// The sides of a node; all of them where the file does not tell.
     pub fn sides_of(&self, node: u32) -> Sides {
         self.sides.get(node as usize).copied().unwrap_or(ALL_SIDES)

@@ -21,4 +21,5 @@ pub mod write;
 pub use error::ScanError;
 pub use las::crs::{Codes, codes};
 pub use registry::{open, scans_in};
-pub use source::{Crs, Format, OpenOptions, ReadReport, Scanner, Source, SourceInfo};
+pub use source::SourceInfo;
+pub use source::{BESIDE_HELD_BYTES, Crs, Format, OpenOptions, ReadReport, Scanner, Source};

@@ -33,10 +33,13 @@ pub type Open =
 pub struct OpenOptions {
     /// Overrides what was detected of 16-bit colour fields.
     pub colour_depth: Option<ColourDepth>,
-    /// Memory that a compressed chunk may take, in bytes, where its decoder needs all of it at once; what a format
-    /// allows where not said.
-    pub chunk_bytes_max: Option<u64>,
+    /// Memory that all together may take while inputs are read, in bytes; a few dozen MiB and what a format needs
+    /// where not said.
+    pub memory_bytes: Option<u64>,
 }
+
+/// What all but [`Source::held_bytes`] takes while inputs are read: batches, and the least of what is made of them.
+pub const BESIDE_HELD_BYTES: u64 = 128 << 20;
 
 /// What is known of an input before its points are decoded.
 #[derive(Clone, Debug)]
@@ -120,7 +123,7 @@ pub trait Source: Send + Sync {
     /// Decodes all points once, in order, on the lattice of `placement`, into batches of at most
     /// [`BATCH_POINTS`] points that have all attributes of the schema. Uses the cores of the current
     /// rayon pool where the format allows; calls `sink` from this thread only. Memory stays bounded by
-    /// a few dozen MiB whatever the file claims.
+    /// a few dozen MiB beside [`Source::held_bytes`] whatever the file claims.
     ///
     /// # Errors
     /// [`ScanError::OffLattice`] where a point does not fit the lattice (its header's bounds lied);
@@ -139,4 +142,10 @@ pub trait Source: Send + Sync {
     /// # Errors
     /// As [`Source::read`].
     fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError>;
+
+    /// Bytes of memory that it holds at once at most while it is read: a large compressed chunk whose decoder needs all
+    /// of it.
+    fn held_bytes(&self) -> u64 {
+        0
+    }
 }

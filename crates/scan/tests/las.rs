@@ -9,7 +9,7 @@ mod las_writer;
 use esker_points::lattice::{Lattice, ORIGIN};
 use esker_points::task::Silent;
 use esker_points::{Batch, ColourDepth};
-use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use esker_scan::{BESIDE_HELD_BYTES, OpenOptions, ReadReport, ScanError, Source};
 use las_writer::{File, Point, Variant};
 use proptest::prelude::*;
 use std::io::Write;
@@ -393,11 +393,18 @@ fn a_chunk_larger_than_memory_is_refused_with_what_to_do() {
         })
         .collect();
     let disk = on_disk(&file_of(variant, points).laz(200_000));
-    let options = |bytes| OpenOptions { chunk_bytes_max: Some(bytes), ..OpenOptions::default() };
-    let open = |bytes| esker_scan::open(disk.path(), &options(bytes), &Silent).unwrap();
-    assert_eq!(read(open(64 << 20).as_ref()).unwrap().1.points, 160_000);
-    let error = read(open(1 << 20).as_ref()).unwrap_err().to_string();
-    for word in ["too large", "1048576 are read at most", "--memory", "50000 points"] {
+    let open = |bytes| {
+        let options = OpenOptions { memory_bytes: Some(bytes), ..OpenOptions::default() };
+        esker_scan::open(disk.path(), &options, &Silent)
+    };
+    let held_bytes = open(1 << 30).unwrap().held_bytes();
+    let file_bytes = disk.path().metadata().unwrap().len();
+    assert!(held_bytes < file_bytes && held_bytes > file_bytes - 4000, "{held_bytes}");
+    let needed_mib = (held_bytes + BESIDE_HELD_BYTES).div_ceil(1 << 20);
+    let source = open(needed_mib << 20).unwrap();
+    assert_eq!(read(source.as_ref()).unwrap().1.points, 160_000);
+    let error = open((needed_mib - 1) << 20).err().unwrap().to_string();
+    for word in [&format!("give {needed_mib} MiB of --memory"), "50000 points"] {
         assert!(error.contains(word), "{error}");
     }
 }

@@ -17,23 +17,29 @@ use std::time::Instant;
 const BYTES_A_POINT_MAX: f64 = 60.0;
 /// What anonymous memory may be above `--memory`.
 const MARGIN: f64 = 1.05;
+/// Steps of the files that are made here, in metres, and where their points are: one is so far away that a scan is one
+/// cell beside it.
+const SCALE: f64 = 0.001;
+const NEAR: [i32; 3] = [123_456, -5, 99];
+const FAR: [i32; 3] = [2_000_000_000, 2_000_000_000, 99];
 /// A mebibyte.
 const MIB: u64 = 1 << 20;
 
 /// One build.
 struct Case {
-    /// A generated scan, or a stack of as many coincident points.
+    /// A generated scan, of which `far` is added a point far outside; or a stack of as many coincident points.
     input: &'static str,
     points: u64,
     memory_mib: u64,
 }
 
 /// In the order in which they are run.
-const CASES: [Case; 5] = [
+const CASES: [Case; 6] = [
     Case { input: "synthetic:terrain:20M:1", points: 20_000_000, memory_mib: 512 },
     Case { input: "synthetic:terrain:100M:1", points: 100_000_000, memory_mib: 1024 },
     Case { input: "synthetic:office:20M:1", points: 20_000_000, memory_mib: 512 },
     Case { input: "stack", points: 50_000_000, memory_mib: 512 },
+    Case { input: "synthetic:terrain:20M:1 far", points: 20_000_001, memory_mib: 512 },
     Case { input: "synthetic:terrain:1G:1", points: 1_000_000_000, memory_mib: 4096 },
 ];
 /// More points are built where they are named only.
@@ -97,14 +103,18 @@ impl Drop for Place {
 impl Case {
     fn run(&self, program: &Path, place: &Place, empty_mib: u64) -> Result<()> {
         let out = place.file("out.esker");
-        let input = match self.input {
-            "stack" => stack(&place.file("stack.las"), self.points)?,
-            generated => generated.into(),
+        let inputs = match self.input.split_once(' ') {
+            Some((generated, _)) => {
+                vec![generated.into(), stack(&place.file("far.las"), FAR, 1)?]
+            }
+            None if self.input == "stack" => {
+                vec![stack(&place.file("stack.las"), NEAR, self.points)?]
+            }
+            None => vec![self.input.into()],
         };
         let memory = format!("--memory={}MiB", self.memory_mib);
-        let words: [&OsStr; 9] = [
+        let mut words: Vec<&OsStr> = vec![
             "build".as_ref(),
-            input.as_os_str(),
             "-o".as_ref(),
             out.as_os_str(),
             memory.as_ref(),
@@ -113,6 +123,7 @@ impl Case {
             "--json".as_ref(),
             "--progress=none".as_ref(),
         ];
+        words.extend(inputs.iter().map(|input| input.as_os_str()));
         let limit_mib = empty_mib + (self.memory_mib as f64 * MARGIN) as u64;
         let start = Instant::now();
         let report = esker(program, limit_mib, &words)?;
@@ -149,6 +160,9 @@ impl Case {
         );
         let bytes = a_point(disk);
         ensure!(bytes <= BYTES_A_POINT_MAX, "{bytes:.1} bytes a point of scratch and output");
+        let (scratch, estimated) =
+            (number("scratch_bytes_peak"), number("scratch_bytes_estimated"));
+        ensure!(scratch <= estimated, "{scratch} bytes of scratch, {estimated} estimated");
         Ok(())
     }
 }
@@ -193,8 +207,8 @@ fn empty_mib(program: &Path, place: &Place) -> Result<u64> {
     Ok(works)
 }
 
-/// A LAS file of points in one place, all of them different, where it is not there yet.
-fn stack(path: &Path, points: u64) -> Result<PathBuf> {
+/// A LAS file of points in one place, given in millimetres, all of them different.
+fn stack(path: &Path, place: [i32; 3], points: u64) -> Result<PathBuf> {
     const HEADER_BYTES: usize = 227;
     let mut head = vec![0; HEADER_BYTES];
     let mut put = |at: usize, bytes: &[u8]| head[at..at + bytes.len()].copy_from_slice(bytes);
@@ -205,11 +219,15 @@ fn stack(path: &Path, points: u64) -> Result<PathBuf> {
     // Point format 0 and its record.
     put(105, &20u16.to_le_bytes());
     put(107, &u32::try_from(points)?.to_le_bytes());
-    (0..3).for_each(|axis| put(131 + 8 * axis, &0.001f64.to_le_bytes()));
+    for (axis, c) in place.into_iter().enumerate() {
+        put(131 + 8 * axis, &SCALE.to_le_bytes());
+        // The greatest and the least.
+        (0..2).for_each(|i| put(179 + 16 * axis + 8 * i, &(f64::from(c) * SCALE).to_le_bytes()));
+    }
     let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     file.write_all(&head)?;
     let mut record = [0; 20];
-    for (axis, c) in [123_456i32, -5, 99].into_iter().enumerate() {
+    for (axis, c) in place.into_iter().enumerate() {
         record[4 * axis..][..4].copy_from_slice(&c.to_le_bytes());
     }
     for i in 0..points {

@@ -238,7 +238,7 @@ impl Run<'_> {
             "trees": forest.files().len(),
             "nodes": forest.table().nodes.len(),
             "node_capacity": footers().map(|f| f.node_capacity).max(),
-            "structure_bytes": footers().map(|f| f.table.bytes).sum::<u64>(),
+            "structure_bytes": forest.table().bytes(),
             "table_bytes_a_node": forest.table().bytes_a_node(),
             "file_bytes": forest.file_bytes(),
             "backend": drawer.backend(),

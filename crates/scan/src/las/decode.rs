@@ -26,8 +26,6 @@ const GROUP_BYTES: usize = 8 << 20;
 const GROUP_PIECES: usize = 512;
 /// Pieces under way, for each thread, where a group and the next are fewer.
 const PIECES_A_THREAD: usize = 2;
-/// Raw records under way then are at most this part of the bytes that a chunk may have, which follow from the memory.
-const WINDOW_SHARE: u64 = 4;
 /// A chunk of more raw bytes than this is decoded in passing, on one core.
 const CHUNK_BYTES_MAX: usize = 4 * GROUP_BYTES;
 const READ_BYTES: usize = 256 << 10;
@@ -45,8 +43,8 @@ pub struct Points {
     pub record_bytes: usize,
     /// How they are compressed, if they are.
     pub compression: Option<Compression>,
-    /// Compressed bytes at most of a chunk that is decoded in passing and whose decoder needs all of them at once.
-    pub chunk_bytes_max: u64,
+    /// Bytes of raw records that are under way on all cores at most.
+    pub window_bytes_max: u64,
 }
 
 /// Makes something of whole records; called on any thread.
@@ -109,8 +107,7 @@ impl Points {
                 let pieces_max = PIECES_A_THREAD * rayon::current_num_threads();
                 let pieces: usize = window.iter().map(|group| group.pieces.len()).sum();
                 let points: usize = window.iter().map(|group| group.points()).sum();
-                let has_room =
-                    (points * self.record_bytes) as u64 <= self.chunk_bytes_max / WINDOW_SHARE;
+                let has_room = (points * self.record_bytes) as u64 <= self.window_bytes_max;
                 if filled.is_ok()
                     && reader.point < end
                     && self.large_chunk(&reader).is_none()
@@ -234,9 +231,19 @@ impl Points {
     fn large_chunk(&self, reader: &Reader) -> Option<(&Compression, Chunk)> {
         let compression = self.compression.as_ref()?;
         let chunk = *compression.chunks.as_ref()?.get(reader.chunk)?;
+        self.is_large(chunk).then_some((compression, chunk))
+    }
+
+    fn is_large(&self, chunk: Chunk) -> bool {
         let raw_bytes = chunk.points as usize * self.record_bytes;
-        (raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX)
-            .then_some((compression, chunk))
+        raw_bytes > CHUNK_BYTES_MAX || chunk.bytes as usize > CHUNK_BYTES_MAX
+    }
+
+    /// Compressed bytes of the largest chunk that is decoded in passing and whose decoder needs all of them at once.
+    pub fn held_bytes(&self) -> u64 {
+        let layered = self.compression.iter().filter(|c| c.layers.is_some());
+        let chunks = layered.filter_map(|c| c.chunks.as_ref()).flatten();
+        chunks.filter(|&&c| self.is_large(c)).map(|c| c.bytes.into()).max().unwrap_or(0)
     }
 
     /// Checks the layers of a chunk that is decoded in passing.
@@ -247,13 +254,6 @@ impl Points {
         chunk: Chunk,
     ) -> Result<(), ScanError> {
         let Some(layers) = compression.layers else { return Ok(()) };
-        if u64::from(chunk.bytes) > self.chunk_bytes_max {
-            let what = format!(
-                "its chunks are too large ({} compressed bytes; {} are read at most): give more --memory, or compress it anew with chunks of 50000 points",
-                chunk.bytes, self.chunk_bytes_max
-            );
-            return Err(ScanError::unsupported(&self.path, what));
-        }
         reader.file.seek(SeekFrom::Start(reader.at)).map_err(|e| self.io(e))?;
         let mut head = Vec::new();
         let head_bytes = (self.record_bytes + 4 + 4 * layers) as u64;
@@ -297,7 +297,7 @@ impl Points {
             // What is only copied is still in a cache when it is.
             None => {
                 let run = self.run_points() * self.record_bytes;
-                let room = (self.chunk_bytes_max / WINDOW_SHARE) as usize / 2;
+                let room = self.window_bytes_max as usize / 2;
                 (rayon::current_num_threads() * run).min(room).max(run)
             }
         };

@@ -13,6 +13,44 @@ const HEADER_BYTES_1_3: usize = 235;
 /// Header bytes of version 1.4, with EVLRs and 64-bit counts.
 const HEADER_BYTES_1_4: usize = 375;
 
+/// Where the global encoding stands.
+const ENCODING_AT: usize = 6;
+/// Bit of the global encoding: GPS times are adjusted standard ones.
+pub const ADJUSTED_BIT: u16 = 1;
+/// Bit of the global encoding: the CRS is WKT.
+pub const WKT_BIT: u16 = 1 << 4;
+
+/// Whether a header has a bit of the global encoding.
+pub fn has_bit(header: &[u8], bit: u16) -> bool {
+    u16_at(header, ENCODING_AT) & bit > 0
+}
+
+/// Sets a bit of the global encoding of a whole header, or takes it out.
+pub fn set_bit(header: &mut [u8], bit: u16, is_set: bool) {
+    let others = u16_at(header, ENCODING_AT) & !bit;
+    let encoding = others | if is_set { bit } else { 0 };
+    header[ENCODING_AT..][..2].copy_from_slice(&encoding.to_le_bytes());
+}
+
+/// What the GPS times of a file are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GpsTimes {
+    /// The beginning of some week.
+    Week,
+    /// 10^9 seconds after the beginning of 1980-01-06.
+    Adjusted,
+}
+
+impl GpsTimes {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Week => "week",
+            Self::Adjusted => "adjusted standard",
+        }
+    }
+}
+
 /// What is used of the header.
 #[derive(Clone, Debug)]
 pub struct Header {
@@ -26,6 +64,8 @@ pub struct Header {
     pub vlrs: u32,
     /// Point format, 0 to 10.
     pub point_format: u8,
+    /// What GPS times are counted from, where the point format has them.
+    pub gps_times: Option<GpsTimes>,
     /// Whether the format's upper bits say that points are compressed.
     pub is_compressed: bool,
     /// Bytes of a point record, at least those of the format.
@@ -64,12 +104,16 @@ impl Header {
         }
         let header_bytes = usize::from(u16_at(head, 94));
         let known = head.get(..header_bytes).unwrap_or(head);
+        let point_format = head[104] & 0x3f;
+        let is_adjusted = has_bit(head, ADJUSTED_BIT);
+        let gps_times = if is_adjusted { GpsTimes::Adjusted } else { GpsTimes::Week };
         let header = Self {
             minor,
             header_bytes: header_bytes as u64,
             points_start: u64::from(u32_at(head, 96)),
             vlrs: u32_at(head, 100),
-            point_format: head[104] & 0x3f,
+            point_format,
+            gps_times: (!matches!(point_format, 0 | 2)).then_some(gps_times),
             is_compressed: head[104] & 0xc0 != 0,
             record_bytes: usize::from(u16_at(head, 105)),
             points: point_count(known, minor),

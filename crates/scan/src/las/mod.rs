@@ -11,8 +11,10 @@ mod laszip;
 pub(crate) mod points;
 pub(crate) mod vlr;
 
+pub use header::GpsTimes;
+
 use crate::error::ScanError;
-use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
+use crate::source::{BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use decode::Points;
 use esker_points::lattice::{GridKind, Placement};
 use esker_points::{ColourDepth, InputGrid, Task};
@@ -38,10 +40,18 @@ const HEAD_BYTES: u64 = 512;
 /// Extra bytes of a record at most: each may become an attribute of its own, and LASzip's models of
 /// each take up to 12 KiB a thread. Real files have a few dozen.
 pub(crate) const EXTRA_BYTES_MAX: usize = 1024;
-/// Compressed bytes of a layered chunk at most: its decoder needs all of them at once.
-const CHUNK_BYTES_MAX: u64 = 256 << 20;
+/// Raw records that are under way on all cores, as a part of the memory, and at most.
+const WINDOW_SHARE: u64 = 16;
+const WINDOW_BYTES_MAX: u64 = 64 << 20;
 /// First points whose colours tell whether 16-bit fields hold 8-bit values.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
+
+/// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
+pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
+    let (_, head) = verbatim.iter().find(|(name, _)| name == "las header")?;
+    // It was checked when it was read; here it only must not be believed.
+    Header::parse(head, u64::MAX, Path::new("")).ok()?.gps_times
+}
 
 /// An opened LAS or LAZ file.
 struct LasSource {
@@ -60,7 +70,10 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let mut notes = Vec::new();
     let records = Records::read(&mut file, &header, bytes, path, &mut notes)?;
     let mut points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes)?;
-    points.chunk_bytes_max = options.chunk_bytes_max.unwrap_or(u64::MAX).min(CHUNK_BYTES_MAX);
+    if let Some(memory_bytes) = options.memory_bytes {
+        check_held(points.held_bytes(), memory_bytes, path)?;
+        points.window_bytes_max = (memory_bytes / WINDOW_SHARE).min(WINDOW_BYTES_MAX);
+    }
     let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
     if extra > EXTRA_BYTES_MAX {
         let what = format!("{extra} extra bytes a point; {EXTRA_BYTES_MAX} are read at most");
@@ -134,8 +147,25 @@ fn points_of(
         count: header.points,
         record_bytes: header.record_bytes,
         compression,
-        chunk_bytes_max: CHUNK_BYTES_MAX,
+        window_bytes_max: WINDOW_BYTES_MAX,
     })
+}
+
+/// Whether memory has room for what is held of the largest chunk.
+fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), ScanError> {
+    let needed_bytes = held_bytes + BESIDE_HELD_BYTES;
+    if held_bytes == 0 || needed_bytes <= memory_bytes {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    Err(ScanError::unsupported(
+        path,
+        format!(
+            "its largest chunk has {} MiB of compressed points, all of which its decoder needs at once: give {} MiB of --memory, or compress it anew with chunks of 50000 points",
+            mib(held_bytes),
+            mib(needed_bytes)
+        ),
+    ))
 }
 
 /// Holds the count of uncompressed points against the bytes that are there. Where these are whole records, their
@@ -189,6 +219,10 @@ fn detect_depth(
     points: &Points,
     task: &dyn Task,
 ) -> Result<ColourDepth, ScanError> {
+    // What is large is decoded once. Where this is wrong it is put right then.
+    if points.held_bytes() > 0 {
+        return Ok(ColourDepth::Sixteen);
+    }
     let mut max = 0;
     let probed = points.for_each_run(
         COLOUR_PROBE_POINTS,
@@ -250,5 +284,9 @@ impl Source for LasSource {
         let world =
             |raw: [i32; 3]| [0, 1, 2].map(|i| f64::from(raw[i]) * grid.scale[i] + grid.offset[i]);
         Ok(bounds.map(|b| b.map(world)))
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.points.held_bytes()
     }
 }

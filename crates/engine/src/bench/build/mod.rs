@@ -1,6 +1,6 @@
-//! The benchmark of building: each input is decoded, built by us and built by a rival in turn, each in a
-//! process of its own, run after run; so that what the machine does meanwhile meets all alike. Medians
-//! over the runs; what fails is a row too.
+//! The benchmark of building: in each run all inputs are decoded, built by us and built by a rival in turn, each in a
+//! process of its own; so that what the machine does meanwhile meets all alike. Medians over the runs; what fails is
+//! a row too.
 
 mod child;
 mod program;
@@ -47,11 +47,11 @@ pub fn measure(plan: &Plan, task: &dyn Task) -> Result<Value> {
     let folder = plan.folder.clone().unwrap_or_else(std::env::temp_dir);
     let mut programs = vec![Program::Decode, Program::Esker];
     programs.extend(plan.against.clone().map(Program::Rival));
-    let mut rows = Vec::new();
-    for input in &plan.inputs {
-        let mut runs: Vec<Vec<Ran>> = vec![Vec::new(); programs.len()];
-        for run in 0..plan.runs {
-            for (program, runs) in programs.iter().zip(&mut runs) {
+    // Of each input and program.
+    let mut runs: Vec<Vec<Vec<Ran>>> = vec![vec![Vec::new(); programs.len()]; plan.inputs.len()];
+    for run in 0..plan.runs {
+        for (input, runs) in plan.inputs.iter().zip(&mut runs) {
+            for (program, runs) in programs.iter().zip(runs) {
                 // What failed once would fail again.
                 if runs.iter().any(|r| r.error.is_some()) {
                     continue;
@@ -64,9 +64,11 @@ pub fn measure(plan: &Plan, task: &dyn Task) -> Result<Value> {
                 runs.push(child::run(program.command(plan, input, place.path())?, task)?);
             }
         }
-        rows.extend(report::rows(input, &programs, &runs));
     }
-    Ok(json!({ "runs": plan.runs, "rows": rows }))
+    let first = &runs[0];
+    let rows = plan.inputs.iter().zip(&runs);
+    let rows = rows.flat_map(|(input, runs)| report::rows(input, &programs, runs, first));
+    Ok(json!({ "runs": plan.runs, "rows": rows.collect::<Vec<_>>() }))
 }
 
 /// Decodes scans and drops their points, looking at positions only: the floor of building. Points as their

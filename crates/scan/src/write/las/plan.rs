@@ -7,7 +7,7 @@ use super::records::Records;
 use crate::error::ScanError;
 use crate::las::EXTRA_BYTES_MAX;
 use crate::las::extra_bytes;
-use crate::las::header::{Header, format_bytes};
+use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
 use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
 use crate::write::{Origin, Origins, Outline};
@@ -19,8 +19,6 @@ use std::path::Path;
 /// Bytes of a header of LAS 1.0 to 1.5.
 const HEADER_BYTES: [u16; 6] = [227, 227, 227, 235, 375, 393];
 const HEADER_BYTES_1_4: u16 = HEADER_BYTES[4];
-/// Bit of the global encoding: the CRS is WKT.
-const WKT_BIT: u16 = 1 << 4;
 /// Descriptions of extra bytes that fit a VLR.
 const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYTES;
 /// Bytes of VLRs at most: a header tells where points begin in 32 bits.
@@ -57,6 +55,11 @@ struct Found {
     wkt: Option<String>,
     dropped: Vec<&'static str>,
     conflicts: usize,
+    /// What the GPS times of the first source that has such are counted from, and how many sources' times otherwise.
+    gps_times: Option<GpsTimes>,
+    other_times: usize,
+    /// Whether the source whose coordinate reference system is written says that it is WKT.
+    is_wkt: Option<bool>,
     /// Sources whose coordinate reference system is told otherwise than by the first that tells one.
     other_systems: usize,
 }
@@ -108,6 +111,19 @@ pub fn plan(
     let mut header = with_version(header, &found, &records, outline.points_max, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
     header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
+    if let Some(is_wkt) = found.is_wkt {
+        set_bit(&mut header, WKT_BIT, is_wkt);
+    }
+    if let Some(times) = found.gps_times {
+        set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
+        if found.other_times > 0 {
+            notes.push(format!(
+                "GPS times of {} sources are counted otherwise than the first's, which the global encoding tells ({}); they are as they were",
+                found.other_times,
+                times.name()
+            ));
+        }
+    }
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
     if found.other_systems > 0 {
         notes.push(format!(
@@ -141,6 +157,9 @@ impl Found {
         let block = |name| origin.block(name).unwrap_or(empty);
         let (records, tail) = of_blocks(&header, block("las vlrs"), block("las evlrs"));
         self.modern |= header.point_format >= 6;
+        if let Some(times) = header.gps_times {
+            self.other_times += usize::from(*self.gps_times.get_or_insert(times) != times);
+        }
         self.minor = self.minor.max(header.minor);
         let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
         if extra <= EXTRA_BYTES_MAX {
@@ -159,6 +178,9 @@ impl Found {
         let mut vlrs = records.vlrs;
         vlrs.retain(|v| self.is_kept(v));
         self.leave_one_system(&mut vlrs);
+        if vlrs.iter().any(tells_system) {
+            self.is_wkt = Some(has_bit(bytes, WKT_BIT));
+        }
         match &mut self.first {
             None => self.first = Some((bytes.to_vec(), vlrs, tail.to_vec())),
             Some((_, kept, _)) => {
@@ -268,7 +290,7 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     put(94, &HEADER_BYTES_1_4.to_le_bytes());
     let mut vlrs = Vec::new();
     if let Some(wkt) = wkt.filter(|w| w.len() < usize::from(u16::MAX)) {
-        put(6, &WKT_BIT.to_le_bytes());
+        set_bit(&mut header, WKT_BIT, true);
         vlrs.push(vlr("LASF_Projection", 2112, "WKT", [wkt.as_bytes(), &[0]].concat()));
     }
     (header, vlrs, Vec::new())
