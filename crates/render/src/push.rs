@@ -140,11 +140,14 @@ fn push_block<S: Simd, const NORMALS: bool>(
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
     let block = Block { least, displaced };
-    let [above, b, c, d] = &near;
-    let is_hidden = block.is_behind::<NORMALS>(b)
-        | block.is_behind::<NORMALS>(c)
-        | block.is_behind::<NORMALS>(d);
-    let asking = !(is_valid & block.is_within::<NORMALS>(above)) | is_hidden;
+    let [above, beside @ ..] = &near;
+    let mut asking = !(is_valid & block.is_within::<NORMALS>(above));
+    for near in beside {
+        let is_wide = infinite.like(HIDING_PX).cmple(near.lane(Line::TINT + 3));
+        if is_wide.any_true() {
+            asking |= is_wide & block.is_behind::<NORMALS>(near);
+        }
+    }
     if asking.any_true() {
         block.fill::<NORMALS>(&near, asking, row, first);
     }
@@ -212,15 +215,14 @@ impl<S: Simd> Block<S> {
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
-    /// Which lie behind the interval of a coarser pixel beside the one above, where its ellipse is wide.
+    /// Which lie behind the interval of a coarser pixel.
     #[inline(always)]
-    fn is_behind<const NORMALS: bool>(&self, beside: &Near<'_, S>) -> mask32x8<S> {
-        let [least, mut most] = [0, 1].map(|i| beside.lane(Line::FRONT + i));
-        let is_wide = least.like(HIDING_PX).cmple(beside.lane(Line::TINT + 3));
+    fn is_behind<const NORMALS: bool>(&self, near: &Near<'_, S>) -> mask32x8<S> {
+        let [least, mut most] = [0, 1].map(|i| near.lane(Line::FRONT + i));
         if NORMALS {
-            most *= beside.moved(self.from(beside.displaced()));
+            most *= near.moved(self.from(near.displaced()));
         }
-        least.cmplt(least.like(f32::INFINITY)) & is_wide & most.cmplt(self.least)
+        least.cmplt(least.like(f32::INFINITY)) & most.cmplt(self.least)
     }
 
     /// To where depths are compared from the centres of ellipses that are so far from the pixels.
