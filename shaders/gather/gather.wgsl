@@ -23,7 +23,6 @@ const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
-const REACH_MAX: f32 = 1.2;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> lookup: Lookup;
@@ -88,10 +87,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     if NORMALS {
         let normal = normal_to_eye(paint.w, draw, offset, radius_px);
         if any(normal.xyz != vec3<f32>(0.0)) {
-            let plate = thickness(normal, place);
-            let thick = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * plate;
-            let longest = radius * (REACH_MAX / RADIUS_FACTOR_NORMALS) + depth / frame.focal_px * plate;
-            reach = min(thick, longest);
+            reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(normal, place);
         }
         normals[pixel] = normal;
     }

@@ -37,10 +37,6 @@ const MINOR_MIN_PX: f32 = 1.4;
 const BARE_REACH: f32 = 2.0;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
 const THICKNESS: f32 = 1.0;
-/// Longest depth interval over the stored radius, with normals, beside what a plate a pixel thick takes: seen nearly edge
-/// on, one as thick as a radius takes in walls far closer than one. Limbs need the pixel, where depths differ by more within
-/// one: without it colours of a sphere, 4 points a pixel, are off by 2.7 of 255, with it by 1.0, and edges are dotted.
-const REACH_MAX: f32 = 1.2;
 /// Radii are clamped here, so that sums of depth and radius stay finite.
 const RADIUS_MAX: f32 = 1e30;
 
@@ -377,8 +373,7 @@ impl Hits {
             let turned = [turn(normal[0]), turn(normal[1]), turn(normal[2])];
             let plate = Lens::new(camera).thickness(turned, place);
             let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
-            let longest = radius * (REACH_MAX / RADIUS_FACTOR[0]) + depth / focal_px * plate;
-            reach = Vec4::select(has_normal, thick.min(longest), reach);
+            reach = Vec4::select(has_normal, thick, reach);
             let minor = Vec4::select(has_normal, filter_z(normal[2], radius_px), Vec4::ONE);
             out.normal = [turned[0], turned[1], turned[2], minor];
         }

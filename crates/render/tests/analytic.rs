@@ -65,25 +65,20 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
     }
 }
 
+/// Only where samples lie about a pixel apart: farther apart it is more, 36 beside 6 % of the pixels 5 px apart at half a radius
+/// and 80 degrees. Intervals shortened there tore the edges of sparse solids (ARCHITECTURE.md, "Depths along planes").
 #[test]
-fn walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_with_published_intervals()
-{
+fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_as_published() {
     for ratio in [0.5, 0.75] {
         let (truth, cloud, spacing) = covered_walls(ratio, Kind::Poisson);
-        for spacing_px in [1.5, 5.0] {
-            for degrees in [80.0, 85.0] {
-                let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / spacing_px);
-                let image = Image::new(&truth, &view);
-                let near = near_wall(&image, spacing_px);
-                let [ours, published] =
-                    [cloud.draw(&view, true), cloud.draw_published(&view, true)]
-                        .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
-                let what = format!("ratio {ratio}, {spacing_px} px, {degrees} degrees");
-                assert!(
-                    ours <= published && (spacing_px < 2.0 || 200 * ours <= near.len()),
-                    "{ours}, {published}: {what}"
-                );
-            }
+        for degrees in [80.0, 85.0] {
+            let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / 1.5);
+            let image = Image::new(&truth, &view);
+            let near = near_wall(&image, 1.5);
+            let bleeding = [cloud.draw(&view, true), cloud.draw_published(&view, true)]
+                .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
+            let what = format!("{bleeding:?}: ratio {ratio}, {degrees} degrees");
+            assert!(bleeding[0] < bleeding[1], "{what}");
         }
     }
 }
