@@ -15,8 +15,8 @@ use plots::Panel;
 use scene::Dice;
 use truth::flicker::{Flicker, flicker, orbit};
 use truth::measure::{Cloud, Errors, Image};
-use truth::sample::{Kind, floor, sample};
-use truth::{Shape, Truth, walls, walls_view};
+use truth::sample::{Kind, sample};
+use truth::{Truth, walls, walls_view};
 
 /// Points a pixel.
 const DENSITIES: [f64; 7] = [0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
@@ -64,7 +64,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn measure(scene: &'static str, truth: &Truth, view: &View, density: f64, kind: Kind) -> Vec<Row> {
-    let (cloud, image) = (cloud(truth, view, density, kind), Image::new(truth, view));
+    let cloud = Cloud::of(truth, view, density, kind, &mut Dice(17));
+    let image = Image::new(truth, view);
     // Only these turn about the origin.
     let turns = ["sphere", "cube", "torus"].contains(&scene) && kind == Kind::Poisson;
     let row = |(way, (_, normals, published)): (usize, &(&str, bool, bool))| {
@@ -129,21 +130,6 @@ fn panels(rows: &[Row]) -> Vec<Vec<Panel>> {
         x: "points a pixel",
     };
     scenes.iter().map(|scene| ERRORS.iter().map(|&e| panel(scene, e)).collect()).collect()
-}
-
-/// A scene sampled so that a pixel at its middle has so many points.
-fn cloud(truth: &Truth, view: &View, density: f64, kind: Kind) -> Cloud {
-    let dice = &mut Dice(17);
-    if let [(Shape::Floor { z }, paint)] = truth.parts[..] {
-        let bands = floor(view, &paint, z, 1.0 / density.sqrt(), kind, dice);
-        let scenes = bands
-            .iter()
-            .map(|(spacing, s)| scene::Scene::new(&s.points, 1e-6, *spacing, s.radius, 1 << 15));
-        return Cloud { scenes: scenes.collect(), averages: true };
-    }
-    let spacing = view.eye.length() / view.focal_px() / density.sqrt();
-    let s = sample(truth, spacing, kind, dice);
-    Cloud::new(&s.points, spacing, s.radius)
 }
 
 /// Shares of the pixels that show the far one of two walls, over the gap's ratio to the radius, as passes draw them and

@@ -15,34 +15,70 @@ use truth::{Paint, Truth, scenes, walls, walls_view};
 
 const SIDE: u32 = 80;
 
+/// A centimetre.
+const GAP: f64 = 0.01;
+
+/// Both walls a gap apart, the gap so many of the radii that cover them; and the points' spacing.
+fn covered_walls(ratio: f64, kind: Kind) -> (Truth, Cloud, f64) {
+    let truth = walls(GAP, if ratio < 2.0 { 0.7 } else { 0.35 });
+    let factor = if kind == Kind::Regular { 0.729 } else { 0.9 };
+    let mut spacing = GAP / ratio / factor;
+    let mut cloud = sample(&truth, spacing, kind, &mut Dice(5));
+    while cloud.radius * ratio > GAP {
+        spacing *= 0.97 * GAP / (cloud.radius * ratio);
+        cloud = sample(&truth, spacing, kind, &mut Dice(5));
+    }
+    (truth, Cloud::new(&cloud.points, spacing, cloud.radius), spacing)
+}
+
+/// Pixels of the near wall. Points beyond the picture's edge have no pixel and cover nothing inside of it, so what lies within
+/// a spacing of that is left out.
+fn near_wall(image: &Image, spacing_px: f64) -> Vec<usize> {
+    let within = spacing_px as u32..SIDE - spacing_px as u32;
+    let is_within =
+        |p: &usize| [*p as u32 % SIDE, *p as u32 / SIDE].iter().all(|c| within.contains(c));
+    let is_near = |p: &usize| image.seen[*p].is_some_and(|seen| seen.part == 0);
+    (0..image.seen.len()).filter(is_within).filter(is_near).collect()
+}
+
 #[test]
 fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceeds_the_radius() {
-    let gap = 0.01;
     for (ratio, kind) in [(1.15, Kind::Poisson), (1.15, Kind::Regular), (3.0, Kind::Poisson)] {
-        // Both walls a centimetre apart; the radius that covers them as the ratio asks.
-        let truth = walls(gap, if ratio < 2.0 { 0.7 } else { 0.35 });
-        let factor = if kind == Kind::Regular { 0.729 } else { 0.9 };
-        let mut spacing = gap / ratio / factor;
-        let mut cloud = sample(&truth, spacing, kind, &mut Dice(5));
-        while cloud.radius * ratio > gap {
-            spacing *= 0.97 * gap / (cloud.radius * ratio);
-            cloud = sample(&truth, spacing, kind, &mut Dice(5));
-        }
-        let radius = cloud.radius;
-        let cloud = Cloud::new(&cloud.points, spacing, radius);
-        for (spacing_px, degrees) in [(1.0, 0.0), (1.0, 45.0), (1.0, 80.0), (4.0, 0.0), (4.0, 45.0)]
-        {
-            {
+        let (truth, cloud, spacing) = covered_walls(ratio, kind);
+        for spacing_px in [1.0, 4.0] {
+            for degrees in [0.0, 45.0, 70.0, 80.0, 85.0] {
                 let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / spacing_px);
                 let image = Image::new(&truth, &view);
                 let drawn = cloud.draw(&view, true);
                 let what = format!("ratio {ratio}, {kind:?}, {spacing_px} px, {degrees} degrees");
-                assert_eq!(drawn.bleeding(&image), 0, "{what}");
+                let near = near_wall(&image, spacing_px);
+                // Of a grid seen edge on, means of discs fall short here and there of what these cover.
+                let is_edge_on = kind == Kind::Regular && spacing_px > 1.0 && degrees > 75.0;
+                let bleeding = near.iter().filter(|&&p| drawn.bleeds(&image, p)).count();
+                assert!(bleeding <= if is_edge_on { 6 } else { 0 }, "{bleeding}: {what}");
                 let blue = |p: usize| drawn.picture.rgba[p * 4 + 2] > drawn.picture.rgba[p * 4];
                 // Trimmed outlines may lie a few pixels inside.
-                let inside = (0..image.seen.len()).filter(|&p| image.is_inside(p, 6));
-                assert_eq!(inside.filter(|&p| blue(p)).count(), 0, "blue: {what}");
+                let blue = near.iter().filter(|&&p| image.is_inside(p, 6) && blue(p)).count();
+                assert_eq!(blue, 0, "blue: {what}");
             }
+        }
+    }
+}
+
+/// Only where samples lie about a pixel apart: farther apart it is more, 36 beside 6 % of the pixels 5 px apart at half a radius
+/// and 80 degrees. Intervals shortened there tore the edges of sparse solids (ARCHITECTURE.md, "Depths along planes").
+#[test]
+fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_as_published() {
+    for ratio in [0.5, 0.75] {
+        let (truth, cloud, spacing) = covered_walls(ratio, Kind::Poisson);
+        for degrees in [80.0, 85.0] {
+            let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / 1.5);
+            let image = Image::new(&truth, &view);
+            let near = near_wall(&image, 1.5);
+            let bleeding = [cloud.draw(&view, true), cloud.draw_published(&view, true)]
+                .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
+            let what = format!("{bleeding:?}: ratio {ratio}, {degrees} degrees");
+            assert!(bleeding[0] < bleeding[1], "{what}");
         }
     }
 }
@@ -142,7 +178,7 @@ fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
         scenes(SIDE).into_iter().filter(|s| ["sphere", "cube", "torus"].contains(&s.0))
     {
         let image = Image::new(&truth, &view);
-        for density in [0.1, 1.0] {
+        for density in [0.05, 0.1, 1.0, 4.0] {
             for kind in [Kind::Regular, Kind::Poisson] {
                 let spacing = view.eye.length() / view.focal_px() / f64::sqrt(density);
                 let s = sample(&truth, spacing, kind, &mut Dice(7));
@@ -151,8 +187,60 @@ fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
                     let drawn = cloud.draw(&view, normals);
                     let what = format!("{name}, {density} points a pixel, {kind:?}, {normals}");
                     assert_eq!(drawn.holes(&image), 0, "{what}");
-                    assert!(!normals || drawn.bleeding(&image) == 0, "bleeding: {what}");
+                    // Sparse and without normals, sides show through the edges before them.
+                    let most = if normals || density > 0.5 { 0 } else { 75 };
+                    let bleeding = drawn.bleeding(&image);
+                    assert!(bleeding <= most, "bleeding {bleeding}: {what}");
                 }
+            }
+        }
+    }
+}
+
+/// By scene and points a pixel, with normals and without: colour off by so much of 255 at most, depth by so many pixels' widths,
+/// normals by so many degrees.
+type Bounds = (&'static str, [(f64, [[f64; 3]; 2]); 4]);
+#[rustfmt::skip]
+const BOUNDS: [Bounds; 4] = [
+    ("sphere", [
+        (0.05, [[36.4, 0.92, 2.24], [35.7, 1.07, 5.64]]),
+        (0.25, [[13.4, 0.14, 0.96], [13.3, 0.30, 2.04]]),
+        (1.0, [[7.8, 0.04, 0.80], [7.9, 0.25, 1.16]]),
+        (4.0, [[2.7, 0.03, 0.29], [7.1, 0.17, 1.13]]),
+    ]),
+    ("cube", [
+        (0.05, [[27.5, 0.40, 3.30], [28.1, 1.19, 8.33]]),
+        (0.25, [[11.1, 0.06, 0.57], [11.4, 0.48, 4.57]]),
+        (1.0, [[8.1, 0.01, 0.07], [9.0, 0.48, 3.57]]),
+        (4.0, [[1.9, 0.01, 0.01], [16.9, 0.82, 3.63]]),
+    ]),
+    ("torus", [
+        (0.05, [[43.8, 1.02, 5.06], [45.9, 1.39, 11.49]]),
+        (0.25, [[17.8, 0.18, 2.38], [18.4, 0.38, 4.14]]),
+        (1.0, [[10.6, 0.05, 1.83], [11.9, 0.30, 3.12]]),
+        (4.0, [[3.4, 0.04, 0.60], [9.4, 0.24, 3.24]]),
+    ]),
+    ("checks", [
+        (0.05, [[50.7, 0.01, 0.01], [49.7, 1.87, 5.43]]),
+        (0.25, [[42.9, 0.08, 0.01], [49.9, 2.45, 12.84]]),
+        (1.0, [[15.9, 0.15, 0.01], [42.3, 2.02, 24.57]]),
+        (4.0, [[12.4, 0.18, 0.01], [47.7, 3.02, 31.39]]),
+    ]),
+];
+
+#[test]
+fn colours_depths_and_normals_are_near_the_truth_from_0_05_to_4_points_a_pixel() {
+    for (name, truth, view) in scenes(SIDE) {
+        let Some((_, bounds)) = BOUNDS.into_iter().find(|(of, _)| *of == name) else { continue };
+        let image = Image::new(&truth, &view);
+        for (density, bounds) in bounds {
+            let cloud = Cloud::of(&truth, &view, density, Kind::Poisson, &mut Dice(17));
+            for (normals, [colour, depth, normal]) in [true, false].into_iter().zip(bounds) {
+                let off = cloud.draw(&view, normals).errors(&image);
+                let what =
+                    format!("{name}, {density} points a pixel, normals {normals}: {off:.2?}");
+                let is_near = off.depth_px < depth && off.normal_deg < normal;
+                assert!(is_near && off.colour < colour, "{what}");
             }
         }
     }

@@ -290,6 +290,61 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     is_golden(&bare, &plain, "surface-plain-bare.png");
 }
 
+/// A sheet of 10 by 10 m, its points about 0.2 m apart, with the texture coordinates s and t that cross it.
+fn textured_sheet(folder: &Path) -> Forest {
+    const SIDE: u32 = 50;
+    let names = ["x", "y", "z", "nx", "ny", "nz", "s", "t"];
+    let properties = names.map(|name| format!("property float {name}\n")).concat();
+    let count = SIDE * SIDE;
+    let mut rows =
+        format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n");
+    for i in 0..count {
+        // Within its cell, anywhere.
+        let within = |step: f64| 0.1 + 0.8 * (f64::from(i) * step % 1.0);
+        let s = (f64::from(i % SIDE) + within(0.754_877_67)) / f64::from(SIDE);
+        let t = (f64::from(i / SIDE) + within(0.569_840_29)) / f64::from(SIDE);
+        rows += &format!("{:.4} {:.4} 0 0 0 1 {s:.5} {t:.5}\n", s * 10.0, t * 10.0);
+    }
+    let (scan, out) = (folder.join("sheet.ply"), folder.join("sheet.esker"));
+    std::fs::write(&scan, rows).unwrap();
+    build(&scan, &out, NormalsMode::Keep);
+    Forest::open(&out).unwrap()
+}
+
+#[test]
+fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = textured_sheet(folder.path());
+    // Straight down on the middle 8 m: a pixel is 0.1 m, and half a point's spacing.
+    const PIXELS: usize = 80;
+    let camera = "eye=5,5,100;target=5,5,0;up=0,1,0;fovy=4.580";
+    let camera = esker_engine::camera::Camera::parse(camera).unwrap();
+    // How light the maps are at each pixel: they get lighter with their values.
+    let lightness = |colour: &str| {
+        let colour_by = Some(colour.to_owned());
+        let size = [PIXELS as u32; 2];
+        let asked = Request { size, camera, colour_by, shines: false, ..request() };
+        let (drawn, _) = draw(&file, &asked, &Silent).unwrap();
+        let pixels = drawn.rgba.chunks_exact(4);
+        pixels.map(|p| p[..3].iter().map(|c| f64::from(*c)).sum()).collect::<Vec<f64>>()
+    };
+    let (s, t) = (lightness("s:0..1"), lightness("t:0..1"));
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / PIXELS as f64;
+    let column = |x: usize| mean(&mut (0..PIXELS).map(|y| s[y * PIXELS + x]));
+    let row = |y: usize| mean(&mut t[y * PIXELS..][..PIXELS].iter().copied());
+    let columns: Vec<f64> = (0..PIXELS).map(column).collect();
+    assert!(columns[PIXELS - 1] > columns[0] + 150.0, "{columns:?}");
+    for k in 0..PIXELS {
+        // The picture's rows run down, t runs up; both cross the sheet alike.
+        let (along_s, along_t) = (columns[k], row(PIXELS - 1 - k));
+        assert!((along_s - along_t).abs() < 1.0, "{k}: {along_s} {along_t}");
+        assert!(k == 0 || columns[k] > columns[k - 1] - 0.5, "{k}: {columns:?}");
+        // Within a column little else changes.
+        let most = (0..PIXELS).map(|y| (s[y * PIXELS + k] - along_s).abs()).fold(0.0, f64::max);
+        assert!(most < 6.0, "{k}: {most}");
+    }
+}
+
 /// Holds that a picture is the one that is kept.
 fn is_golden(file: &Forest, asked: &Request, name: &str) {
     let (drawn, _) = draw(file, asked, &Silent).unwrap();

@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use super::Truth;
-use crate::scene::{Scene, ScenePoint};
+use super::sample::{Kind, floor, sample};
+use super::{Shape, Truth};
+use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
 use esker_render::camera::Camera;
 use esker_render::colour::linear;
@@ -98,6 +99,20 @@ impl Cloud {
     pub fn new(points: &[ScenePoint], spacing: f64, radius: f64) -> Self {
         let scenes = vec![Scene::new(points, 1e-6, spacing, radius, 1 << 15)];
         Self { scenes, averages: true }
+    }
+
+    /// A scene sampled so that a pixel at its middle has so many points; floors in bands of distance.
+    pub fn of(truth: &Truth, view: &View, density: f64, kind: Kind, dice: &mut Dice) -> Self {
+        if let [(Shape::Floor { z }, paint)] = truth.parts[..] {
+            let bands = floor(view, &paint, z, 1.0 / density.sqrt(), kind, dice);
+            let scenes = bands
+                .iter()
+                .map(|(spacing, s)| Scene::new(&s.points, 1e-6, *spacing, s.radius, 1 << 15));
+            return Self { scenes: scenes.collect(), averages: true };
+        }
+        let spacing = view.eye.length() / view.focal_px() / density.sqrt();
+        let s = sample(truth, spacing, kind, dice);
+        Self::new(&s.points, spacing, s.radius)
     }
 
     /// Draws it, and what the passes before shading leave.
@@ -247,12 +262,14 @@ impl Drawn {
 
     /// Pixels inside that show what is behind rather than the surface.
     pub fn bleeding(&self, truth: &Image) -> usize {
-        let shows = |i: usize| {
-            let Some(seen) = truth.seen[i].filter(|_| truth.is_inside(i, 2)) else { return false };
-            let depth = f64::from(self.depth[i]);
-            depth.is_finite() && depth > (seen.depth + seen.behind.min(seen.depth * 2.0)) * 0.5
-        };
-        (0..self.depth.len()).filter(|&i| shows(i)).count()
+        (0..self.depth.len()).filter(|&i| self.bleeds(truth, i)).count()
+    }
+
+    /// Whether a pixel is one of those.
+    pub fn bleeds(&self, truth: &Image, i: usize) -> bool {
+        let Some(seen) = truth.seen[i].filter(|_| truth.is_inside(i, 2)) else { return false };
+        let depth = f64::from(self.depth[i]);
+        depth.is_finite() && depth > (seen.depth + seen.behind.min(seen.depth * 2.0)) * 0.5
     }
 
     pub fn errors(&self, truth: &Image) -> Errors {
