@@ -108,10 +108,10 @@ impl Borders {
         Ok(())
     }
 
-    /// Forgets what this cell has put aside: where it lies.
+    /// Forgets what this cell has put aside: where it lies. The others stay in their order, which halos are in.
     pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
         let at = self.cells.iter().position(|(other, _)| other == cell);
-        at.map_or_else(Vec::new, |at| self.cells.swap_remove(at).1)
+        at.map_or_else(Vec::new, |at| self.cells.remove(at).1)
     }
 
     /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.

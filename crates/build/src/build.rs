@@ -278,7 +278,7 @@ fn build_into(
             let why = format!(" for nodes of {points} points of {bytes} bytes each");
             return Err(too_little_memory(least, &why));
         }
-        let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes()).1;
+        let chunk_rows_max = shares.chunk_rows_max(options, plan.row_bytes());
         let needs = Needs::of(&intake, &plan, shares.buffer_bytes_max, chunk_rows_max);
         needs.check(folder, out, free_bytes)?;
         let spills = needs.spills(free_bytes(folder));

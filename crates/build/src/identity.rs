@@ -7,6 +7,9 @@ use esker_scan::Source;
 use std::collections::HashSet;
 use std::time::UNIX_EPOCH;
 
+/// Of what records of the journal hold; another where that changes.
+const FORM: &str = "2";
+
 /// Names and what stands behind them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
@@ -23,6 +26,7 @@ impl Identity {
         let depth = options.colour_depth.map_or("detected".into(), |d| format!("{d:?}"));
         let mut parts = vec![
             ("Esker".into(), env!("CARGO_PKG_VERSION").into()),
+            ("the form of the journal".into(), FORM.into()),
             ("--node-capacity".into(), options.node_capacity.to_string()),
             ("--colour-bits".into(), depth.to_lowercase()),
             ("--compress".into(), options.compress.name().into()),

@@ -290,8 +290,8 @@ impl Scratch {
         // SAFETY: this process alone holds the file: it has no name, or a random one of this user's, which the
         // journal of an output alone knows, and the output is locked; it is only appended to, cut only when
         // no extent is left (`clear` takes `&mut self` where no map lives), and holes
-        // are punched only in extents that nobody reads any more, so the mapped bytes never change under
-        // a reader and the mapping never reaches past the file's end.
+        // are punched only in extents that nobody reads any more (whoever parts rows may still have slices of them, but is
+        // past them), so the mapped bytes never change under a reader and the mapping never reaches past the file's end.
         unsafe { Mmap::map(self.file.get_ref()) }
             .map_err(|e| BuildError::scratch(&self.folder, "cannot map scratch data", e))
     }
@@ -302,8 +302,9 @@ impl Scratch {
         extents.sort_unstable_by_key(|e| e.offset);
         for run in extents.chunk_by(|a, b| a.offset + a.bytes == b.offset) {
             let bytes = run.iter().map(|e| e.bytes).sum();
-            self.held_bytes -= bytes;
-            punch(self.file.get_ref(), Extent { offset: run[0].offset, bytes });
+            if punch(self.file.get_ref(), Extent { offset: run[0].offset, bytes }) {
+                self.held_bytes -= bytes;
+            }
         }
     }
 }
@@ -318,16 +319,18 @@ impl Drop for Scratch {
     }
 }
 
+/// Whether the system took it back: not every file system knows holes.
 #[cfg(target_os = "linux")]
-fn punch(file: &File, extent: Extent) {
+fn punch(file: &File, extent: Extent) -> bool {
     use rustix::fs::{FallocateFlags, fallocate};
     let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-    // Not every file system knows holes.
-    let _ = fallocate(file, hole, extent.offset, extent.bytes);
+    fallocate(file, hole, extent.offset, extent.bytes).is_ok()
 }
 
 #[cfg(not(target_os = "linux"))]
-fn punch(_file: &File, _extent: Extent) {}
+fn punch(_file: &File, _extent: Extent) -> bool {
+    false
+}
 
 #[cfg(test)]
 mod tests {

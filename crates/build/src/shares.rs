@@ -3,12 +3,15 @@
 use crate::build::Options;
 use crate::normals::NormalsMode;
 use crate::tree::LEAF_NODES;
+use esker_scan::BESIDE_HELD_BYTES;
 
 /// Nodes and rows of a chunk at most, where memory would hold more and no bucket is larger.
 const CHUNK_NODES: u64 = 24;
 const CHUNK_ROWS: u64 = 1 << 20;
-/// Memory that reading takes beside rows and what a reader holds; less than `BESIDE_HELD_BYTES`.
+/// Memory that reading takes beside rows and what a reader holds.
 const READING_BYTES: u64 = 96 << 20;
+// Rows have some of what scans leave beside what they hold.
+const _: () = assert!(READING_BYTES < BESIDE_HELD_BYTES);
 /// Rows in memory where all go to scratch.
 pub(crate) const SPILLED_BYTES_MAX: u64 = 320 << 20;
 /// Bytes a point of a chunk while normals are estimated, its halo's share among them.

@@ -22,26 +22,35 @@ pub struct Needs {
     pub is_held: bool,
     /// Whether a cell may hold more of them than a chunk, which then is parted through scratch.
     pub may_part: bool,
-    /// Bytes of scratch at most, where rows go there: all of them, those that a cell that is parted has twice, and, where
-    /// normals are estimated, the positions near borders, at most all.
-    pub scratch_bytes_max: u64,
+    /// Bytes of scratch at most, where rows go there: all of them, and those that a cell that is parted has twice.
+    pub parted_bytes_max: u64,
+    /// And wherever rows are, of what chunks put aside for each other where normals are estimated: the positions near
+    /// borders, at most all.
+    pub aside_bytes_max: u64,
     /// Bytes of the file at least: hot positions, what it has of every point whatever the rest is compressed to.
     pub file_bytes: u64,
 }
 
 impl Needs {
-    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory, and chunks have so many rows.
-    pub fn of(intake: &Intake, plan: &Plan, buffer_bytes_max: u64, chunk_rows_max: u64) -> Self {
+    /// Of these inputs, of which rows of `buffer_bytes_max` stay in memory, and chunks have so many rows, of several
+    /// buckets or of one.
+    pub fn of(
+        intake: &Intake,
+        plan: &Plan,
+        buffer_bytes_max: u64,
+        (joined_max, single_max): (u64, u64),
+    ) -> Self {
         let points = intake.points_likely();
         let rows_bytes = points.saturating_mul(plan.row_bytes() as u64);
         let twice_bytes = twice_bytes_max(buffer_bytes_max, plan.row_bytes()).min(rows_bytes);
-        let aside_bytes = if intake.estimates_normals { POSITION_BYTES as u64 } else { 0 };
-        let beside_bytes = twice_bytes.saturating_add(points.saturating_mul(aside_bytes));
+        let has_borders = intake.estimates_normals && points > joined_max;
+        let aside_bytes = if has_borders { POSITION_BYTES as u64 } else { 0 };
         Self {
             rows_bytes,
             is_held: rows_bytes <= buffer_bytes_max,
-            may_part: points > chunk_rows_max,
-            scratch_bytes_max: rows_bytes.saturating_add(beside_bytes),
+            may_part: points > single_max,
+            parted_bytes_max: rows_bytes.saturating_add(twice_bytes),
+            aside_bytes_max: points.saturating_mul(aside_bytes),
             file_bytes: points.saturating_mul(HOT_POSITION_BYTES as u64),
         }
     }
@@ -50,12 +59,14 @@ impl Needs {
     pub fn spills(self, free_bytes: Option<u64>) -> bool {
         self.is_held
             && self.rows_bytes > HELD_BYTES_MAX
-            && free_bytes.is_none_or(|free| self.scratch_bytes_max <= free)
+            && free_bytes.is_none_or(|free| self.scratch_bytes(true) <= free)
     }
 
     /// What scratch files have at once at most, as estimated.
     pub fn scratch_bytes(self, spills: bool) -> u64 {
-        if spills || self.may_part || !self.is_held { self.scratch_bytes_max } else { 0 }
+        let rows_go = spills || self.may_part || !self.is_held;
+        let of_rows = if rows_go { self.parted_bytes_max } else { 0 };
+        of_rows.saturating_add(self.aside_bytes_max)
     }
 
     /// Holds them against the space that is free in the folders, as `free_bytes` tells it, where it does.
@@ -76,8 +87,8 @@ impl Needs {
         let of_scratch =
             ("scratch files need", "name another folder with --scratch, or give more --memory");
         let of_file = ("the file needs", "choose another folder for it");
-        // Where memory holds the rows, few builds part a cell.
-        let scratch_bytes = if self.is_held { 0 } else { self.scratch_bytes_max };
+        // Where memory holds the rows, few builds part a cell, and of positions most are far from borders.
+        let scratch_bytes = if self.is_held { 0 } else { self.scratch_bytes(false) };
         for (path, needed_bytes, (what, remedy)) in
             [(scratch, scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]
         {
@@ -114,7 +125,8 @@ mod tests {
             rows_bytes: 2 << 30,
             is_held: false,
             may_part: true,
-            scratch_bytes_max: 3 << 30,
+            parted_bytes_max: 2 << 30,
+            aside_bytes_max: 1 << 30,
             file_bytes: 1 << 30,
         };
         let free = |scratch: u64, out: u64| {
@@ -134,17 +146,17 @@ mod tests {
         let needs = Needs { is_held: true, ..needs };
         needs.check("/scratch".as_ref(), "a.esker".as_ref(), |_| Some(1 << 30)).unwrap();
         assert_eq!(needs.scratch_bytes(false), 3 << 30);
-        assert_eq!(Needs { may_part: false, ..needs }.scratch_bytes(false), 0);
+        assert_eq!(Needs { may_part: false, ..needs }.scratch_bytes(false), 1 << 30);
     }
 
     #[test]
     fn many_rows_go_to_scratch_where_it_has_room() {
-        let scratch_bytes_max = 4 << 30;
         let needs = |rows_bytes, is_held| Needs {
             rows_bytes,
             is_held,
             may_part: false,
-            scratch_bytes_max,
+            parted_bytes_max: 4 << 30,
+            aside_bytes_max: 0,
             file_bytes: 9,
         };
         assert!(needs(3 << 30, true).spills(Some(4 << 30)) && needs(3 << 30, true).spills(None));

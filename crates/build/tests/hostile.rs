@@ -78,13 +78,19 @@ fn scratch_holds_no_more_than_was_estimated_however_often_rows_are_parted() {
     ];
     for (outliers, positions) in clouds.iter().enumerate() {
         let rows_bytes = 12 * positions.len() as u64;
-        for (buffer_bytes_max, normals) in
-            [(0, Keep), (1 << 20, Keep), (rows_bytes, Keep), (0, Estimate)]
-        {
+        // Chunks of a fraction of the cell, and such of which one bucket may have all rows but several may not.
+        let (small_chunks, large_chunks) = (500_000, 60_000_000);
+        for (buffer_bytes_max, normals, chunk_bytes_max) in [
+            (0, Keep, small_chunks),
+            (1 << 20, Keep, small_chunks),
+            (rows_bytes, Keep, small_chunks),
+            (0, Estimate, small_chunks),
+            (100_000_000, Estimate, large_chunks),
+        ] {
             let source = given("cloud", MM, positions.clone()).boxed();
             let folder = tempfile::tempdir().unwrap();
             let out = folder.path().join("out.esker");
-            let shares = Shares { buffer_bytes_max, chunk_bytes_max: 500_000 };
+            let shares = Shares { buffer_bytes_max, chunk_bytes_max };
             let options = Options { normals, ..small(256) };
             let report = build_shared(vec![source], &out, &options, shares, &Silent).unwrap();
             let of = format!("{outliers} outliers, {buffer_bytes_max} bytes in memory");

@@ -47,7 +47,7 @@ impl Marks {
         self.words[pixel / WORD] >> (pixel % WORD) & 1 == 1
     }
 
-    /// Marks of so many pixels, at most 64, from one on, the first in the lowest bit; none behind the last.
+    /// Marks of so many pixels, 1 to 64, from one on, the first in the lowest bit; none behind the last.
     #[inline(always)]
     pub fn run(&self, pixel: usize, count: usize) -> u64 {
         let (i, shift) = (pixel / WORD, pixel % WORD);
@@ -144,7 +144,7 @@ impl Band<'_> {
         self.words[at / WORD] |= 1 << (at % WORD);
     }
 
-    /// Adds marks of so many pixels, at most 64, from one on, the first in the lowest bit.
+    /// Adds marks of so many pixels, 1 to 64, from one on, the first in the lowest bit.
     #[inline(always)]
     pub fn add(&mut self, pixel: usize, count: usize, marks: u64) {
         let marks = marks & (u64::MAX >> (WORD - count));
