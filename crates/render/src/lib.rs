@@ -33,6 +33,7 @@ pub mod relief;
 pub mod renderer;
 pub mod resolve;
 mod rim;
+mod rim_row;
 pub mod shade;
 pub mod soften;
 pub mod surface;

@@ -101,7 +101,8 @@ fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize) -> u64 {
 
 /// The neighbours of a pixel that is not at the border.
 fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
-    Grid { width: base.width, height: base.height }.around(pixel)
+    let grid = Grid { width: base.width, height: base.height };
+    grid.around(grid.place(pixel))
 }
 
 /// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
@@ -120,7 +121,7 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize)
     let mut count = 0;
     let mut patch =
         Patch { pixel, front: Vec4::ZERO, tint: Vec4::ZERO, depth: 0.0, normal: Vec4::ZERO };
-    for n in around(base, pixel).into_iter().flatten() {
+    for n in around(base, pixel)? {
         if is_before(base, depth, focal_px, n, pixel) && !gaps.has(n) {
             count += 1;
             patch.front += base.front[n];

@@ -20,7 +20,7 @@
 
 use crate::marks::Marks;
 use crate::pyramid::Level;
-use crate::rim::{Grid, Place, Rims, sticks_out};
+use crate::rim::{Grid, Place, Rims, Shown};
 use rayon::prelude::*;
 
 /// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
@@ -29,6 +29,8 @@ const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
 /// only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
+/// Pixels of a wave that a job takes: fewer take less time than waking another thread.
+const JOB: usize = 256;
 /// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many pixels: a
 /// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it. Where radii are
 /// smaller, rims need theirs.
@@ -53,8 +55,7 @@ pub(crate) fn trim_with(
     let (source, gone) = (std::mem::take(scratch), Marks::new(base.width, base.height));
     let mut waves = Waves { base, per_focal: 1.0 / focal_px, depth, source, gone };
     let rims = waves.write(waves.rims(edges));
-    let (mut last, mut waiting): (Vec<_>, Vec<_>) =
-        rims.into_iter().partition(|&p| !waves.is_due(p, 1));
+    let (mut last, mut waiting): (Vec<_>, Vec<_>) = rims.into_iter().partition(|p| !p.is_due(1));
     for wave in 1..=WAVES {
         last = waves.write(waves.inwards(wave, &last));
         // The rims that were due in the first wave themselves.
@@ -65,7 +66,7 @@ pub(crate) fn trim_with(
     }
     waves.write(waves.left_alone());
     let gone: Vec<_> = waves.gone.pixels().collect();
-    let sources: Vec<_> = gone.par_iter().map(|&p| waves.shown(p)).collect();
+    let sources: Vec<_> = gone.par_iter().map(|&p| waves.source_of(p)).collect();
     let touched = waves.gone.grown(false);
     *scratch = waves.source;
     gone.iter().for_each(|&pixel| scratch[pixel] = 0);
@@ -89,34 +90,34 @@ struct Waves<'a> {
 
 /// A pixel that goes, and the one whose attributes it is to show.
 struct Step {
-    pixel: usize,
+    place: Place,
     source: u32,
     depth: f32,
 }
 
+impl Place {
+    /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
+    fn is_due(self, wave: u32) -> bool {
+        (self.x + self.y + wave as usize).is_multiple_of(2)
+    }
+}
+
 impl Waves<'_> {
     /// The pixel whose attributes a pixel shows.
-    fn shown(&self, pixel: usize) -> usize {
+    #[inline(always)]
+    fn source_of(&self, pixel: usize) -> usize {
         ((self.source[pixel] & PIXEL_MASK) as usize).checked_sub(1).unwrap_or(pixel)
-    }
-
-    /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
-    fn is_due(&self, pixel: usize, wave: u32) -> bool {
-        let [x, y] = [pixel % self.base.width, pixel / self.base.width];
-        (x + y + wave as usize).is_multiple_of(2)
     }
 
     /// The pixels of `edges` at a rim, each with what lies beyond it.
     fn rims(&self, edges: &Marks) -> Vec<Step> {
         let (picture, width) = (self.picture(), self.base.width);
-        let step = |place: Place| {
-            let (after, line) = picture.beyond(place)?;
-            Some(self.step(place.index, after, line))
-        };
         let rims = edges.bands().flat_map_iter(|pixels| {
             let mut steps = Vec::new();
             for y in pixels.start / width..pixels.end / width {
-                picture.ends(edges, y, |place| steps.extend(step(place)));
+                picture.of_row(edges, y, |place, (after, line)| {
+                    steps.push(self.step(place, after, line));
+                });
             }
             steps
         });
@@ -124,24 +125,45 @@ impl Waves<'_> {
     }
 
     /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
-    fn inwards(&self, wave: u32, last: &[usize]) -> Vec<Step> {
-        let follow = last.par_iter().with_min_len(512).flat_map_iter(|&gone| {
-            let beside = self.grid().beside(gone).into_iter().flatten();
-            // A pixel beside several goes with the one that it has chosen.
-            let follow = beside.filter(move |&p| self.follows(wave, p, gone));
-            follow.map(move |p| self.step(p, gone, self.source[gone] >> PIXEL_BITS))
-        });
-        follow.collect()
+    fn inwards(&self, wave: u32, last: &[Place]) -> Vec<Step> {
+        last.par_chunks(JOB).flat_map_iter(|last| self.followers(wave, last)).collect()
     }
 
-    fn step(&self, pixel: usize, after: usize, line: u32) -> Step {
-        let source = (self.shown(after) as u32 + 1) | line << PIXEL_BITS;
-        Step { pixel, source, depth: self.depth[after] }
+    /// Those beside these.
+    fn followers(&self, wave: u32, last: &[Place]) -> Vec<Step> {
+        let mut asked = Vec::with_capacity(2 * last.len());
+        for &gone in last {
+            for place in self.grid().beside(gone) {
+                // A pixel beside several goes with the one that it has chosen.
+                let is_behind = self.depth[gone.index] > self.depth[place.index];
+                if is_behind && self.farthest(place) == Some(gone.index) {
+                    asked.push((place, gone.index));
+                }
+            }
+        }
+        // Read before any is judged, so that reads do not wait for each other.
+        let shown = |&(place, _): &(Place, _)| Shown::by(self.base, self.source_of(place.index));
+        let shown: Vec<_> = asked.iter().map(shown).collect();
+        let mut steps = Vec::with_capacity(asked.len());
+        for (&(place, gone), shown) in asked.iter().zip(&shown) {
+            let line = self.source[gone] >> PIXEL_BITS;
+            let limit = self.picture().limit(place.index, shown.radius);
+            if self.depth[gone] > limit && wave <= shown.radius as u32 && shown.sticks_out(line) {
+                steps.push(self.step(place, gone, line));
+            }
+        }
+        steps
+    }
+
+    fn step(&self, place: Place, after: usize, line: u32) -> Step {
+        let source = (self.source_of(after) as u32 + 1) | line << PIXEL_BITS;
+        Step { place, source, depth: self.depth[after] }
     }
 
     /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels.
-    fn write(&mut self, steps: Vec<Step>) -> Vec<usize> {
-        let written = steps.into_iter().filter_map(|Step { pixel, source, depth }| {
+    fn write(&mut self, steps: Vec<Step>) -> Vec<Place> {
+        let written = steps.into_iter().filter_map(|Step { place, source, depth }| {
+            let pixel = place.index;
             match self.source[pixel] {
                 0 => self.gone.set(pixel),
                 // Twice among the steps, after a neighbour that was twice among the last.
@@ -149,51 +171,43 @@ impl Waves<'_> {
                 _ => {}
             }
             (self.source[pixel], self.depth[pixel]) = (source, depth);
-            Some(pixel)
+            Some(place)
         });
         written.collect()
     }
 
-    /// Whether a pixel goes in a wave, and after this neighbour: of those that went and show another surface
-    /// behind its own the farthest, of equals the first in the order left, right, above, below.
-    fn follows(&self, wave: u32, pixel: usize, after: usize) -> bool {
-        let behind = self.depth[after];
-        if behind <= self.depth[pixel] {
-            return false;
-        }
-        let shown = self.shown(pixel);
-        let (radius, limit) = (self.base.tint[shown].w, self.picture().limit(pixel, shown));
-        let line = self.source[after] >> PIXEL_BITS;
-        if behind <= limit || wave > radius as u32 || !sticks_out(self.base, shown, line) {
-            return false;
-        }
-        self.farthest(pixel) == Some(after)
-    }
-
     /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first in the order left, right,
     /// above, below.
-    fn farthest(&self, pixel: usize) -> Option<usize> {
-        let beside = self.grid().beside(pixel).into_iter().flatten();
-        let went = beside.filter(|&p| self.source[p] > 0);
-        went.reduce(|far, p| if self.depth[p] > self.depth[far] { p } else { far })
+    #[inline(always)]
+    fn farthest(&self, place: Place) -> Option<usize> {
+        let mut farthest = None;
+        for beside in self.grid().beside(place).map(|beside| beside.index) {
+            let is_farther = farthest.is_none_or(|f: usize| self.depth[beside] > self.depth[f]);
+            if is_farther && self.source[beside] > 0 && beside != place.index {
+                farthest = Some(beside);
+            }
+        }
+        farthest
     }
 
     /// The pixels that are left alone beside those that went; none beside what went from a line.
     fn left_alone(&self) -> Vec<Step> {
         let beside = self.gone.grown(false).without(&self.gone);
         let alone = beside.pixels().filter_map(|pixel| {
-            let (picture, around) = (self.picture(), self.grid().around(pixel)?);
+            let place = self.grid().place(pixel);
+            let (picture, around) = (self.picture(), self.grid().around(place)?);
             let behind = |limit: f32| around.iter().filter(|p| self.depth[**p] > limit).count();
             // Most are not, which is seen without their radii.
             if behind(self.depth[pixel]) < ALONE {
                 return None;
             }
-            let limit = picture.limit(pixel, pixel);
-            let is_alone = self.base.tint[pixel].w >= ALONE_RADIUS_PX
+            let radius = self.base.tint[pixel].w;
+            let limit = picture.limit(pixel, radius);
+            let is_alone = radius >= ALONE_RADIUS_PX
                 && behind(limit) >= ALONE
                 && around.into_iter().all(|p| self.source[p] <= PIXEL_MASK);
-            let after = self.farthest(pixel).filter(|_| is_alone)?;
-            (self.depth[after] > limit).then(|| self.step(pixel, after, 0))
+            let after = self.farthest(place).filter(|_| is_alone)?;
+            (self.depth[after] > limit).then(|| self.step(place, after, 0))
         });
         alone.collect()
     }
@@ -314,7 +328,8 @@ mod tests {
                         (beyond, chosen) = (depth[next], Some(next));
                     }
                 }
-                if let Some(next) = chosen.filter(|&next| sticks_out(base, shown, lines[next])) {
+                let shown = Shown::by(base, shown);
+                if let Some(next) = chosen.filter(|&next| shown.sticks_out(lines[next])) {
                     (source[pixel], lines[pixel]) = (source[next], lines[next]);
                 }
                 depth[pixel] = source[pixel].map_or(depth[pixel], |s| rim.depth[s]);
@@ -372,9 +387,10 @@ mod tests {
                 assert_eq!(base.normal.get(pixel), before.normal.get(from));
             }
             let went = |p: usize| expected[p].is_some();
-            let beside = |p: usize| Grid { width: WIDTH, height: HEIGHT }.beside(p);
+            let grid = Grid { width: WIDTH, height: HEIGHT };
+            let beside = |p: usize| grid.beside(grid.place(p)).into_iter();
             let changed =
-                (0..depth.len()).filter(|&p| went(p) || beside(p).into_iter().flatten().any(went));
+                (0..depth.len()).filter(|&p| went(p) || beside(p).any(|place| went(place.index)));
             assert_eq!(touched.pixels().collect::<Vec<_>>(), changed.collect::<Vec<_>>());
             assert!(expected.iter().flatten().count() > 300, "seed {seed}");
         }
