@@ -8,6 +8,8 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool;
+// Whether pixels of this level that stay take a part of what is interpolated there.
+override SMOOTHS: bool;
 
 @group(0) @binding(0) var<uniform> fine: LevelShape;
 @group(0) @binding(1) var<uniform> coarse: LevelShape;
@@ -23,6 +25,10 @@ override NORMALS: bool;
 
 // Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
 const HIDING_PX: f32 = 24.0;
+// How much of a pixel that stays is what is interpolated there, where all four coarser ones have a part in it.
+const SMOOTH: f32 = 0.5;
+// Square of the cosine from which on normals are near each other (15 degrees).
+const NEAR: f32 = 0.933;
 // A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
 const ROUNDING: f32 = 0.99999;
 
@@ -77,6 +83,53 @@ fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     return false;
 }
 
+// Whether normals of any length make a small angle, or there are none.
+fn are_near(a: vec3<f32>, b: vec3<f32>) -> bool {
+    let along = dot(a, b);
+    return dot(a, a) * NEAR * dot(b, b) <= along * max(along, 0.0);
+}
+
+// Gives a pixel that stays a part of those that cover it, whose intervals meet its own and whose normals are near its own. `place` is where depths are compared.
+fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) {
+    let own = fine_front[pixel].xy;
+    var tint = vec3<f32>(0.0);
+    var normal = vec3<f32>(0.0);
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
+            continue;
+        }
+        let source = near(k, above, odd);
+        let front = coarse_front[source.pixel];
+        if !is_valid(front) {
+            continue;
+        }
+        var facing = FACING;
+        if NORMALS {
+            facing = coarse_normal[source.pixel];
+        }
+        let depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
+        var meets = depths.x <= own.y && own.x <= depths.y;
+        if NORMALS {
+            meets = meets && are_near(fine_normal[pixel].xyz, facing.xyz);
+        }
+        if meets && covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, facing) {
+            tint += coarse_tint[source.pixel].xyz * source.weight;
+            normal += facing.xyz * source.weight;
+            sum += source.weight;
+        }
+    }
+    if sum > 0.0 {
+        let share = sum * (SMOOTH / 16.0);
+        let old = fine_tint[pixel];
+        fine_tint[pixel] = vec4<f32>(old.xyz * (1.0 - share) + tint / sum * share, old.w);
+        if NORMALS {
+            let old = fine_normal[pixel];
+            fine_normal[pixel] = vec4<f32>(old.xyz * (1.0 - share) + normal / sum * share, old.w);
+        }
+    }
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= fine.width || id.y >= fine.height {
@@ -100,6 +153,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let least = select(moved, moved * ROUNDING, NORMALS);
         let is_within = own >= cover.x * least && own <= cover.y * moved;
         if is_within && !is_behind(own, place, centre, above, odd, has) {
+            if SMOOTHS {
+                smoothe(pixel, place, centre, above, odd, has);
+            }
             return;
         }
     }
@@ -132,6 +188,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // Nothing covers it; or it is valid and not behind what does.
     if taken == 0u || (is_filled && own <= nearest.y) {
+        if SMOOTHS && is_filled {
+            smoothe(pixel, place, centre, above, odd, has);
+        }
         return;
     }
     var sum = 0.0;

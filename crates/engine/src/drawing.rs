@@ -99,7 +99,10 @@ impl Look {
         };
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens, .. } = *self;
-        FramePlan::of(&has, &Asked { method, colour, shines, is_dense, is_crowded, evens })
+        FramePlan::of(
+            &has,
+            &Asked { method, colour, shines, is_dense, averages: true, is_crowded, evens },
+        )
     }
 
     /// The planes that its frames need of each node, the residual aside, which views ask for node by node.

@@ -124,6 +124,10 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
     say(!plan.evens() && !scene.look.evens, "evening of exposures: not asked");
     say(!plan.evens() && scene.look.evens, ONLY_OWN_COLOURS);
     say(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");
+    say(
+        is_pulled && plan.has_pyramid && !plan.smooths,
+        "smoothing of pixels: points are averaged, or colours are names",
+    );
     say(!has_surface, "pyramid, lighting, antialiasing: points alone");
     say(is_splats, "pyramid: splats cover their pixels themselves");
     say(is_pulled && !plan.has_pyramid, "pull, push, levels above the picture: a dense view");

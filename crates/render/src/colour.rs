@@ -48,6 +48,11 @@ impl ColourBy {
     pub fn reads_plane(&self) -> bool {
         matches!(self, Self::Rgb | Self::Scalar(_) | Self::Codes(_))
     }
+
+    /// Whether colours stand for names: what lies between two of them means nothing.
+    pub fn names(&self) -> bool {
+        matches!(self, Self::Codes(Codebook::Classes | Codebook::Labels) | Self::Cell)
+    }
 }
 
 /// Colours of numbers below 256.

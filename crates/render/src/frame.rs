@@ -109,7 +109,7 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// ([`crate::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of a pixel's front surface are averaged where points crowd
-    /// ([`crate::density::CROWDED_PX`]); else one wins it.
+    /// ([`crate::density::CROWDED_PX`]), and pixels smoothed where they do not ([`crate::push`]); else one point wins a pixel.
     pub averages: bool,
     /// Whether differences of exposure between scans are evened out ([`crate::even`]): the spare bytes of colour planes then
     /// tell scans apart.

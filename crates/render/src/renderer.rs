@@ -146,7 +146,7 @@ impl Renderer {
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
-                Pass::Push => push_with(pyramid, &mut picture.depth),
+                Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),
                 Pass::Mend => {
                     if !plan.has_pyramid {
                         pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);

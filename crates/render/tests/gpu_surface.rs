@@ -11,7 +11,7 @@ use esker_render::gpu::frame::FrameUniform;
 use esker_render::gpu::picture::GpuPicture;
 use esker_render::gpu::pyramid::GpuPyramid;
 use esker_render::gpu::readback::read;
-use esker_render::gpu::surface::Surface;
+use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::timing::Timing;
 use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
@@ -72,7 +72,7 @@ struct Twins {
     picture: Picture,
 }
 
-fn twins(input: &Input<'_>) -> Twins {
+fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     let (camera, base) = (input.camera(), &input.base);
     let mut pulled = Pyramid::default();
     pulled.fit(base.width, base.height, !base.normal.is_empty());
@@ -80,7 +80,7 @@ fn twins(input: &Input<'_>) -> Twins {
     pulled.levels[0] = base.clone();
     pull::pull(&mut pulled);
     let mut pushed = pulled.clone();
-    push::push(&mut pushed);
+    push::push_with(&mut pushed, smooths, &mut []);
     let mut last = pushed.clone();
     let pixels = base.width * base.height;
     let mut picture = Picture {
@@ -111,10 +111,11 @@ struct Rig<'a> {
     uniform: Counted,
     pyramid: GpuPyramid,
     picture: GpuPicture,
+    choices: Choices,
 }
 
 impl<'a> Rig<'a> {
-    fn new(gpu: &'a Gpu, input: &Input<'_>) -> Self {
+    fn new(gpu: &'a Gpu, input: &Input<'_>, smooths: bool) -> Self {
         let base = &input.base;
         let bytes = [FrameUniform::new(&input.frame, &input.camera())];
         let bytes: &[u8] = bytemuck::cast_slice(&bytes);
@@ -130,13 +131,14 @@ impl<'a> Rig<'a> {
         gpu.queue.write_buffer(&level.depth, 0, bytemuck::cast_slice(&base.depth));
         gpu.queue.write_buffer(&level.normal, 0, bytemuck::cast_slice(&floats(&base.normal)));
         let picture = GpuPicture::new(gpu, width, height).unwrap();
-        Self { gpu, uniform, pyramid, picture }
+        let choices = Choices { shines: true, smooths };
+        Self { gpu, uniform, pyramid, picture, choices }
     }
 
     /// Runs one of the passes; `None` where there are no more.
     fn run(&self, surface: &mut Surface, stage: usize) -> Option<&'static str> {
-        let Self { gpu, uniform, pyramid, picture } = self;
-        let stages = surface.stages(gpu, uniform, pyramid, picture, true).unwrap();
+        let Self { gpu, uniform, pyramid, picture, choices } = self;
+        let stages = surface.stages(gpu, uniform, pyramid, picture, *choices).unwrap();
         let stage = stages.get(stage)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         stage.encode(&mut encoder, &mut Timing::default());
@@ -214,20 +216,24 @@ fn off(a: &[u8], b: &[u8]) -> usize {
     a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|&p| differs(p)).count()
 }
 
-/// Runs the passes on every adapter and compares each with its twin.
+/// Runs the passes on every adapter and compares each with its twin, also where pixels that stay are smoothed.
 fn same_as_twins(inputs: &[Input<'_>]) {
-    let expected: Vec<_> = inputs.iter().map(twins).collect();
+    [false, true].into_iter().for_each(|smooths| same_as_twins_with(inputs, smooths));
+}
+
+fn same_as_twins_with(inputs: &[Input<'_>], smooths: bool) {
+    let expected: Vec<_> = inputs.iter().map(|input| twins(input, smooths)).collect();
     for gpu in gpus() {
         let mut surface = Surface::default();
         for (input, twins) in inputs.iter().zip(&expected) {
-            compare(&gpu, &mut surface, input, twins);
+            compare(&gpu, &mut surface, input, twins, smooths);
         }
         assert_eq!(gpu.fault(), None, "{}", gpu.name);
     }
 }
 
-fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins) {
-    let rig = Rig::new(gpu, input);
+fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, smooths: bool) {
+    let rig = Rig::new(gpu, input, smooths);
     let pixels = input.base.front.len();
     for stage in 0.. {
         let Some(name) = rig.run(surface, stage) else { break };
@@ -312,7 +318,7 @@ fn each_pass_comes_to_the_same_as_its_twin() {
             let draws = scene.draws(true, true, has_normals);
             let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
             assert_eq!(input.base.normal.is_empty(), !has_normals);
-            let twins = twins(&input);
+            let twins = twins(&input, false);
             let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
             let mut pushed = twins.mended.clone();
             twins.pushed.levels[0].depth_image(&twins.pushed.lens, &mut pushed);
@@ -395,7 +401,7 @@ fn another_picture_takes_the_memory_of_the_last() {
         let mut bytes = Vec::new();
         for size in [64, 32, 64] {
             let view = view(size, size);
-            let rig = Rig::new(&gpu, &Input::of("memory", scene.frame(&view, &draws)));
+            let rig = Rig::new(&gpu, &Input::of("memory", scene.frame(&view, &draws)), false);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let Rig { uniform, pyramid, picture, .. } = &rig;
             let timing = &mut Timing::default();

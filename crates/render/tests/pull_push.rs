@@ -25,14 +25,21 @@ struct Tally {
 }
 
 impl Tally {
-    /// Runs both on a base level. Where no decision was near a tie, all pixels must agree.
+    /// Runs both on a base level, as published and with pixels smoothed.
     fn compare(&mut self, name: &str, pyramid: &mut Pyramid) {
+        let mut other = pyramid.clone();
+        self.compare_with(name, pyramid, false);
+        self.compare_with(&format!("{name}, smoothed"), &mut other, true);
+    }
+
+    /// Where no decision was near a tie, all pixels must agree.
+    fn compare_with(&mut self, name: &str, pyramid: &mut Pyramid, smooths: bool) {
         let base = &pyramid.levels[0];
         let lens = pyramid.has_normals().then_some(pyramid.lens);
         let lens = lens.map(|l| [l.focal_px, l.centre_px.x, l.centre_px.y].map(f64::from));
-        let expected = pull_push(Image { lens, ..read(base) });
+        let expected = pull_push(Image { lens, ..read(base) }, smooths);
         pull::pull(pyramid);
-        push::push(pyramid);
+        push::push_with(pyramid, smooths, &mut []);
         let got = read(&pyramid.levels[0]);
         let apart = (0..got.pixels.len())
             .filter(|&i| !alike(got.pixels[i].as_ref(), expected.pixels[i].as_ref()))

@@ -8,10 +8,13 @@ use super::kernel::Kernel;
 use super::pull::level_resources;
 use super::pyramid::{GpuLevel, GpuPyramid};
 use super::shader::sources;
+use super::variants::Variants;
 
 /// The pass.
 pub struct Push {
-    kernel: Kernel,
+    /// By whether pixels carry normals, and whether those that stay are smoothed.
+    kernels: Variants<2>,
+    has_normals: bool,
     /// With normals only.
     inherit: Option<Kernel>,
 }
@@ -22,36 +25,46 @@ impl Push {
     /// # Errors
     /// Where a shader is refused.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let constants = [("NORMALS", f64::from(has_normals))];
+        let mut kernels = Variants::new(sources::PUSH_PUSH, ["NORMALS", "SMOOTHS"]);
+        kernels.get(gpu, [u32::from(has_normals), 0])?;
         let inherit = || Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[]);
         Ok(Self {
-            kernel: Kernel::new(gpu, sources::PUSH_PUSH, "main", &constants)?,
+            kernels,
+            has_normals,
             inherit: if has_normals { Some(inherit()?) } else { None },
         })
     }
 
-    /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture.
-    /// `uniform` is the frame's.
+    /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
+    /// are smoothed where asked. `uniform` is the frame's.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
     pub fn dispatches(
-        &self,
+        &mut self,
         gpu: &Gpu,
         uniform: &wgpu::Buffer,
         pyramid: &GpuPyramid,
-    ) -> Vec<Dispatch> {
+        smooths: bool,
+    ) -> Result<Vec<Dispatch>, GpuError> {
         let levels = || pyramid.levels.windows(2).rev();
-        let push = levels().map(|l| {
+        let has_normals = u32::from(self.has_normals);
+        let mut dispatches = Vec::new();
+        for (above, l) in (0..pyramid.levels.len()).rev().skip(1).zip(levels()) {
+            let kernel = self.kernels.get(gpu, [has_normals, u32::from(smooths && above == 0)])?;
             let resources = level_resources(uniform, &l[0], &l[1]);
-            Dispatch::over(gpu, &self.kernel, [l[0].width, l[0].height], &resources)
-        });
+            dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
+        }
         let inherit = self.inherit.iter().flat_map(|kernel| {
             let above_the_picture = pyramid.levels.len().saturating_sub(2);
             levels().take(above_the_picture).map(|l| inherit(gpu, kernel, &l[0], &l[1]))
         });
-        push.chain(inherit).collect()
+        dispatches.extend(inherit);
+        Ok(dispatches)
     }
 
     pub(super) fn kernels(&mut self) -> Vec<&mut Kernel> {
-        std::iter::once(&mut self.kernel).chain(&mut self.inherit).collect()
+        self.kernels.all().chain(&mut self.inherit).collect()
     }
 }
 

@@ -38,12 +38,20 @@ struct Kernels {
     soften: Soften,
 }
 
+/// What a frame's plan leaves open to the passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Choices {
+    /// Whether there are highlights.
+    pub shines: bool,
+    /// Whether pixels that push leaves as they are are smoothed.
+    pub smooths: bool,
+}
+
 /// Dispatches over one pyramid and picture.
 struct Bound {
     /// What they are bound to: the uniform, a plane of the pyramid, one of the picture.
     to: [wgpu::Buffer; 3],
-    /// Whether there are highlights.
-    shines: bool,
+    choices: Choices,
     stages: Vec<Stage>,
     /// Bind groups keep memory alive; this counts it, and tests look at it.
     scratch: Scratch,
@@ -174,16 +182,17 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         target: &Target<'_>,
-        shines: bool,
+        Choices { shines, smooths }: Choices,
     ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
         let uniform = target.uniform;
         let marks = [&target.picture.depth, target.marks, target.sources];
+        let push = self.push.dispatches(gpu, uniform, target.pyramid, smooths)?;
         let mut stages = vec![
             // After EWA splatting, which has filled level 0 and the picture's depth.
             stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
-            stage("push", Pass::Push, self.push.dispatches(gpu, uniform, target.pyramid)),
+            stage("push", Pass::Push, push),
             stage("mend", Pass::Mend, self.mend.dispatches(gpu, target)),
             stage("trim", Pass::Mend, self.trim.dispatches(gpu, target)),
         ];
@@ -224,14 +233,15 @@ impl Surface {
         picture: &GpuPicture,
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
-        let stages = self.stages(gpu, uniform, pyramid, picture, plan.shines)?;
+        let choices = Choices { shines: plan.shines, smooths: plan.smooths };
+        let stages = self.stages(gpu, uniform, pyramid, picture, choices)?;
         for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
             stage.encode(encoder, timing);
         }
         Ok(())
     }
 
-    /// The passes one by one, of which [`Surface::encode`] runs those of a plan; `shines` for highlights.
+    /// The passes one by one, of which [`Surface::encode`] runs those of a plan.
     ///
     /// # Errors
     /// Where a shader or memory is refused.
@@ -241,10 +251,10 @@ impl Surface {
         uniform: &wgpu::Buffer,
         pyramid: &GpuPyramid,
         picture: &GpuPicture,
-        shines: bool,
+        choices: Choices,
     ) -> Result<&[Stage], GpuError> {
         let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
-        if self.bound.as_ref().is_none_or(|b| b.to != to || b.shines != shines) {
+        if self.bound.as_ref().is_none_or(|b| b.to != to || b.choices != choices) {
             // The old memory goes first, so that never both are there.
             self.release();
             let has_normals = pyramid.has_normals;
@@ -253,8 +263,9 @@ impl Surface {
                 none => none.insert(Kernels::new(gpu, has_normals)?),
             };
             let scratch = Scratch::new(gpu, [picture.width, picture.height])?;
-            let stages = kernels.stages(gpu, &scratch.target(uniform, pyramid, picture), shines)?;
-            self.bound = Some(Bound { to, shines, stages, scratch });
+            let target = scratch.target(uniform, pyramid, picture);
+            let stages = kernels.stages(gpu, &target, choices)?;
+            self.bound = Some(Bound { to, choices, stages, scratch });
         }
         Ok(self.bound.as_ref().map_or(&[], |b| &b.stages))
     }

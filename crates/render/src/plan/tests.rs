@@ -16,6 +16,7 @@ const ASKED: Asked = Asked {
     colour: ColourBy::Rgb,
     shines: true,
     is_dense: false,
+    averages: true,
     is_crowded: false,
     evens: false,
 };
@@ -102,6 +103,26 @@ fn points_are_averaged_where_they_crowd_and_nowhere_else() {
 }
 
 #[test]
+fn pixels_are_smoothed_where_means_are_asked_for_points_do_not_crowd_and_colours_are_no_names() {
+    let plan = |asked| FramePlan::of(&ALL, &asked);
+    let smooth = plan(ASKED);
+    assert!(smooth.smooths && !smooth.averages());
+    let constants = smooth.variants().into_iter().flat_map(|v| v.constants);
+    assert!(constants.into_iter().any(|constant| constant == ("SMOOTHS", 1)));
+    let classes = Asked { colour: ColourBy::Codes(Codebook::Classes), ..ASKED };
+    let crowded = Asked { is_crowded: true, ..ASKED };
+    assert!(!plan(classes).smooths && !plan(crowded).smooths);
+    for alone in
+        [Asked { averages: false, ..ASKED }, Asked { averages: false, is_crowded: true, ..ASKED }]
+    {
+        assert!(!plan(alone).smooths && !plan(alone).averages());
+    }
+    let dense = Asked { is_dense: true, ..ASKED };
+    let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
+    assert!([dense, points, ewa].into_iter().all(|asked| !plan(asked).smooths));
+}
+
+#[test]
 fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
     let asked = Asked { evens: true, ..ASKED };
     let plan = FramePlan::of(&ALL, &asked);
@@ -111,7 +132,8 @@ fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
     };
     assert!(plan.evens() && shaders(&plan) == 3);
     let crowded = FramePlan::of(&ALL, &Asked { is_crowded: true, ..asked });
-    assert!(crowded.averages() && crowded.evens() && crowded.without_averages() == plan);
+    assert!(crowded.averages() && crowded.evens());
+    assert_eq!(crowded.without_averages(), FramePlan { smooths: false, ..plan });
     assert_eq!(
         crowded.without_evening(),
         FramePlan::of(&ALL, &Asked { is_crowded: true, ..ASKED })

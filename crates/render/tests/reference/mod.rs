@@ -72,8 +72,8 @@ fn near(a: f64, b: f64) -> bool {
     a != b && (a - b).abs() <= 1e-5 * (a.abs() + b.abs())
 }
 
-/// The picture with all gaps filled.
-pub fn pull_push(picture: Image) -> Image {
+/// The picture with all gaps filled, and pixels that stay smoothed where asked (not published).
+pub fn pull_push(picture: Image, smooths: bool) -> Image {
     let mut levels = vec![picture];
     loop {
         let finest = &levels[levels.len() - 1];
@@ -86,7 +86,7 @@ pub fn pull_push(picture: Image) -> Image {
     let mut ties = levels.iter().map(|l| l.near_ties).sum();
     let mut coarser = levels.pop().unwrap();
     while let Some(finer) = levels.pop() {
-        coarser = push(&coarser, &finer);
+        coarser = push(&coarser, &finer, smooths && levels.is_empty());
         ties += coarser.near_ties;
     }
     coarser.near_ties = ties;
@@ -207,11 +207,44 @@ fn covers(p: &Pixel, centre: [f64; 2], place: [f64; 2], near_ties: &mut usize) -
     form <= 1.0
 }
 
+/// A pixel that stays, with its part of those that cover it, in the depths that they have where they are compared.
+fn smooth(own: &Pixel, covering: &[(Pixel, Weighted)], near_ties: &mut usize) -> Pixel {
+    let (mut out, mut sum) = (*own, 0.0);
+    let mut means = [0.0; 6];
+    let values =
+        |p: &Pixel| [p.carried[1], p.carried[2], p.carried[3], p.carried[4], p.disc[0], p.disc[1]];
+    for (p, (_, _, weight)) in covering {
+        let [[a, b], [c, d]] = [own.depth, p.depth];
+        *near_ties += usize::from(near(a, d) || near(c, b));
+        let [n, m] = [own, p].map(|p| [p.disc[0], p.disc[1], p.carried[4]]);
+        let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
+        // 15 degrees.
+        let [cosine, crease] = [dot(n, m) * dot(n, m).max(0.0), 0.933 * dot(n, n) * dot(m, m)];
+        *near_ties += usize::from((cosine - crease).abs() < 1e-4 * crease);
+        if c <= b && a <= d && cosine >= crease {
+            sum += weight;
+            means.iter_mut().zip(values(p)).for_each(|(mean, value)| *mean += value * weight);
+        }
+    }
+    if sum > 0.0 {
+        // Half of it where all have a part in it: their weights add up to one.
+        let share = 0.5 * sum;
+        let old = values(own);
+        let new: [f64; 6] = std::array::from_fn(|i| old[i] + (means[i] / sum - old[i]) * share);
+        out.carried[1..].copy_from_slice(&new[..4]);
+        out.disc[..2].copy_from_slice(&new[4..]);
+    }
+    out
+}
+
+/// A coarser pixel, its centre and its weight.
+type Weighted = (Pixel, [f64; 2], f64);
+
 /// As in the pass.
 const HIDING_PX: f64 = 24.0;
 
 /// Section 3.3: the finer level with its invalid and occluded pixels interpolated.
-fn push(coarser: &Image, finer: &Image) -> Image {
+fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
     let mut out = Image { near_ties: 0, ..finer.clone() };
     for y in 0..finer.height as i64 {
         for x in 0..finer.width as i64 {
@@ -220,6 +253,7 @@ fn push(coarser: &Image, finer: &Image) -> Image {
             let place = finer.centre(x, y);
             let compare_at = own.map_or(place, |own| own.ellipse(place));
             let side = [if x % 2 == 1 { 1 } else { -1 }, if y % 2 == 1 { 1 } else { -1 }];
+            let mut stays = false;
             if let (Some(own), Some(above)) = (own, above) {
                 let factor = above.factor(finer.lens, coarser.centre(x / 2, y / 2), compare_at);
                 let [min, max] = above.moved(factor).depth;
@@ -239,9 +273,7 @@ fn push(coarser: &Image, finer: &Image) -> Image {
                     );
                     is_hidden |= beside.radius >= HIDING_PX && own.depth[0] > max;
                 }
-                if !is_hidden {
-                    continue;
-                }
+                stays = !is_hidden;
             }
             let mut covering = Vec::new();
             for (dx, dy, weight) in
@@ -255,12 +287,20 @@ fn push(coarser: &Image, finer: &Image) -> Image {
                     covering.push((moved, (p, centre, weight / 16.0)));
                 }
             }
-            let kept = frontmost(&covering, &mut out.near_ties);
+            let kept = if stays { Vec::new() } else { frontmost(&covering, &mut out.near_ties) };
             if let Some(own) = own {
                 let front = kept.iter().min_by(|a, b| a.0.depth[0].total_cmp(&b.0.depth[0]));
-                let Some((front, _)) = front else { continue };
-                out.near_ties += usize::from(near(own.depth[0], front.depth[1]));
-                if own.depth[0] <= front.depth[1] {
+                if let Some((front, _)) = front {
+                    out.near_ties += usize::from(near(own.depth[0], front.depth[1]));
+                    stays |= own.depth[0] <= front.depth[1];
+                } else {
+                    stays = true;
+                }
+                if stays && smooths {
+                    let at = y as usize * finer.width + x as usize;
+                    out.pixels[at] = Some(smooth(&own, &covering, &mut out.near_ties));
+                }
+                if stays {
                     continue;
                 }
             }

@@ -11,7 +11,7 @@ use esker_render::colour::linear;
 use esker_render::pyramid::{Level, Pyramid};
 use esker_render::relief::{DepthImage, ReliefScratch};
 use esker_render::tangent::Lens;
-use esker_render::{Background, Frame, Picture, Renderer};
+use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
 use esker_render::{edges, mend, pull, push, trim};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{DVec2, DVec3, Vec3};
@@ -123,7 +123,7 @@ impl Cloud {
     /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius (twice as long without
     /// normals), compared as it is. Its picture is that of [`Cloud::draw`].
     pub fn draw_published(&self, view: &View, has_normals: bool) -> Drawn {
-        self.draw_with(view, has_normals, |pyramid| {
+        self.draw_with(view, has_normals, |pyramid, _| {
             let base = &mut pyramid.levels[0];
             for i in 0..base.front.len() {
                 let (front, radius_px) = (base.front[i], base.tint[i].w - 0.35);
@@ -135,27 +135,33 @@ impl Cloud {
                 &mut pyramid.lens,
                 Lens { focal_px: f32::MAX, ..Lens::default() },
             );
-            pull_push(pyramid);
+            pull_push(pyramid, false);
             pyramid.lens = lens;
         })
     }
 
-    /// As [`Cloud::draw`], the pyramid filled by `fill`.
-    pub fn draw_with(&self, view: &View, has_normals: bool, fill: impl Fn(&mut Pyramid)) -> Drawn {
+    /// As [`Cloud::draw`], the pyramid filled by `fill`, which is told whether pixels are smoothed.
+    pub fn draw_with(
+        &self,
+        view: &View,
+        has_normals: bool,
+        fill: impl Fn(&mut Pyramid, bool),
+    ) -> Drawn {
         let draws: Vec<_> =
             self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
         let mut frame = self.scenes[0].frame(view, &draws);
         (frame.background, frame.averages) = (Background::Plain([0; 4]), self.averages);
         let picture = Renderer::default().render(&frame).unwrap();
-        let (level, depth) = last_level(&frame, fill);
+        let smooths = FramePlan::new(&frame).smooths;
+        let (level, depth) = last_level(&frame, |pyramid| fill(pyramid, smooths));
         Drawn { view: *view, picture, level, depth }
     }
 }
 
-/// The published passes.
-pub fn pull_push(pyramid: &mut Pyramid) {
+/// Pull and push; pixels that stay are smoothed where asked.
+pub fn pull_push(pyramid: &mut Pyramid, smooths: bool) {
     pull::pull(pyramid);
-    push::push(pyramid);
+    push::push_with(pyramid, smooths, &mut []);
 }
 
 /// Level 0 and the depth image before shading.
