@@ -181,7 +181,8 @@ fn smoothed_pixels_are_nearer_to_the_truth_and_flicker_less_and_edges_stay() {
         let image = Image::new(&truth, &view);
         let pixel = view.eye.length() / view.focal_px();
         // What is left of the error, and of the flicker, of pixels that stay as they are: at most.
-        for (density, error, flickers) in [(1.0, 0.93, 0.75), (0.5, 0.98, 0.88), (0.1, 1.01, 0.97)] {
+        for (density, error, flickers) in [(1.0, 0.93, 0.75), (0.5, 0.98, 0.88), (0.1, 1.01, 0.97)]
+        {
             let spacing = pixel / f64::sqrt(density);
             let s = sample(&truth, spacing, Kind::Poisson, &mut Dice(17));
             let way = orbit(&view, 3, 0.25);
