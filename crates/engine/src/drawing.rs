@@ -101,7 +101,7 @@ impl Look {
         let Self { shines, evens, .. } = *self;
         FramePlan::of(
             &has,
-            &Asked { method, colour, shines, is_dense, averages: true, is_crowded, evens },
+            &Asked { method, colour, shines, is_dense, smooths: true, is_crowded, evens },
         )
     }
 
@@ -178,6 +178,7 @@ pub fn frame<'a, P>(
         shines: true,
         skips_push: true,
         averages: true,
+        smooths: true,
         evens: false,
         background: Background::default(),
     }

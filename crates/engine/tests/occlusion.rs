@@ -82,6 +82,7 @@ impl Scan {
             shines: true,
             skips_push: true,
             averages,
+            smooths: averages,
             evens: false,
             background: Background::Plain([0, 0, 0, 255]),
         };

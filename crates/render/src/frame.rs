@@ -109,8 +109,10 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// ([`crate::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of a pixel's front surface are averaged where points crowd
-    /// ([`crate::density::CROWDED_PX`]), and pixels smoothed where they do not ([`crate::push`]); else one point wins a pixel.
+    /// ([`crate::density::CROWDED_PX`]); else one wins it.
     pub averages: bool,
+    /// Whether pixels that show one point are smoothed ([`crate::push`]).
+    pub smooths: bool,
     /// Whether differences of exposure between scans are evened out ([`crate::even`]): the spare bytes of colour planes then
     /// tell scans apart.
     pub evens: bool,

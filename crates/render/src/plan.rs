@@ -83,8 +83,8 @@ pub struct Asked {
     pub shines: bool,
     /// Whether points are dense in the whole view, see [`crate::density::DENSE_PX`].
     pub is_dense: bool,
-    /// Whether a pixel shows the mean of what is there, not one point.
-    pub averages: bool,
+    /// Whether pixels that show one point are smoothed.
+    pub smooths: bool,
     /// Whether points crowd, see [`crate::density::CROWDED_PX`].
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
@@ -114,8 +114,8 @@ pub struct FramePlan {
     pub shines: bool,
     /// Whether pixels find a surface above level 0 of the pyramid.
     pub has_pyramid: bool,
-    /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::push`]): where means are asked for but points
-    /// do not crowd, and colours are no names.
+    /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::push`]): where that is asked, points
+    /// do not crowd and colours are no names.
     pub smooths: bool,
     /// What gives points their colour, as the shaders number it.
     colour: u32,
@@ -142,7 +142,7 @@ impl FramePlan {
             Method::Points => &[Project, Resolve],
             Method::PullPush => {
                 let evens = asked.evens && has.colour_plane && asked.colour == ColourBy::Rgb;
-                pull_push(asked.averages && asked.is_crowded, asked.is_dense, evens)
+                pull_push(asked.is_crowded, asked.is_dense, evens)
             }
             Method::Ewa => &[Place, Blend, Shade, Soften],
         };
@@ -162,7 +162,7 @@ impl FramePlan {
             tangents: has.tangents && carries_normals && asked.method == Method::Ewa,
             shines: asked.shines && has_surface,
             has_pyramid,
-            smooths: has_pyramid && asked.averages && !asked.is_crowded && !asked.colour.names(),
+            smooths: has_pyramid && asked.smooths && !asked.is_crowded && !asked.colour.names(),
             colour: asked.colour.number(),
             fetches: [
                 has_surface || matches!(asked.colour, ColourBy::Elevation(_)),
@@ -189,12 +189,11 @@ impl FramePlan {
             && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
         let nodes = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
-        let averages = frame.averages;
         let is_crowded = method == Method::PullPush
-            && averages
+            && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, nodes);
-        let (shines, evens) = (frame.shines, frame.evens);
-        Self::of(&has, &Asked { method, colour, shines, is_dense, averages, is_crowded, evens })
+        let (shines, smooths, evens) = (frame.shines, frame.smooths, frame.evens);
+        Self::of(&has, &Asked { method, colour, shines, is_dense, smooths, is_crowded, evens })
     }
 
     /// Whether the points of a pixel's front surface are averaged.

@@ -254,6 +254,7 @@ fn any_bits_are_a_harmless_picture() {
             shines: true,
             skips_push: true,
             averages: true,
+            smooths: true,
             evens: false,
             background: Background::default(),
         };

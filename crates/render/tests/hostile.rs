@@ -91,6 +91,7 @@ proptest! {
             shines: true,
             skips_push: true,
             averages: true,
+            smooths: true,
             evens: false,
             background: Background::default(),
         };

@@ -320,6 +320,7 @@ fn radii_follow_the_finest_drawn_cell() {
         shines: true,
         skips_push: true,
         averages: true,
+        smooths: true,
         evens: false,
         background: Background::default(),
     };

@@ -24,8 +24,9 @@ use std::time::{Duration, Instant};
 /// Frames at least and at most, and how long they may take before the least is enough.
 const FRAMES: [usize; 2] = [3, 9];
 const PATIENCE: Duration = Duration::from_secs(2);
-/// A target spacing with which views are dense.
+/// A target spacing with which views are dense, and one with which points do not crowd.
 const DENSE: f64 = 0.3;
+const SPARSE: f64 = 1.5;
 /// Pixels on the shorter side of the smallest picture in which a dense view is looked for.
 const SIDE_MIN: u32 = 16;
 
@@ -144,6 +145,12 @@ fn omissions(file: &Forest, request: &Request) -> Result<Vec<Omission>> {
             without: (coded, same),
         });
     }
+    let sparse = Picture { target_spacing_px: SPARSE, ..base.clone() };
+    all.push(Omission {
+        name: "smoothing of pixels that show one point",
+        with: (sparse.clone(), same),
+        without: (sparse, Changes { is_rough: true, ..same }),
+    });
     let dense = Picture { target_spacing_px: DENSE, budget_points: u64::MAX, ..base.clone() };
     let crowded = largest(file, &dense, FramePlan::averages)?;
     all.push(Omission {

@@ -125,6 +125,7 @@ impl Wall {
             shines: true,
             skips_push: false,
             averages: true,
+            smooths: true,
             evens: false,
             background: Background::default(),
         }

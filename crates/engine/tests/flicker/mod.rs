@@ -41,7 +41,8 @@ fn draw(file: &Forest, frame: usize, size: [u32; 2], spacing_px: f64, averages: 
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(file);
     let drawn = scene.look.frame(file, &scene.view, &draws, &octree);
-    let picture = Renderer::default().render(&Frame { averages, ..drawn }).unwrap();
+    let picture =
+        Renderer::default().render(&Frame { averages, smooths: averages, ..drawn }).unwrap();
     picture.rgba.as_chunks::<4>().0.iter().map(|&[r, g, b, _]| linear([r, g, b])).collect()
 }
 

@@ -51,8 +51,8 @@ pub struct Choices {
 struct Bound {
     /// What they are bound to: the uniform, a plane of the pyramid, one of the picture.
     to: [wgpu::Buffer; 3],
-    choices: Choices,
-    stages: Vec<Stage>,
+    /// By what was chosen; points that begin to crowd while a camera moves cost no memory, nor bindings twice.
+    stages: Vec<(Choices, Vec<Stage>)>,
     /// Bind groups keep memory alive; this counts it, and tests look at it.
     scratch: Scratch,
 }
@@ -254,20 +254,28 @@ impl Surface {
         choices: Choices,
     ) -> Result<&[Stage], GpuError> {
         let to = [uniform, &pyramid.levels[0].front, &*picture.rgba].map(Clone::clone);
-        if self.bound.as_ref().is_none_or(|b| b.to != to || b.choices != choices) {
+        if self.bound.as_ref().is_none_or(|bound| bound.to != to) {
             // The old memory goes first, so that never both are there.
             self.release();
-            let has_normals = pyramid.has_normals;
-            let kernels = match &mut self.kernels[usize::from(has_normals)] {
-                Some(kernels) => kernels,
-                none => none.insert(Kernels::new(gpu, has_normals)?),
-            };
             let scratch = Scratch::new(gpu, [picture.width, picture.height])?;
-            let target = scratch.target(uniform, pyramid, picture);
-            let stages = kernels.stages(gpu, &target, choices)?;
-            self.bound = Some(Bound { to, choices, stages, scratch });
+            self.bound = Some(Bound { to, stages: Vec::new(), scratch });
         }
-        Ok(self.bound.as_ref().map_or(&[], |b| &b.stages))
+        let Some(Bound { stages, scratch, .. }) = &mut self.bound else { return Ok(&[]) };
+        let known = stages.iter().position(|(chosen, _)| *chosen == choices);
+        let at = match known {
+            Some(at) => at,
+            None => {
+                let has_normals = pyramid.has_normals;
+                let kernels = match &mut self.kernels[usize::from(has_normals)] {
+                    Some(kernels) => kernels,
+                    none => none.insert(Kernels::new(gpu, has_normals)?),
+                };
+                let target = scratch.target(uniform, pyramid, picture);
+                stages.push((choices, kernels.stages(gpu, &target, choices)?));
+                stages.len() - 1
+            }
+        };
+        Ok(&stages[at].1)
     }
 
     /// Whose attributes each pixel shows, as trim has found in the last frame (`shaders/common/source.wgsl`).

@@ -16,7 +16,7 @@ const ASKED: Asked = Asked {
     colour: ColourBy::Rgb,
     shines: true,
     is_dense: false,
-    averages: true,
+    smooths: true,
     is_crowded: false,
     evens: false,
 };
@@ -103,7 +103,7 @@ fn points_are_averaged_where_they_crowd_and_nowhere_else() {
 }
 
 #[test]
-fn pixels_are_smoothed_where_means_are_asked_for_points_do_not_crowd_and_colours_are_no_names() {
+fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_no_names() {
     let plan = |asked| FramePlan::of(&ALL, &asked);
     let smooth = plan(ASKED);
     assert!(smooth.smooths && !smooth.averages());
@@ -112,11 +112,7 @@ fn pixels_are_smoothed_where_means_are_asked_for_points_do_not_crowd_and_colours
     let classes = Asked { colour: ColourBy::Codes(Codebook::Classes), ..ASKED };
     let crowded = Asked { is_crowded: true, ..ASKED };
     assert!(!plan(classes).smooths && !plan(crowded).smooths);
-    for alone in
-        [Asked { averages: false, ..ASKED }, Asked { averages: false, is_crowded: true, ..ASKED }]
-    {
-        assert!(!plan(alone).smooths && !plan(alone).averages());
-    }
+    assert!(!plan(Asked { smooths: false, ..ASKED }).smooths);
     let dense = Asked { is_dense: true, ..ASKED };
     let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
     assert!([dense, points, ewa].into_iter().all(|asked| !plan(asked).smooths));

@@ -109,6 +109,7 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         shines: frame.shines,
         skips_push: frame.skips_push,
         averages: frame.averages,
+        smooths: frame.smooths,
         evens: frame.evens,
         background: frame.background,
     }

@@ -107,6 +107,7 @@ impl Scene {
             shines: true,
             skips_push: true,
             averages: true,
+            smooths: true,
             evens: false,
             background: Background::default(),
         }

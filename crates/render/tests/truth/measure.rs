@@ -150,7 +150,8 @@ impl Cloud {
         let draws: Vec<_> =
             self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
         let mut frame = self.scenes[0].frame(view, &draws);
-        (frame.background, frame.averages) = (Background::Plain([0; 4]), self.averages);
+        frame.background = Background::Plain([0; 4]);
+        (frame.averages, frame.smooths) = (self.averages, self.averages);
         let picture = Renderer::default().render(&frame).unwrap();
         let smooths = FramePlan::new(&frame).smooths;
         let (level, depth) = last_level(&frame, |pyramid| fill(pyramid, smooths));

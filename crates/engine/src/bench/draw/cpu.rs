@@ -115,6 +115,7 @@ pub fn frame_of<'a, P>(
         shines: true,
         skips_push: true,
         averages: true,
+        smooths: true,
         evens: false,
         background: Background::default(),
     }

@@ -37,6 +37,8 @@ pub struct Changes {
     pub always_pushes: bool,
     /// One point wins a pixel, however many share it.
     pub one_wins: bool,
+    /// Pixels that show one point stay as they are.
+    pub is_rough: bool,
     /// Drawn from both sides.
     pub keeps_back_faces: bool,
     /// Without highlights.
@@ -47,6 +49,7 @@ impl Changes {
     fn apply<P>(self, frame: &mut Frame<'_, P>) {
         frame.skips_push &= !self.always_pushes;
         frame.averages &= !self.one_wins;
+        frame.smooths &= !self.is_rough;
         frame.cull_back_faces &= !self.keeps_back_faces;
         frame.shines &= !self.is_matt;
     }
