@@ -83,6 +83,37 @@ fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     return false;
 }
 
+// What a coarser pixel has at a finer one.
+struct Cover {
+    near: Near,
+    // Whether it is there and its ellipse covers the finer pixel.
+    covers: bool,
+    // Its depth interval where depths are compared.
+    depths: vec2<f32>,
+    normal: vec4<f32>,
+}
+
+// The same of one of the four; `place` is where depths are compared.
+fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> Cover {
+    var seen = Cover(near(k, above, odd), false, vec2<f32>(0.0), FACING);
+    if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
+        return seen;
+    }
+    let source = seen.near;
+    let front = coarse_front[source.pixel];
+    if !is_valid(front) {
+        return seen;
+    }
+    if NORMALS {
+        seen.normal = coarse_normal[source.pixel];
+    }
+    seen.covers = covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, seen.normal);
+    if seen.covers {
+        seen.depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
+    }
+    return seen;
+}
+
 // Whether normals of any length make a small angle, or there are none.
 fn are_near(a: vec3<f32>, b: vec3<f32>) -> bool {
     let along = dot(a, b);
@@ -96,27 +127,15 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     var normal = vec3<f32>(0.0);
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
-        if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
-            continue;
-        }
-        let source = near(k, above, odd);
-        let front = coarse_front[source.pixel];
-        if !is_valid(front) {
-            continue;
-        }
-        var facing = FACING;
+        let seen = see(k, place, centre, above, odd, has);
+        var takes_part = seen.covers && seen.depths.x <= own.y && own.x <= seen.depths.y;
         if NORMALS {
-            facing = coarse_normal[source.pixel];
+            takes_part = takes_part && are_near(fine_normal[pixel].xyz, seen.normal.xyz);
         }
-        let depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
-        var meets = depths.x <= own.y && own.x <= depths.y;
-        if NORMALS {
-            meets = meets && are_near(fine_normal[pixel].xyz, facing.xyz);
-        }
-        if meets && covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, facing) {
-            tint += coarse_tint[source.pixel].xyz * source.weight;
-            normal += facing.xyz * source.weight;
-            sum += source.weight;
+        if takes_part {
+            tint += coarse_tint[seen.near.pixel].xyz * seen.near.weight;
+            normal += seen.normal.xyz * seen.near.weight;
+            sum += seen.near.weight;
         }
     }
     if sum > 0.0 {
@@ -165,23 +184,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var nearest = vec2<f32>(0.0);
     var least = array<f32, 4>();
     for (var k = 0u; k < 4u; k++) {
-        if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
-            continue;
-        }
-        let source = near(k, above, odd);
-        let front = coarse_front[source.pixel];
-        if !is_valid(front) {
-            continue;
-        }
-        var normal = FACING;
-        if NORMALS {
-            normal = coarse_normal[source.pixel];
-        }
-        if covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, normal) {
-            let depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
-            least[k] = depths.x;
-            if taken == 0u || depths.x < nearest.x {
-                nearest = depths;
+        let seen = see(k, place, centre, above, odd, has);
+        if seen.covers {
+            least[k] = seen.depths.x;
+            if taken == 0u || seen.depths.x < nearest.x {
+                nearest = seen.depths;
             }
             taken |= 1u << k;
         }

@@ -305,7 +305,7 @@ impl<S: Simd> Block<S> {
             return;
         }
         let mut own_normal = [zero; 3];
-        if SMOOTHS && NORMALS {
+        if smooths && NORMALS {
             let own = &row.normal[first..row.normal.len().min(first + 2 * LANES)];
             let own = halves(own, Vec4::ZERO);
             for (i, normal) in own_normal.iter_mut().enumerate() {
@@ -316,7 +316,7 @@ impl<S: Simd> Block<S> {
         for (t, weight) in weights.iter_mut().enumerate() {
             let [least, most] = seen[t];
             let mut takes_part = least.cmple(limit);
-            if SMOOTHS {
+            if smooths {
                 let mut meets = is_kept & least.cmple(self.most) & self.least.cmple(most);
                 if NORMALS {
                     let normal = [0, 1, 2].map(|i| near[t].lane(Line::NORMAL + i));

@@ -47,17 +47,17 @@ impl Push {
         pyramid: &GpuPyramid,
         smooths: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
-        let levels = || pyramid.levels.windows(2).rev();
         let has_normals = u32::from(self.has_normals);
         let mut dispatches = Vec::new();
-        for (above, l) in (0..pyramid.levels.len()).rev().skip(1).zip(levels()) {
-            let kernel = self.kernels.get(gpu, [has_normals, u32::from(smooths && above == 0)])?;
+        for (level, l) in pyramid.levels.windows(2).enumerate().rev() {
+            let kernel = self.kernels.get(gpu, [has_normals, u32::from(smooths && level == 0)])?;
             let resources = level_resources(uniform, &l[0], &l[1]);
             dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
         }
         let inherit = self.inherit.iter().flat_map(|kernel| {
             let above_the_picture = pyramid.levels.len().saturating_sub(2);
-            levels().take(above_the_picture).map(|l| inherit(gpu, kernel, &l[0], &l[1]))
+            let levels = pyramid.levels.windows(2).rev();
+            levels.take(above_the_picture).map(|l| inherit(gpu, kernel, &l[0], &l[1]))
         });
         dispatches.extend(inherit);
         Ok(dispatches)

@@ -91,7 +91,7 @@ impl Image {
 /// Nodes of one spacing and radius, with the frame that draws them all.
 pub struct Cloud {
     pub scenes: Vec<Scene>,
-    /// Whether points that share a pixel are averaged.
+    /// Whether points that share a pixel are averaged, and pixels that show one are smoothed.
     pub averages: bool,
 }
 
