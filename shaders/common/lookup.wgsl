@@ -21,8 +21,7 @@ struct Lookup {
     unused_c: u32,
 }
 
-// `y` of the hits where there is none.
-const NO_HIT: u32 = 0xffffffffu;
+// include common/hits.wgsl
 
 // Of `geometry`: x and y are the position's words, z and w the dropped bits, x y and z in 16 bits each.
 // Of `paint`: x is the draw and HAS_COLOUR, y and z the colour plane's value, w the normal's code.

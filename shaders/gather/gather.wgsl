@@ -13,6 +13,8 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
+// Whether they carry planes, be it told ones, which `slant/tilt` brings.
+override PLANES: bool = false;
 
 // As in crates/render/src/gather.rs, where their measurements are.
 const RADIUS_FACTOR_NORMALS: f32 = 1.4;
@@ -21,6 +23,7 @@ const RADIUS_MARGIN_PX_NORMALS: f32 = 0.35;
 const RADIUS_MARGIN_PX_BARE: f32 = 0.5;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
+// As in crates/render/src/slant.rs.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
 
@@ -81,7 +84,7 @@ fn gather(pixel: u32, depth_bits: u32) {
     // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
     let place = place_of(draw, offset, depth);
     let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
-    let within = vec2<f32>(select(0.0, 0.5, NORMALS));
+    let within = vec2<f32>(select(0.0, 0.5, PLANES));
     let displaced = clamp(centre - place, -within, within);
     var reach = radius * BARE_REACH;
     if NORMALS {

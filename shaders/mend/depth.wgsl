@@ -5,8 +5,8 @@
 // include common/level.wgsl
 // include common/tangent.wgsl
 
-// Whether pixels carry normals.
-override NORMALS: bool;
+// Whether pixels carry planes: normals, or what is told in their place.
+override PLANES: bool;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
@@ -27,7 +27,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var here = infinity();
     if is_valid(front[pixel]) {
         here = mean_depth[pixel];
-        if NORMALS {
+        if PLANES {
             let displaced = front[pixel].zw;
             let centre = vec2<f32>(id.xy) + 0.5;
             let factor = along(normal[pixel], centre - displaced, displaced);

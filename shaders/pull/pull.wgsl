@@ -5,8 +5,8 @@
 // include common/level.wgsl
 // include common/tangent.wgsl
 
-// Whether pixels carry normals.
-override NORMALS: bool;
+// Whether pixels carry planes: normals, or what is told in their place.
+override PLANES: bool;
 
 @group(0) @binding(0) var<uniform> fine: LevelShape;
 @group(0) @binding(1) var<uniform> coarse: LevelShape;
@@ -51,7 +51,7 @@ fn mean_displacement() -> vec2<f32> {
 fn set_factors(centre: vec2<f32>, middle: vec2<f32>) {
     for (var k = 0u; k < 4u; k++) {
         factors[k] = 1.0;
-        if NORMALS && kept[k] {
+        if PLANES && kept[k] {
             let displaced = fronts[k].zw;
             factors[k] = along(fine_normal[pixels[k]], centre - displaced, displaced - middle);
         }
@@ -112,7 +112,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if is_empty {
         coarse_front[out] = invalid();
         // No normal, for those who look for one.
-        if NORMALS {
+        if PLANES {
             coarse_normal[out] = vec4<f32>(0.0);
         }
         return;
@@ -141,7 +141,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         is_first = false;
         tint += fine_tint[pixel];
         depth += fine_depth[pixel] * factors[k];
-        if NORMALS {
+        if PLANES {
             normal += fine_normal[pixel];
         }
     }
@@ -149,7 +149,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     coarse_front[out] = vec4<f32>(depth_min, depth_max, middle);
     coarse_tint[out] = tint * part;
     coarse_depth[out] = depth * part;
-    if NORMALS {
+    if PLANES {
         coarse_normal[out] = normal * part;
     }
 }

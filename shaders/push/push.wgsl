@@ -6,8 +6,8 @@
 // include common/tangent.wgsl
 // include common/ellipse.wgsl
 
-// Whether pixels carry normals.
-override NORMALS: bool;
+// Whether pixels carry planes: normals, or what is told in their place.
+override PLANES: bool;
 // Whether pixels of this level that stay take a part of what is interpolated there.
 override SMOOTHS: bool;
 
@@ -58,7 +58,7 @@ fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
 
 // What depths of a coarser pixel centred at `centre` change by to `place`.
 fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
-    if !NORMALS {
+    if !PLANES {
         return 1.0;
     }
     let origin = centre - coarse_front[pixel].zw;
@@ -104,7 +104,7 @@ fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<
     if !is_valid(front) {
         return seen;
     }
-    if NORMALS {
+    if PLANES {
         seen.normal = coarse_normal[source.pixel];
     }
     seen.covers = covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, seen.normal);
@@ -129,7 +129,7 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     for (var k = 0u; k < 4u; k++) {
         let seen = see(k, place, centre, above, odd, has);
         var takes_part = seen.covers && seen.depths.x <= own.y && own.x <= seen.depths.y;
-        if NORMALS {
+        if PLANES {
             takes_part = takes_part && are_near(fine_normal[pixel].xyz, seen.normal.xyz);
         }
         if takes_part {
@@ -142,7 +142,7 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
         let share = sum * (SMOOTH / 16.0);
         let old = fine_tint[pixel];
         fine_tint[pixel] = vec4<f32>(old.xyz * (1.0 - share) + tint / sum * share, old.w);
-        if NORMALS {
+        if PLANES {
             let old = fine_normal[pixel];
             fine_normal[pixel] = vec4<f32>(old.xyz * (1.0 - share) + normal / sum * share, old.w);
         }
@@ -169,7 +169,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let over = above.y * coarse.width + above.x;
         let cover = coarse_front[over];
         let moved = factor(over, centre - near(0u, above, odd).to_finer, place);
-        let least = select(moved, moved * ROUNDING, NORMALS);
+        let least = select(moved, moved * ROUNDING, PLANES);
         let is_within = own >= cover.x * least && own <= cover.y * moved;
         if is_within && !is_behind(own, place, centre, above, odd, has) {
             if SMOOTHS {
@@ -232,14 +232,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         depths += coarse_front[source.pixel].xy * moved;
         tint += coarse_tint[source.pixel] * share;
         depth += coarse_depth[source.pixel] * moved;
-        if NORMALS {
+        if PLANES {
             normal += coarse_normal[source.pixel] * share;
         }
     }
     fine_front[pixel] = vec4<f32>(depths, middle);
     fine_tint[pixel] = tint;
     fine_depth[pixel] = depth;
-    if NORMALS {
+    if PLANES {
         fine_normal[pixel] = normal;
     }
 }

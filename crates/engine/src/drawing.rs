@@ -99,10 +99,9 @@ impl Look {
         };
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens, .. } = *self;
-        FramePlan::of(
-            &has,
-            &Asked { method, colour, shines, is_dense, smooths: true, is_crowded, evens },
-        )
+        let (smooths, slants) = (true, true);
+        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        FramePlan::of(&has, &asked)
     }
 
     /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
@@ -179,6 +178,7 @@ pub fn frame<'a, P>(
         skips_push: true,
         averages: true,
         smooths: true,
+        slants: true,
         evens: false,
         background: Background::default(),
     }

@@ -99,7 +99,9 @@ fn left_out(file: &Forest, scene: &Scene) -> Vec<String> {
         }
     };
     let has_normals = file.has(PlaneKind::Normal);
-    say(!has_normals, "normal plane, normal target: the file has no normals");
+    let tells = plan.passes.contains(&Pass::Slant);
+    say(!has_normals && !tells, "normal plane, normal target: the file has no normals");
+    say(tells, "normal plane: the file has no normals; the target has planes told from depths");
     say(has_normals && !plan.reads_normals, "normal plane: points alone are not lit");
     say(has_normals && !plan.carries_normals && has_surface, "normal target: nothing is lit");
     say(

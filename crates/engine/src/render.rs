@@ -386,7 +386,7 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_culled": counters.culled + counters.contour_culled,
         "stages_ms": {
             "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
-            "blend": stages.blend_ms, "gather": stages.gather_ms, "average": stages.average_ms, "even": stages.even_ms,
+            "blend": stages.blend_ms, "slant": stages.slant_ms, "gather": stages.gather_ms, "average": stages.average_ms, "even": stages.even_ms,
             "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
             "soften": stages.soften_ms, "draw": stages.total_ms,
         },

@@ -83,6 +83,7 @@ impl Scan {
             skips_push: true,
             averages,
             smooths: averages,
+            slants: true,
             evens: false,
             background: Background::Plain([0, 0, 0, 255]),
         };
@@ -106,7 +107,8 @@ impl Scan {
                 let is_on = |c: f32| (0.0..SIDE as f32).contains(&c);
                 -v.z > camera.near && is_on(x) && is_on(y) && {
                     let shown = picture.depth[y as usize * SIDE as usize + x as usize];
-                    (-v.z - shown).abs() <= shown * 1e-6
+                    // Depths are told at the pixels' centres.
+                    (-v.z - shown).abs() <= shown * (0.01 / camera.focal_px)
                 }
             })
         };

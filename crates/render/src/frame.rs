@@ -113,6 +113,8 @@ pub struct Frame<'a, P = &'a [u8]> {
     pub averages: bool,
     /// Whether pixels that show one point are smoothed ([`crate::push`]).
     pub smooths: bool,
+    /// Whether planes are told from depths where points have no normals ([`crate::slant`]).
+    pub slants: bool,
     /// Whether differences of exposure between scans are evened out ([`crate::even`]): the spare bytes of colour planes then
     /// tell scans apart.
     pub evens: bool,
@@ -163,6 +165,8 @@ pub struct Stages {
     pub place_ms: f64,
     /// Splats to pixels: visibility, attributes, normalisation.
     pub blend_ms: f64,
+    /// Planes of surfaces without normals.
+    pub slant_ms: f64,
     /// Attributes of the pixels won.
     pub gather_ms: f64,
     /// Means of the points that share a pixel.

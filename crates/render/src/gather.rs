@@ -10,6 +10,7 @@ use crate::frame::{ColourPlane, Frame};
 use crate::lanes::{LANES, Lane, Pixels, only};
 use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
+use crate::slant::{BARE_REACH, Slant, Slants};
 use crate::tangent::Lens;
 use crate::values::directions;
 use esker_points::Node;
@@ -32,11 +33,11 @@ const MINOR_FACTOR: f32 = 1.3;
 /// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
 /// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
 const MINOR_MIN_PX: f32 = 1.4;
-/// Length of the depth interval over the drawn radius, for clouds without normals: one as published, but a disc of
-/// unknown tilt reaches farther back: at one, floors seen aslant break into steps.
-const BARE_REACH: f32 = 2.0;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
 const THICKNESS: f32 = 1.0;
+/// Length of the depth interval over the drawn radius, at most, where planes are told from depths: what is told of steep
+/// ones is rough.
+const SLANT_REACH_MAX: f32 = 3.0;
 /// Radii are clamped here, so that sums of depth and radius stay finite.
 const RADIUS_MAX: f32 = 1e30;
 
@@ -195,33 +196,48 @@ fn spacing_or(drawn: f32, node: &Node) -> f32 {
     if drawn > 0.0 { drawn } else { node.spacing }
 }
 
-/// Fills level 0 from the frame buffer. Returns the number of valid pixels.
-pub fn gather(lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) -> u64 {
-    if base.normal.is_empty() {
-        gather_level::<false>(lookup, target, base)
-    } else {
-        gather_level::<true>(lookup, target, base)
+/// Fills level 0 from the frame buffer. Its pixels' normals are those of the points or, where they are told, of `slants`,
+/// whose pixels' surfaces then have none. Returns the number of valid pixels.
+pub fn gather(
+    lookup: &Lookup<'_>,
+    target: &[AtomicU64],
+    slants: Option<&Slants>,
+    base: &mut Level,
+) -> u64 {
+    let pass = Gather { lookup, target, slants };
+    if base.normal.is_empty() { pass.level::<false>(base) } else { pass.level::<true>(base) }
+}
+
+/// What a pixel is made from.
+#[derive(Clone, Copy)]
+struct Gather<'a> {
+    lookup: &'a Lookup<'a>,
+    target: &'a [AtomicU64],
+    slants: Option<&'a Slants>,
+}
+
+impl Gather<'_> {
+    fn level<const PLANES: bool>(self, base: &mut Level) -> u64 {
+        let width = base.width;
+        let valid = Counter::new(0);
+        for_each_row(base, |row| {
+            let values = &self.target[row.y * width..][..width];
+            let count = dispatch!(Simd::new(), _ => gather_row::<PLANES>(self, values, row));
+            valid.fetch_add(count, Relaxed);
+        });
+        valid.into_inner()
+    }
+
+    /// Whether normals are the points' own: an index of what differs with and without.
+    #[inline(always)]
+    fn bare<const PLANES: bool>(self) -> usize {
+        usize::from(!PLANES || self.slants.is_some())
     }
 }
 
-fn gather_level<const NORMALS: bool>(
-    lookup: &Lookup<'_>,
-    target: &[AtomicU64],
-    base: &mut Level,
-) -> u64 {
-    let width = base.width;
-    let valid = Counter::new(0);
-    for_each_row(base, |row| {
-        let values = &target[row.y * width..][..width];
-        let count = dispatch!(Simd::new(), _ => gather_row::<NORMALS>(lookup, values, row));
-        valid.fetch_add(count, Relaxed);
-    });
-    valid.into_inner()
-}
-
 #[inline(always)]
-fn gather_row<const NORMALS: bool>(
-    lookup: &Lookup<'_>,
+fn gather_row<const PLANES: bool>(
+    pass: Gather<'_>,
     values: &[AtomicU64],
     mut row: RowMut<'_>,
 ) -> u64 {
@@ -232,13 +248,13 @@ fn gather_row<const NORMALS: bool>(
             row.front[x] = INVALID;
             continue;
         }
-        hits.fetch::<NORMALS>(lookup, x, value);
+        hits.fetch::<PLANES>(pass.lookup, x, value);
         count += 1;
         if hits.count == HITS {
-            hits.write_all::<NORMALS>(lookup, &mut row);
+            hits.write_all::<PLANES>(pass, &mut row);
         }
     }
-    hits.write_all::<NORMALS>(lookup, &mut row);
+    hits.write_all::<PLANES>(pass, &mut row);
     count
 }
 
@@ -278,7 +294,7 @@ impl Hits {
 
     /// Adds the point that won pixel `x`; there must be room.
     #[inline(always)]
-    fn fetch<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
+    fn fetch<const PLANES: bool>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
         let (depth, point) = unpack(value);
         let k = self.count % HITS;
         self.count += 1;
@@ -290,7 +306,7 @@ impl Hits {
         self.offset[k] = offset;
         let colour = lookup.colour(d, index, offset, depth);
         (0..3).for_each(|i| self.colour[i][k] = colour[i]);
-        if NORMALS {
+        if PLANES {
             let code = lookup.frame.draws[d].normal.and_then(|plane| normal_code(plane, index));
             self.normal[k] = code.unwrap_or(NO_NORMAL);
         }
@@ -298,8 +314,9 @@ impl Hits {
 
     /// Makes pixels of them, which are then no more.
     #[inline(always)]
-    fn write_all<const NORMALS: bool>(&mut self, lookup: &Lookup<'_>, row: &mut RowMut<'_>) {
-        let factor = RADIUS_FACTOR[usize::from(!NORMALS)];
+    fn write_all<const PLANES: bool>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
+        let lookup = pass.lookup;
+        let factor = RADIUS_FACTOR[pass.bare::<PLANES>()];
         for k in 0..self.count.min(HITS) {
             let (d, offset) = (self.draw[k] as usize, self.offset[k]);
             let place = &lookup.draws[d].place;
@@ -309,27 +326,27 @@ impl Hits {
         }
         self.x[self.count..].fill(usize::MAX);
         for first in (0..self.count).step_by(LANES) {
-            self.write::<NORMALS>(lookup, first, row);
+            self.write::<PLANES>(pass, first, row);
         }
         self.count = 0;
     }
 
     /// Makes pixels of four of them.
     #[inline(always)]
-    fn write<const NORMALS: bool>(&self, lookup: &Lookup<'_>, first: usize, row: &mut RowMut<'_>) {
+    fn write<const PLANES: bool>(&self, pass: Gather<'_>, first: usize, row: &mut RowMut<'_>) {
         let four = |values: &[f32; HITS]| Vec4::from_slice(&values[first..]);
         let (Some(to), Some(normals)) =
             (self.x[first..].first_chunk(), self.normal[first..].first_chunk())
         else {
             return;
         };
-        let camera = lookup.camera;
+        let camera = pass.lookup.camera;
         let focal_px = camera.focal_px;
         // What is no number is nothing: of a number and none, the second is the greater and the less.
         let stored = four(&self.radius).max(Vec4::ZERO);
         let radius = stored.min(Vec4::splat(RADIUS_MAX));
         let depth = four(&self.depth);
-        let margin = RADIUS_MARGIN_PX[usize::from(!NORMALS)];
+        let margin = RADIUS_MARGIN_PX[pass.bare::<PLANES>()];
         let radius_px = (radius * focal_px / depth + margin).min(Vec4::splat(RADIUS_MAX));
         let [r, g, b] = &self.colour;
         let [r, g, b] = [four(r), four(g), four(b)];
@@ -340,7 +357,7 @@ impl Hits {
             normal: [Vec4::ZERO; 4],
         };
         let mut reach = radius * BARE_REACH;
-        if NORMALS {
+        if PLANES {
             let [right, up, back] = camera.view_from_world;
             let step = camera.step.to_array();
             let [x, y, z] = &self.steps;
@@ -355,31 +372,67 @@ impl Hits {
             let x = Vec4::new(a as f32, b as f32, c as f32, d as f32) + 0.5;
             out.front[2] = within_half(x - place[0]);
             out.front[3] = within_half(row.y as f32 + 0.5 - place[1]);
-            let [a, b, c, d] = normals.map(|code| code.map(f32::from));
-            let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
-            let world = directions(code(0), code(1));
-            let [x, y, z] = world;
-            let length = (x * x + y * y + z * z).sqrt();
-            let has_normal = length.cmpgt(Vec4::ZERO);
-            let unit = |c: Lane| only(has_normal, c / length);
-            let world = [unit(x), unit(y), unit(z)];
-            let normal = [dot(right, world), dot(up, world), dot(back, world)];
-            let [x, y, z] =
-                [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
-            // Where back faces are not culled, a normal may look either way: it is turned to the eye.
-            let is_away = (x + y + z).cmpgt(Vec4::ZERO);
-            let turns = !lookup.frame.cull_back_faces;
-            let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
-            let turned = [turn(normal[0]), turn(normal[1]), turn(normal[2])];
-            let plate = Lens::new(camera).thickness(turned, place);
-            let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
-            reach = Vec4::select(has_normal, thick, reach);
-            let minor = Vec4::select(has_normal, filter_z(normal[2], radius_px), Vec4::ONE);
-            out.normal = [turned[0], turned[1], turned[2], minor];
+            if let Some(slants) = pass.slants {
+                let [right, down, across] = four_slants(slants, to, row.y, radius_px);
+                let normal = plane_of(camera, place, [right, down]);
+                let lens = Lens::new(camera);
+                let plate = lens.thickness(normal, place);
+                reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
+                // Discs stay where their pixels are; their depths are those that their planes have there.
+                let to_centre = [out.front[2], out.front[3]];
+                out.depth = depth * lens.along(normal, place, to_centre);
+                out.front = [out.depth, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO];
+                out.normal = [normal[0], normal[1], normal[2], Vec4::ONE];
+            } else {
+                let [a, b, c, d] = normals.map(|code| code.map(f32::from));
+                let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
+                let world = directions(code(0), code(1));
+                let [x, y, z] = world;
+                let length = (x * x + y * y + z * z).sqrt();
+                let has_normal = length.cmpgt(Vec4::ZERO);
+                let unit = |c: Lane| only(has_normal, c / length);
+                let world = [unit(x), unit(y), unit(z)];
+                let normal = [dot(right, world), dot(up, world), dot(back, world)];
+                let [x, y, z] =
+                    [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
+                // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+                let is_away = (x + y + z).cmpgt(Vec4::ZERO);
+                let turns = !pass.lookup.frame.cull_back_faces;
+                let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
+                let turned = [turn(normal[0]), turn(normal[1]), turn(normal[2])];
+                let plate = Lens::new(camera).thickness(turned, place);
+                let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
+                reach = Vec4::select(has_normal, thick, reach);
+                let minor = Vec4::select(has_normal, filter_z(normal[2], radius_px), Vec4::ONE);
+                out.normal = [turned[0], turned[1], turned[2], minor];
+            }
         }
-        out.front[1] = depth + reach;
-        out.scatter::<NORMALS>(*to, row);
+        out.front[1] = out.depth + reach;
+        out.scatter::<PLANES>(*to, row);
     }
+}
+
+/// What is told of four pixels of row `y`: the growth of depth right and down, and the reach.
+#[inline(always)]
+fn four_slants(slants: &Slants, to: &[usize; LANES], y: usize, radius_px: Lane) -> [Lane; 3] {
+    let radii = radius_px.to_array();
+    let mut all = [[0.0; LANES]; 3];
+    for k in 0..LANES {
+        let is_there = to[k] != usize::MAX;
+        let told = if is_there { slants.at(to[k], y, radii[k]) } else { Slant::NONE };
+        (all[0][k], all[1][k], all[2][k]) = (told.growth[0], told.growth[1], told.reach);
+    }
+    all.map(Vec4::from_array)
+}
+
+/// The normals, in view space, of planes whose depth grows so at places on the picture.
+#[inline(always)]
+fn plane_of(camera: &Camera, place: [Lane; 2], [right, down]: [Lane; 2]) -> [Lane; 3] {
+    let [x, y] = [place[0] - camera.centre_px[0], place[1] - camera.centre_px[1]];
+    // q of `tangent` is -1 at the place, and grows as depth does.
+    let back = (right * x + down * y + 1.0) / camera.focal_px;
+    let length = (right * right + down * down + back * back).sqrt();
+    [right / length, -down / length, back / length]
 }
 
 #[inline(always)]

@@ -35,6 +35,7 @@ pub mod resolve;
 mod rim;
 mod rim_row;
 pub mod shade;
+pub mod slant;
 pub mod soften;
 pub mod surface;
 pub mod tangent;

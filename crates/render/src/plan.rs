@@ -5,12 +5,15 @@
 use crate::colour::ColourBy;
 use crate::density::{is_crowded, is_dense};
 use crate::frame::{ColourPlane, Frame, Method, Stages};
+use std::ops::Deref;
 
 /// A pass, or passes that are timed together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pass {
     /// Points to single pixels.
     Project,
+    /// Planes of surfaces without normals.
+    Slant,
     /// Attributes of the pixels won, to the pyramid.
     Gather,
     /// Means of the points that share a pixel.
@@ -40,6 +43,7 @@ impl Pass {
     pub fn name(self) -> &'static str {
         match self {
             Self::Project => "project",
+            Self::Slant => "slant",
             Self::Gather => "gather",
             Self::Average => "average",
             Self::Even => "even",
@@ -53,6 +57,61 @@ impl Pass {
             Self::Blend => "blend",
         }
     }
+}
+
+/// Passes in their order.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct PassList {
+    all: [Pass; PASSES_MAX],
+    count: usize,
+}
+
+/// Passes of the longest list.
+const PASSES_MAX: usize = 10;
+
+impl PassList {
+    /// Those of `passes` that are wanted.
+    fn of(passes: &[(Pass, bool)]) -> Self {
+        let mut list = Self { all: [Pass::Project; PASSES_MAX], count: 0 };
+        let wanted = passes.iter().filter(|(_, wanted)| *wanted);
+        for ((pass, _), to) in wanted.zip(&mut list.all) {
+            *to = *pass;
+            list.count += 1;
+        }
+        list
+    }
+
+    /// All but one.
+    fn without(self, pass: Pass) -> Self {
+        let left: Vec<_> = self.iter().map(|&p| (p, p != pass)).collect();
+        Self::of(&left)
+    }
+}
+
+impl Deref for PassList {
+    type Target = [Pass];
+
+    fn deref(&self) -> &[Pass] {
+        &self.all[..self.count]
+    }
+}
+
+impl std::fmt::Debug for PassList {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+/// The planes that pixels carry through the pyramid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Planes {
+    /// None: depths are compared as they are.
+    #[default]
+    None,
+    /// Those told from depths ([`crate::slant`]).
+    Slants,
+    /// Those of the points' normals.
+    Normals,
 }
 
 /// What a scene has.
@@ -85,6 +144,8 @@ pub struct Asked {
     pub is_dense: bool,
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
+    /// Whether planes are told from depths where there are no normals.
+    pub slants: bool,
     /// Whether points crowd, see [`crate::density::CROWDED_PX`].
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
@@ -95,7 +156,7 @@ pub struct Asked {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FramePlan {
     /// Its passes in their order.
-    pub passes: &'static [Pass],
+    pub passes: PassList,
     /// Whether the colour plane is read.
     pub reads_colours: bool,
     /// Whether the normal plane is read.
@@ -135,18 +196,29 @@ pub struct Variant {
 impl FramePlan {
     /// The plan of a scene that is looked at.
     pub fn of(has: &SceneHas, asked: &Asked) -> Self {
-        use Pass::{Blend, Place, Project, Resolve, Shade, Soften};
+        use Pass::{Average, Blend, Even, Gather, Mend, Place, Project};
+        use Pass::{Pull, Push, Resolve, Shade, Slant, Soften};
         let has_surface = asked.method != Method::Points;
         let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
-        let passes: &[Pass] = match asked.method {
-            Method::Points => &[Project, Resolve],
-            Method::PullPush => {
-                let evens = asked.evens && has.colour_plane && asked.colour == ColourBy::Rgb;
-                pull_push(asked.is_crowded, asked.is_dense, evens)
-            }
-            Method::Ewa => &[Place, Blend, Shade, Soften],
-        };
         let carries_normals = has.normals && has_surface;
+        // Where points crowd, means of what lies far behind are what evens them out.
+        let tells = asked.slants && has_pyramid && !has.normals && !asked.is_crowded;
+        let passes = match asked.method {
+            Method::Points => PassList::of(&[Project, Resolve].map(|pass| (pass, true))),
+            Method::PullPush => PassList::of(&[
+                (Project, true),
+                (Slant, tells),
+                (Gather, true),
+                (Average, asked.is_crowded),
+                (Even, asked.evens && has.colour_plane && asked.colour == ColourBy::Rgb),
+                (Pull, has_pyramid),
+                (Push, has_pyramid),
+                (Mend, true),
+                (Shade, true),
+                (Soften, true),
+            ]),
+            Method::Ewa => PassList::of(&[Place, Blend, Shade, Soften].map(|pass| (pass, true))),
+        };
         let culls_back_faces = has.oriented_normals && has.normals;
         let fetches_normals = carries_normals || (has.normals && asked.colour == ColourBy::Normal);
         Self {
@@ -192,8 +264,18 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, nodes);
-        let (shines, smooths, evens) = (frame.shines, frame.smooths, frame.evens);
-        Self::of(&has, &Asked { method, colour, shines, is_dense, smooths, is_crowded, evens })
+        let Frame { shines, smooths, slants, evens, .. } = *frame;
+        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        Self::of(&has, &asked)
+    }
+
+    /// The planes that are told or read in this frame.
+    pub fn planes(&self) -> Planes {
+        match (self.carries_normals, self.passes.contains(&Pass::Slant)) {
+            (true, _) => Planes::Normals,
+            (false, true) => Planes::Slants,
+            (false, false) => Planes::None,
+        }
     }
 
     /// Whether the points of a pixel's front surface are averaged.
@@ -203,10 +285,7 @@ impl FramePlan {
 
     /// The same where one point wins a pixel, however many share it.
     pub fn without_averages(self) -> Self {
-        if !self.averages() {
-            return self;
-        }
-        Self { passes: pull_push(false, !self.has_pyramid, self.evens()), ..self }
+        Self { passes: self.passes.without(Pass::Average), ..self }
     }
 
     /// Whether differences of exposure between scans are evened out.
@@ -216,10 +295,7 @@ impl FramePlan {
 
     /// The same with exposures as they are.
     pub fn without_evening(self) -> Self {
-        if !self.evens() {
-            return self;
-        }
-        Self { passes: pull_push(self.averages(), !self.has_pyramid, false), ..self }
+        Self { passes: self.passes.without(Pass::Even), ..self }
     }
 
     /// Whether colours and normals are read point by point to be averaged.
@@ -247,6 +323,12 @@ impl FramePlan {
         [("GEOMETRY", flags[0]), ("COLOURS", flags[1]), ("NORMALS", flags[2])]
     }
 
+    /// Constants of the pass that makes the pyramid's pixels of words.
+    pub fn gather_constants(&self) -> [(&'static str, u32); 3] {
+        let [normals, colour] = self.colour_constants();
+        [normals, ("PLANES", u32::from(self.planes() != Planes::None)), colour]
+    }
+
     /// Constants of the pass that makes pixels of words.
     pub fn colour_constants(&self) -> [(&'static str, u32); 2] {
         [("NORMALS", u32::from(self.carries_normals)), ("COLOUR", self.colour)]
@@ -255,6 +337,7 @@ impl FramePlan {
     /// The pipelines of a frame on a GPU, in the order of the passes.
     pub fn variants(&self) -> Vec<Variant> {
         let normals = ("NORMALS", u32::from(self.carries_normals));
+        let planes = ("PLANES", u32::from(self.planes() != Planes::None));
         let clips = ("CLIPS", u32::from(self.clips));
         let tangents = ("TANGENTS", u32::from(self.tangents));
         let variant = |shader, constants: &[(&'static str, u32)]| Variant {
@@ -263,10 +346,17 @@ impl FramePlan {
         };
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
-            Pass::Gather => vec![
-                variant("gather/fetch", &self.fetch_constants()),
-                variant("gather/gather", &self.colour_constants()),
-            ],
+            Pass::Slant => ["slant/nearest", "slant/tell"].map(|step| variant(step, &[])).into(),
+            Pass::Gather => {
+                let mut all = vec![
+                    variant("gather/fetch", &self.fetch_constants()),
+                    variant("gather/gather", &self.gather_constants()),
+                ];
+                if self.planes() == Planes::Slants {
+                    all.push(variant("slant/tilt", &[]));
+                }
+                all
+            }
             Pass::Resolve => vec![
                 variant("gather/fetch", &self.fetch_constants()),
                 variant("resolve", &self.colour_constants()[1..]),
@@ -293,25 +383,12 @@ impl FramePlan {
             Pass::Blend => {
                 vec![variant("ewa/blend", &[normals, clips]), variant("ewa/normalise", &[normals])]
             }
-            Pass::Push => vec![variant("push", &[normals, ("SMOOTHS", u32::from(self.smooths))])],
+            Pass::Pull => vec![variant("pull", &[planes])],
+            Pass::Push => vec![variant("push", &[planes, ("SMOOTHS", u32::from(self.smooths))])],
+            Pass::Mend => vec![variant("mend/depth", &[planes]), variant("mend", &[normals])],
             other => vec![variant(other.name(), &[normals])],
         };
         self.passes.iter().flat_map(of).collect()
-    }
-}
-
-/// The passes of pull-push where points crowd, where they are dense, and where exposures are evened out.
-fn pull_push(is_crowded: bool, is_dense: bool, evens: bool) -> &'static [Pass] {
-    use Pass::{Average, Even, Gather, Mend, Project, Pull, Push, Shade, Soften};
-    match (is_crowded, is_dense, evens) {
-        (true, true, false) => &[Project, Gather, Average, Mend, Shade, Soften],
-        (false, true, false) => &[Project, Gather, Mend, Shade, Soften],
-        (true, false, false) => &[Project, Gather, Average, Pull, Push, Mend, Shade, Soften],
-        (false, false, false) => &[Project, Gather, Pull, Push, Mend, Shade, Soften],
-        (true, true, true) => &[Project, Gather, Average, Even, Mend, Shade, Soften],
-        (false, true, true) => &[Project, Gather, Even, Mend, Shade, Soften],
-        (true, false, true) => &[Project, Gather, Average, Even, Pull, Push, Mend, Shade, Soften],
-        (false, false, true) => &[Project, Gather, Even, Pull, Push, Mend, Shade, Soften],
     }
 }
 
@@ -320,6 +397,7 @@ impl Stages {
     pub fn add(&mut self, pass: Pass, ms: f64) {
         *match pass {
             Pass::Project => &mut self.project_ms,
+            Pass::Slant => &mut self.slant_ms,
             Pass::Gather => &mut self.gather_ms,
             Pass::Place => &mut self.place_ms,
             Pass::Blend => &mut self.blend_ms,

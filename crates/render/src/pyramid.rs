@@ -1,6 +1,6 @@
 //! The image pyramid that pull and push work on: level 0 is the picture, each level above has half as
 //! many pixels a side (rounded up), down to a single one. Flat planes of four floats, as they would lie
-//! in a GPU's textures; a cloud without normals has no normal plane.
+//! in a GPU's textures; without normals, and without planes told in their place, there is no normal plane.
 //!
 //! Lengths in the picture (displacements, radii) are in pixels of level 0 at every level. The centre of
 //! pixel (x, y) of level l then lies at ((x + 1/2) 2^l, (y + 1/2) 2^l).
@@ -29,7 +29,8 @@ pub struct Level {
     /// Mean depth: that of the surface, where `front` has the interval for tests.
     pub depth: Vec<f32>,
     /// Normal in view space (right, up, back), not of unit length once averaged, and in w its
-    /// ellipse's minor axis over the major one ([`crate::gather`]); empty where the cloud has none.
+    /// ellipse's minor axis over the major one ([`crate::gather`]); or the plane that is told in its place
+    /// ([`crate::slant`]). Empty where there is neither.
     pub normal: Vec<Vec4>,
 }
 
@@ -81,6 +82,8 @@ pub struct Pyramid {
     pub levels: Vec<Level>,
     /// How the picture sees.
     pub lens: Lens,
+    /// Planes that are not needed any more, for the next frame.
+    aside: Vec<Vec4>,
 }
 
 impl Pyramid {
@@ -98,6 +101,11 @@ impl Pyramid {
         levels_max: usize,
     ) {
         let (mut w, mut h, mut edge) = (width.max(1), height.max(1), 1.0);
+        if !self.aside.is_empty()
+            && let Some(base) = self.levels.first_mut()
+        {
+            base.normal = std::mem::take(&mut self.aside);
+        }
         let mut count = 0;
         loop {
             if self.levels.len() == count {
@@ -113,7 +121,15 @@ impl Pyramid {
         self.levels.truncate(count);
     }
 
-    /// Whether pixels carry normals.
+    /// Puts the planes of the picture's level aside, which were told from depths to compare them: its pixels have
+    /// no normals.
+    pub fn put_planes_aside(&mut self) {
+        if let Some(base) = self.levels.first_mut() {
+            self.aside = std::mem::take(&mut base.normal);
+        }
+    }
+
+    /// Whether pixels carry normals, or planes told in their place.
     pub fn has_normals(&self) -> bool {
         self.levels.first().is_some_and(|l| !l.normal.is_empty())
     }

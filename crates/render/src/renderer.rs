@@ -11,7 +11,7 @@ use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
 use crate::marks::Marks;
 use crate::mend::mend;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::{FramePlan, Pass, Planes};
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push_with;
@@ -19,6 +19,7 @@ use crate::pyramid::Pyramid;
 use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
 use crate::shade::shade;
+use crate::slant::Slants;
 use crate::soften::soften;
 use crate::tangent::Lens;
 use crate::trim::trim_with;
@@ -32,6 +33,7 @@ const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
+    slants: Slants,
     averages: Averages,
     evening: Evening,
     pyramid: Pyramid,
@@ -77,10 +79,14 @@ impl Renderer {
         let list = DrawList::new(frame.draws);
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
-        pyramid.fit(width, height, lookup.has_normals());
-        pyramid.lens = Lens::new(&camera);
-        let valid = gather(&lookup, &self.target, &mut pyramid.levels[0]);
         let plan = FramePlan::new(frame);
+        pyramid.fit(width, height, plan.planes() != Planes::None);
+        pyramid.lens = Lens::new(&camera);
+        let slants = (plan.planes() == Planes::Slants).then(|| {
+            self.slants.fill(&self.target, width, camera.focal_px);
+            &self.slants
+        });
+        let valid = gather(&lookup, &self.target, slants, &mut pyramid.levels[0]);
         if plan.averages() {
             self.averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]);
         }
@@ -115,24 +121,28 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, averages, evening, pyramid, scratch, sources, ewa } = self;
+        let Self { target, slants, averages, evening, pyramid, scratch, sources, ewa } = self;
+        let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
-            pyramid.fit_levels(width, height, plan.carries_normals, levels);
+            pyramid.fit_levels(width, height, planes != Planes::None, levels);
             pyramid.lens = Lens::new(&camera);
         }
         let (mut edges, mut creases) = (Marks::default(), Marks::default());
         let mut clock = Clock(start);
-        for &pass in plan.passes {
+        for &pass in plan.passes.iter() {
             match pass {
                 Pass::Project => project(frame, &camera, &list, target),
                 Pass::Resolve => {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
                 }
+                Pass::Slant => slants.fill(target, width, camera.focal_px),
                 Pass::Gather => {
-                    stats.pixels_projected = gather(&lookup, target, &mut pyramid.levels[0]);
+                    let slants = (planes == Planes::Slants).then_some(&*slants);
+                    let base = &mut pyramid.levels[0];
+                    stats.pixels_projected = gather(&lookup, target, slants, base);
                 }
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
                 Pass::Even => evening.run(&lookup, target, &mut pyramid.levels[0]),
@@ -146,7 +156,13 @@ impl Renderer {
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
-                Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),
+                Pass::Push => {
+                    push_with(pyramid, plan.smooths, &mut picture.depth);
+                    if planes == Planes::Slants {
+                        pyramid.put_planes_aside();
+                    }
+                }
+
                 Pass::Mend => {
                     if !plan.has_pyramid {
                         pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);

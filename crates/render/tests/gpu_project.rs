@@ -255,6 +255,7 @@ fn any_bits_are_a_harmless_picture() {
             skips_push: true,
             averages: true,
             smooths: true,
+            slants: true,
             evens: false,
             background: Background::default(),
         };

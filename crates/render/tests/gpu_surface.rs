@@ -15,6 +15,7 @@ use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::timing::Timing;
 use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
+use esker_render::plan::Planes;
 use esker_render::pyramid::{INVALID, Level, Pyramid};
 use esker_render::relief::ReliefScratch;
 use esker_render::tangent::Lens;
@@ -48,6 +49,8 @@ fn gpus() -> Vec<Gpu> {
 struct Input<'a> {
     name: String,
     frame: Frame<'a>,
+    /// Those that its pixels carry.
+    planes: Planes,
     base: Level,
 }
 
@@ -56,7 +59,8 @@ impl<'a> Input<'a> {
         let mut pyramid = Pyramid::default();
         Renderer::default().base_level(&frame, &mut pyramid).unwrap();
         let size = [frame.view.width, frame.view.height];
-        Self { name: format!("{name} {size:?}"), frame, base: pyramid.levels.swap_remove(0) }
+        let (planes, base) = (FramePlan::new(&frame).planes(), pyramid.levels.swap_remove(0));
+        Self { name: format!("{name} {size:?}"), frame, planes, base }
     }
 
     fn camera(&self) -> Camera {
@@ -92,6 +96,10 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     };
     let (level, depth) = (&mut last.levels[0], &mut picture.depth);
     level.depth_image(&pulled.lens, depth);
+    if input.planes == Planes::Slants {
+        last.put_planes_aside();
+    }
+    let level = &mut last.levels[0];
     let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
     mend::mend(level, depth, &found, camera.focal_px);
     let mended = depth.clone();
@@ -124,14 +132,14 @@ impl<'a> Rig<'a> {
         gpu.queue.write_buffer(&uniform, 0, bytes);
         let mut pyramid = GpuPyramid::default();
         let [width, height] = [base.width as u32, base.height as u32];
-        pyramid.fit(gpu, width, height, !base.normal.is_empty()).unwrap();
+        pyramid.fit(gpu, width, height, input.planes).unwrap();
         let level = &pyramid.levels[0];
         gpu.queue.write_buffer(&level.front, 0, bytemuck::cast_slice(&floats(&base.front)));
         gpu.queue.write_buffer(&level.tint, 0, bytemuck::cast_slice(&floats(&base.tint)));
         gpu.queue.write_buffer(&level.depth, 0, bytemuck::cast_slice(&base.depth));
         gpu.queue.write_buffer(&level.normal, 0, bytemuck::cast_slice(&floats(&base.normal)));
         let picture = GpuPicture::new(gpu, width, height).unwrap();
-        let choices = Choices { shines: true, smooths };
+        let choices = Choices { planes: input.planes, shines: true, smooths };
         Self { gpu, uniform, pyramid, picture, choices }
     }
 
@@ -167,7 +175,10 @@ impl<'a> Rig<'a> {
                 front: self.vectors(&l.front, count),
                 tint: self.vectors(&l.tint, count),
                 depth: self.floats(&l.depth, count),
-                normal: self.vectors(&l.normal, if self.pyramid.has_normals { count } else { 0 }),
+                normal: self.vectors(
+                    &l.normal,
+                    if self.pyramid.planes == Planes::None { 0 } else { count },
+                ),
             }
         };
         self.pyramid.levels.iter().map(level).collect()
@@ -317,7 +328,9 @@ fn each_pass_comes_to_the_same_as_its_twin() {
         for has_normals in [false, true] {
             let draws = scene.draws(true, true, has_normals);
             let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
-            assert_eq!(input.base.normal.is_empty(), !has_normals);
+            assert_eq!(input.planes == Planes::Normals, has_normals);
+            // Those that crowd tell none.
+            assert_eq!(input.planes == Planes::None, !has_normals && points > 1000);
             let twins = twins(&input, false);
             let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
             let mut pushed = twins.mended.clone();

@@ -92,6 +92,7 @@ proptest! {
             skips_push: true,
             averages: true,
             smooths: true,
+            slants: true,
             evens: false,
             background: Background::default(),
         };

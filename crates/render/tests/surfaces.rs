@@ -321,6 +321,7 @@ fn radii_follow_the_finest_drawn_cell() {
         skips_push: true,
         averages: true,
         smooths: true,
+        slants: true,
         evens: false,
         background: Background::default(),
     };

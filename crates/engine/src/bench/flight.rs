@@ -194,8 +194,9 @@ pub type Passes = Vec<(&'static str, f64)>;
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
     type Pass = (&'static str, fn(&Stages) -> f64);
-    const PASSES: [Pass; 12] = [
+    const PASSES: [Pass; 13] = [
         ("project", |s| s.project_ms),
+        ("slant", |s| s.slant_ms),
         ("gather", |s| s.gather_ms),
         ("average", |s| s.average_ms),
         ("even", |s| s.even_ms),

@@ -149,8 +149,15 @@ fn omissions(file: &Forest, request: &Request) -> Result<Vec<Omission>> {
     all.push(Omission {
         name: "smoothing of pixels that show one point",
         with: (sparse.clone(), same),
-        without: (sparse, Changes { is_rough: true, ..same }),
+        without: (sparse.clone(), Changes { is_rough: true, ..same }),
     });
+    if !file.has(PlaneKind::Normal) {
+        all.push(Omission {
+            name: "planes told from depths",
+            with: (sparse.clone(), same),
+            without: (sparse, Changes { is_flat: true, ..same }),
+        });
+    }
     let dense = Picture { target_spacing_px: DENSE, budget_points: u64::MAX, ..base.clone() };
     let crowded = largest(file, &dense, FramePlan::averages)?;
     all.push(Omission {

@@ -185,7 +185,7 @@ fn drawn_by(run: &Value) -> String {
 /// Times of the passes of the last view.
 fn passes(run: &Value) -> String {
     let last = list(&run["views"]).last().map_or(&Value::Null, |v| &v["passes_ms"]);
-    let passes = ["project", "gather", "pull", "push", "mend", "shade", "soften", "all"];
+    let passes = ["project", "slant", "gather", "pull", "push", "mend", "shade", "soften", "all"];
     let times = passes.map(|name| format!("{name} {:.1}", number(&last[name])));
     format!("last view, ms: {}", times.join(" "))
 }

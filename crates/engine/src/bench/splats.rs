@@ -126,6 +126,7 @@ impl Wall {
             skips_push: false,
             averages: true,
             smooths: true,
+            slants: true,
             evens: false,
             background: Background::default(),
         }

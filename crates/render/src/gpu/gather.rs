@@ -7,14 +7,17 @@ use super::even::Even;
 use super::lookup::{GpuLookup, Won};
 use super::pyramid::GpuPyramid;
 use super::shader::sources;
+use super::slant::Slant;
 use super::variants::Variants;
-use crate::plan::FramePlan;
+use crate::plan::{FramePlan, Planes};
 use wgpu::ComputePass;
 
 /// The pass.
 pub struct Gather {
-    /// By whether pixels carry normals, and what gives them their colour.
-    kernels: Variants<2>,
+    /// By whether pixels carry normals and planes, and what gives them their colour.
+    kernels: Variants<3>,
+    /// The planes that are told where there are no normals.
+    pub slant: Slant,
     /// What is told of the points' scans, where that is asked.
     pub even: Even,
 }
@@ -22,7 +25,8 @@ pub struct Gather {
 impl Default for Gather {
     fn default() -> Self {
         Self {
-            kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "COLOUR"]),
+            kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "PLANES", "COLOUR"]),
+            slant: Slant::default(),
             even: Even::default(),
         }
     }
@@ -45,7 +49,7 @@ impl Gather {
         let Some(level) = pyramid.levels.first() else { return Ok(()) };
         lookup.fetch(gpu, pass, won, plan, [&level.front, &level.tint])?;
         self.even.take(gpu, pass, won, &level.tint);
-        let kernel = self.kernels.get(gpu, plan.colour_constants().map(|(_, value)| value))?;
+        let kernel = self.kernels.get(gpu, plan.gather_constants().map(|(_, value)| value))?;
         let buffers = [
             (0, won.uniform),
             (1, lookup.uniform()),
@@ -59,6 +63,9 @@ impl Gather {
             (9, won.counts),
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
+        if plan.planes() == Planes::Slants {
+            self.slant.tilt(gpu, pass, won.uniform, level);
+        }
         Ok(())
     }
 
@@ -67,6 +74,6 @@ impl Gather {
     /// # Errors
     /// Where a changed shader does not build; its kernel is as it was.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        Ok(self.kernels.reload(gpu)? | self.even.reload(gpu)?)
+        Ok(self.kernels.reload(gpu)? | self.slant.reload(gpu)? | self.even.reload(gpu)?)
     }
 }

@@ -7,6 +7,7 @@ use super::error::GpuError;
 use super::kernel::Kernel;
 use super::shader::sources;
 use super::surface::Target;
+use crate::plan::Planes;
 
 /// How often: as the twin does.
 const ROUNDS: usize = 2;
@@ -20,17 +21,18 @@ pub struct Mend {
 }
 
 impl Mend {
-    /// For pyramids with normals or without.
+    /// For pyramids whose pixels carry these planes.
     ///
     /// # Errors
     /// Where a shader is refused.
-    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let constants = [("NORMALS", f64::from(has_normals))];
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
+        let moved = [("PLANES", f64::from(planes != Planes::None))];
         let find = |first: f64| {
             Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first), constants[0]])
         };
         Ok(Self {
-            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &constants)?,
+            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &moved)?,
             find: [find(1.0)?, find(0.0)?],
             fill: Kernel::new(gpu, sources::MEND_FILL, "main", &constants)?,
         })

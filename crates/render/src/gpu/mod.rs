@@ -32,6 +32,7 @@ pub mod resolve;
 pub mod runs;
 pub mod shade;
 pub mod shader;
+pub mod slant;
 pub mod surface;
 pub mod table;
 #[cfg(test)]

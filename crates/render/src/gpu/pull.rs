@@ -14,12 +14,12 @@ pub struct Pull {
 }
 
 impl Pull {
-    /// For pyramids with normals or without.
+    /// For pyramids whose pixels carry planes, or none.
     ///
     /// # Errors
     /// Where the shader is refused.
-    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let constants = [("NORMALS", f64::from(has_normals))];
+    pub fn new(gpu: &Gpu, has_planes: bool) -> Result<Self, GpuError> {
+        let constants = [("PLANES", f64::from(has_planes))];
         Ok(Self { kernel: Kernel::new(gpu, sources::PULL_PULL, "main", &constants)? })
     }
 

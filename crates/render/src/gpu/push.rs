@@ -9,30 +9,28 @@ use super::pull::level_resources;
 use super::pyramid::{GpuLevel, GpuPyramid};
 use super::shader::sources;
 use super::variants::Variants;
+use crate::plan::Planes;
 
 /// The pass.
 pub struct Push {
-    /// By whether pixels carry normals, and whether those that stay are smoothed.
+    /// By whether pixels carry planes, and whether those that stay are smoothed.
     kernels: Variants<2>,
-    has_normals: bool,
+    has_planes: bool,
     /// With normals only.
     inherit: Option<Kernel>,
 }
 
 impl Push {
-    /// For pyramids with normals or without.
+    /// For pyramids whose pixels carry these planes.
     ///
     /// # Errors
     /// Where a shader is refused.
-    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let mut kernels = Variants::new(sources::PUSH_PUSH, ["NORMALS", "SMOOTHS"]);
-        kernels.get(gpu, [u32::from(has_normals), 0])?;
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let (has_planes, has_normals) = (planes != Planes::None, planes == Planes::Normals);
+        let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANES", "SMOOTHS"]);
+        kernels.get(gpu, [u32::from(has_planes), 0])?;
         let inherit = || Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[]);
-        Ok(Self {
-            kernels,
-            has_normals,
-            inherit: if has_normals { Some(inherit()?) } else { None },
-        })
+        Ok(Self { kernels, has_planes, inherit: if has_normals { Some(inherit()?) } else { None } })
     }
 
     /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
@@ -47,10 +45,10 @@ impl Push {
         pyramid: &GpuPyramid,
         smooths: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
-        let has_normals = u32::from(self.has_normals);
+        let has_planes = u32::from(self.has_planes);
         let mut dispatches = Vec::new();
         for (level, l) in pyramid.levels.windows(2).enumerate().rev() {
-            let kernel = self.kernels.get(gpu, [has_normals, u32::from(smooths && level == 0)])?;
+            let kernel = self.kernels.get(gpu, [has_planes, u32::from(smooths && level == 0)])?;
             let resources = level_resources(uniform, &l[0], &l[1]);
             dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
         }

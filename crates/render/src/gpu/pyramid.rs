@@ -4,6 +4,7 @@
 use super::device::{Counted, Gpu};
 use super::dispatch::fixed_uniform;
 use super::error::GpuError;
+use crate::plan::Planes;
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
@@ -37,7 +38,7 @@ pub struct GpuLevel {
     pub tint: Counted,
     /// `f32` a pixel.
     pub depth: Counted,
-    /// `vec4<f32>` a pixel; of one pixel only where the cloud has none, so that something can be bound.
+    /// `vec4<f32>` a pixel; of one pixel only where there are none, so that something can be bound.
     pub normal: Counted,
 }
 
@@ -46,8 +47,8 @@ pub struct GpuLevel {
 pub struct GpuPyramid {
     /// The levels.
     pub levels: Vec<GpuLevel>,
-    /// Whether pixels carry normals.
-    pub has_normals: bool,
+    /// The planes that pixels have room for.
+    pub planes: Planes,
 }
 
 impl GpuPyramid {
@@ -60,14 +61,14 @@ impl GpuPyramid {
         gpu: &Gpu,
         width: u32,
         height: u32,
-        has_normals: bool,
+        planes: Planes,
     ) -> Result<bool, GpuError> {
         let fits = self.levels.first().is_some_and(|l| (l.width, l.height) == (width, height));
-        if fits && self.has_normals == has_normals {
+        if fits && self.planes == planes {
             return Ok(false);
         }
         // The old ones go first, so that never both are there.
-        *self = Self { levels: Vec::new(), has_normals };
+        *self = Self { levels: Vec::new(), planes };
         let (mut w, mut h, mut edge_px) = (width.max(1), height.max(1), 1.0);
         loop {
             let pixels = u64::from(w) * u64::from(h);
@@ -84,7 +85,10 @@ impl GpuPyramid {
                 front: plane("pyramid front", pixels * 16)?,
                 tint: plane("pyramid tint", pixels * 16)?,
                 depth: plane("pyramid depth", pixels * 4)?,
-                normal: plane("pyramid normal", if has_normals { pixels * 16 } else { 16 })?,
+                normal: plane(
+                    "pyramid normal",
+                    if planes == Planes::None { 16 } else { pixels * 16 },
+                )?,
             });
             if w == 1 && h == 1 {
                 return Ok(true);

@@ -24,7 +24,7 @@ use super::surface::Surface;
 use super::table::PlaneAt;
 use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
-use crate::plan::{FramePlan, Pass};
+use crate::plan::{FramePlan, Pass, Planes};
 use esker_lod::DepthFeedback;
 use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, TextureView};
@@ -124,6 +124,7 @@ impl GpuRenderer {
             plan = plan.without_evening();
         }
         self.average.fit(&self.gpu, pixels, &plan)?;
+        self.gather.slant.fit(&self.gpu, camera.size, &plan)?;
         self.gather.even.fit(&self.gpu, camera.size, &plan)?;
         self.fit(camera.size, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
@@ -158,7 +159,12 @@ impl GpuRenderer {
         let is_new =
             self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
         let has_surface = plan.passes.contains(&Pass::Shade);
-        if is_new || !has_surface || self.pyramid.has_normals != plan.carries_normals {
+        let planes = match (plan.planes(), self.pyramid.planes) {
+            // Views that are dense now and then tell none, and keep their room.
+            (Planes::None, Planes::Slants) if plan.passes.contains(&Pass::Gather) => Planes::Slants,
+            (planes, _) => planes,
+        };
+        if is_new || !has_surface || self.pyramid.planes != planes {
             // The old ones go first, so that never both are there; and none is kept that is not needed.
             self.surface.release();
             self.pyramid = GpuPyramid::default();
@@ -181,7 +187,7 @@ impl GpuRenderer {
             self.shown = Some(Shown { picture, view });
         }
         if has_surface {
-            self.pyramid.fit(&self.gpu, width, height, plan.carries_normals)?;
+            self.pyramid.fit(&self.gpu, width, height, planes)?;
         }
         Ok(())
     }
@@ -247,6 +253,9 @@ impl GpuRenderer {
             }
             Method::PullPush => {
                 let pyramid = &self.pyramid;
+                if plan.planes() == Planes::Slants {
+                    self.gather.slant.encode(gpu, encoder, uniform, won.hits, timing);
+                }
                 let mut pass = timing.compute(encoder, Pass::Gather);
                 self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
                 drop(pass);

@@ -41,8 +41,7 @@ impl Shade {
     ) -> Result<Vec<Dispatch>, GpuError> {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
-        let has_normals = target.pyramid.has_normals;
-        let depth = if has_normals { &target.picture.depth } else { target.spare };
+        let depth = if self.has_normals { &target.picture.depth } else { target.spare };
         let (tint, normal, coarse) = (&base.tint, &base.normal, &coarse.normal);
         let &Target { relief, sources, shaded, .. } = target;
         let buffers = [relief, depth, tint, normal, coarse, sources, shaded];

@@ -15,18 +15,20 @@ use super::shade::{Shade, Soften};
 use super::shader::sources;
 use super::timing::Timing;
 use super::trim::{Trim, Turns};
-use crate::plan::{FramePlan, Pass};
+use crate::plan::{FramePlan, Pass, Planes};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use wgpu::{BufferUsages, CommandEncoder};
 
 /// The passes, and the memory that they keep from frame to frame.
 #[derive(Default)]
 pub struct Surface {
-    /// Without normals, and with.
-    kernels: [Option<Kernels>; 2],
+    /// By the planes that pixels carry.
+    kernels: HashMap<Planes, Kernels>,
     bound: Option<Bound>,
 }
 
-/// What a scene with normals needs, or one without.
+/// What a scene needs whose pixels carry some planes.
 struct Kernels {
     edges: Kernel,
     pull: Pull,
@@ -41,6 +43,8 @@ struct Kernels {
 /// What a frame's plan leaves open to the passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choices {
+    /// The planes that pixels carry: no others than the pyramid has room for.
+    pub planes: Planes,
     /// Whether there are highlights.
     pub shines: bool,
     /// Whether pixels that push leaves as they are are smoothed.
@@ -165,12 +169,13 @@ impl Scratch {
 }
 
 impl Kernels {
-    fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let has_normals = planes == Planes::Normals;
         Ok(Self {
             edges: Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?,
-            pull: Pull::new(gpu, has_normals)?,
-            push: Push::new(gpu, has_normals)?,
-            mend: Mend::new(gpu, has_normals)?,
+            pull: Pull::new(gpu, planes != Planes::None)?,
+            push: Push::new(gpu, planes)?,
+            mend: Mend::new(gpu, planes)?,
             trim: Trim::new(gpu, has_normals)?,
             relief: if has_normals { None } else { Some(Relief::new(gpu)?) },
             shade: Shade::new(gpu, has_normals)?,
@@ -182,7 +187,7 @@ impl Kernels {
         &mut self,
         gpu: &Gpu,
         target: &Target<'_>,
-        Choices { shines, smooths }: Choices,
+        Choices { shines, smooths, .. }: Choices,
     ) -> Result<Vec<Stage>, GpuError> {
         let stage = |name, pass, dispatches| Stage { name, pass, dispatches };
         let uniform = target.uniform;
@@ -233,7 +238,8 @@ impl Surface {
         picture: &GpuPicture,
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
-        let choices = Choices { shines: plan.shines, smooths: plan.smooths };
+        let (planes, shines, smooths) = (plan.planes(), plan.shines, plan.smooths);
+        let choices = Choices { planes, shines, smooths };
         let stages = self.stages(gpu, uniform, pyramid, picture, choices)?;
         for stage in stages.iter().filter(|stage| plan.passes.contains(&stage.pass)) {
             stage.encode(encoder, timing);
@@ -265,10 +271,9 @@ impl Surface {
         let at = match known {
             Some(at) => at,
             None => {
-                let has_normals = pyramid.has_normals;
-                let kernels = match &mut self.kernels[usize::from(has_normals)] {
-                    Some(kernels) => kernels,
-                    none => none.insert(Kernels::new(gpu, has_normals)?),
+                let kernels = match self.kernels.entry(choices.planes) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => place.insert(Kernels::new(gpu, choices.planes)?),
                 };
                 let target = scratch.target(uniform, pyramid, picture);
                 stages.push((choices, kernels.stages(gpu, &target, choices)?));
@@ -299,7 +304,7 @@ impl Surface {
     /// Where a changed shader does not build; its kernel is as it was.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let mut is_changed = false;
-        for kernel in self.kernels.iter_mut().flatten().flat_map(Kernels::all) {
+        for kernel in self.kernels.values_mut().flat_map(Kernels::all) {
             is_changed |= kernel.reload(gpu)?;
         }
         if is_changed {

@@ -17,6 +17,7 @@ const ASKED: Asked = Asked {
     shines: true,
     is_dense: false,
     smooths: true,
+    slants: true,
     is_crowded: false,
     evens: false,
 };
@@ -44,7 +45,7 @@ fn points_alone_read_what_their_colour_comes_from_and_nothing_else() {
     assert_eq!(reads(ColourBy::Normal), (false, true, [false, false, true]));
     let codes = ColourBy::Codes(Codebook::Along(Palette::Viridis));
     assert_eq!(reads(codes), (true, false, [false, true, false]));
-    assert_eq!(FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
+    assert_eq!(*FramePlan::of(&has, &points).passes, [Pass::Project, Pass::Resolve]);
 }
 
 #[test]
@@ -116,6 +117,27 @@ fn pixels_are_smoothed_where_points_do_not_crowd_and_colours_are_no_names() {
     let dense = Asked { is_dense: true, ..ASKED };
     let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
     assert!([dense, points, ewa].into_iter().all(|asked| !plan(asked).smooths));
+}
+
+#[test]
+fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
+    let bare = SceneHas { normals: false, ..ALL };
+    let plan = |has, asked| FramePlan::of(&has, &asked);
+    let shaders = |plan: &FramePlan| {
+        let variants = plan.variants().into_iter();
+        variants.filter(|v| v.shader.starts_with("slant/")).count()
+    };
+    let told = plan(bare, ASKED);
+    assert!(told.planes() == Planes::Slants && shaders(&told) == 3);
+    assert_eq!(told.passes[..3], [Pass::Project, Pass::Slant, Pass::Gather]);
+    assert_eq!(plan(ALL, ASKED).planes(), Planes::Normals);
+    let [dense, crowded] = [Asked { is_dense: true, ..ASKED }, Asked { is_crowded: true, ..ASKED }];
+    let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
+    for asked in [dense, crowded, points, ewa, Asked { slants: false, ..ASKED }] {
+        let plan = plan(bare, asked);
+        assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
+    }
+    assert_eq!(shaders(&plan(ALL, ASKED)), 0);
 }
 
 #[test]

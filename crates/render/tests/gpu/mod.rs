@@ -110,6 +110,7 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         skips_push: frame.skips_push,
         averages: frame.averages,
         smooths: frame.smooths,
+        slants: frame.slants,
         evens: frame.evens,
         background: frame.background,
     }

@@ -15,10 +15,13 @@ use esker_render::gpu::readback::read;
 use esker_render::gpu::resolve::Resolve;
 use esker_render::gpu::table::{CHUNK_POINTS, Chunk, Draw};
 use esker_render::gpu::tiles::{TILES_BYTES, Tiles, tiles_from};
+use esker_render::gpu::timing::Timing;
 use esker_render::gpu::{Gpu, NodePool, PlaneAt, Request, wgpu};
+use esker_render::plan::Planes;
 use esker_render::project::{DrawList, EMPTY, project, unpack};
 use esker_render::pyramid::Level;
 use esker_render::resolve::resolve;
+use esker_render::slant::Slants;
 use esker_render::{ColourPlane, DrawNode, Frame, FramePlan, Method, Picture};
 use glam::{DVec3, Vec4};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -89,10 +92,14 @@ impl Cpu<'_> {
     pub fn gather(&self) -> (u64, Level) {
         let lookup = Lookup::new(self.frame, &self.camera, &self.list);
         let [width, height] = self.camera.size.map(|s| s as usize);
+        let planes = FramePlan::new(self.frame).planes();
         let mut pyramid = esker_render::pyramid::Pyramid::default();
-        pyramid.fit(width, height, lookup.has_normals());
+        pyramid.fit(width, height, planes != Planes::None);
         let mut base = pyramid.levels.swap_remove(0);
-        (gather(&lookup, &self.target, &mut base), base)
+        let mut slants = Slants::default();
+        slants.fill(&self.target, width, self.camera.focal_px);
+        let slants = (planes == Planes::Slants).then_some(&slants);
+        (gather(&lookup, &self.target, slants, &mut base), base)
     }
 
     /// Covered pixels and the picture without surfaces.
@@ -218,6 +225,11 @@ impl Rig {
         let won = made.won(frame, &pages);
         let plan = FramePlan::new(&Frame { method: Method::PullPush, ..*frame });
         let (gpu, lookup, gather) = (&self.gpu, &mut self.lookup, &mut self.gather);
+        let size = [frame.view.width, frame.view.height];
+        gather.slant.fit(gpu, size, &plan).unwrap();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        gather.slant.encode(gpu, &mut encoder, won.uniform, won.hits, &mut Timing::default());
+        gpu.queue.submit([encoder.finish()]);
         run(gpu, |pass| gather.encode(gpu, pass, &plan, lookup, &won, pyramid).unwrap());
         let level = &pyramid.levels[0];
         let planes = [&level.front, &level.tint, &level.depth, &level.normal, &made.buffers[4]];
@@ -235,7 +247,7 @@ impl Rig {
             front: wide(&front),
             tint: wide(&tint),
             depth: bytemuck::pod_collect_to_vec(&depth[..pixels * 4]),
-            normal: if pyramid.has_normals { wide(&normal) } else { Vec::new() },
+            normal: if pyramid.planes != Planes::None { wide(&normal) } else { Vec::new() },
         };
         (level, u32::from_le_bytes([0, 1, 2, 3].map(|i| counts[i])))
     }

@@ -108,6 +108,7 @@ impl Scene {
             skips_push: true,
             averages: true,
             smooths: true,
+            slants: true,
             evens: false,
             background: Background::default(),
         }

@@ -91,7 +91,7 @@ impl Image {
 /// Nodes of one spacing and radius, with the frame that draws them all.
 pub struct Cloud {
     pub scenes: Vec<Scene>,
-    /// Whether points that share a pixel are averaged, and pixels that show one are smoothed.
+    /// Whether points that share a pixel are averaged, pixels that show one smoothed, and planes told without normals.
     pub averages: bool,
 }
 
@@ -117,13 +117,13 @@ impl Cloud {
 
     /// Draws it, and what the passes before shading leave.
     pub fn draw(&self, view: &View, has_normals: bool) -> Drawn {
-        self.draw_with(view, has_normals, pull_push)
+        self.draw_with(view, has_normals, self.averages, pull_push)
     }
 
     /// As [`Cloud::draw`], with the published passes: a depth interval as long as the drawn radius (twice as long without
     /// normals), compared as it is. Its picture is that of [`Cloud::draw`].
     pub fn draw_published(&self, view: &View, has_normals: bool) -> Drawn {
-        self.draw_with(view, has_normals, |pyramid, _| {
+        self.draw_with(view, has_normals, false, |pyramid, _| {
             let base = &mut pyramid.levels[0];
             for i in 0..base.front.len() {
                 let (front, radius_px) = (base.front[i], base.tint[i].w - 0.35);
@@ -140,18 +140,20 @@ impl Cloud {
         })
     }
 
-    /// As [`Cloud::draw`], the pyramid filled by `fill`, which is told whether pixels are smoothed.
+    /// As [`Cloud::draw`], with planes told from depths where that is asked, the pyramid filled by `fill`, which is told
+    /// whether pixels are smoothed.
     pub fn draw_with(
         &self,
         view: &View,
         has_normals: bool,
+        slants: bool,
         fill: impl Fn(&mut Pyramid, bool),
     ) -> Drawn {
         let draws: Vec<_> =
             self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
         let mut frame = self.scenes[0].frame(view, &draws);
         frame.background = Background::Plain([0; 4]);
-        (frame.averages, frame.smooths) = (self.averages, self.averages);
+        (frame.averages, frame.smooths, frame.slants) = (self.averages, self.averages, slants);
         let picture = Renderer::default().render(&frame).unwrap();
         let smooths = FramePlan::new(&frame).smooths;
         let (level, depth) = last_level(&frame, |pyramid| fill(pyramid, smooths));
@@ -171,9 +173,13 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut pyramid = Pyramid::default();
     Renderer::default().base_level(frame, &mut pyramid).unwrap();
     fill(&mut pyramid);
-    let mut base = pyramid.levels.swap_remove(0);
+    let (plan, mut base) = (FramePlan::new(frame), pyramid.levels.swap_remove(0));
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
+    if !plan.carries_normals {
+        // They were told from depths, to compare these.
+        base.normal.clear();
+    }
     let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
     mend::mend(&mut base, &mut depth, &found, camera.focal_px);
     trim::trim(&mut base, &mut depth, &found, camera.focal_px);

@@ -116,6 +116,7 @@ pub fn frame_of<'a, P>(
         skips_push: true,
         averages: true,
         smooths: true,
+        slants: true,
         evens: false,
         background: Background::default(),
     }

@@ -33,6 +33,7 @@ pub use report::text;
 const PUBLISHED: Changes = Changes {
     one_wins: true,
     is_rough: true,
+    is_flat: true,
     always_pushes: false,
     keeps_back_faces: false,
     is_matt: false,
@@ -208,7 +209,7 @@ fn rows_of(
             "height": size[1],
             "backend": backend,
             "method": method,
-            "project_ms": median(|s| s.project_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
+            "project_ms": median(|s| s.project_ms + s.slant_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
             "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
             "shade_ms": median(|s| s.shade_ms + s.soften_ms),
             "total_ms": total_ms,
@@ -267,6 +268,7 @@ fn least(frames: &[Stages]) -> Value {
     let of = |of: fn(&Stages) -> f64| frames.iter().map(of).fold(f64::INFINITY, f64::min);
     json!({
         "project": of(|s| s.project_ms),
+        "slant": of(|s| s.slant_ms),
         "gather": of(|s| s.gather_ms),
         "pull": of(|s| s.pull_ms),
         "push": of(|s| s.push_ms),

@@ -39,6 +39,8 @@ pub struct Changes {
     pub one_wins: bool,
     /// Pixels that show one point stay as they are.
     pub is_rough: bool,
+    /// Without planes told from depths, where there are no normals.
+    pub is_flat: bool,
     /// Drawn from both sides.
     pub keeps_back_faces: bool,
     /// Without highlights.
@@ -50,6 +52,7 @@ impl Changes {
         frame.skips_push &= !self.always_pushes;
         frame.averages &= !self.one_wins;
         frame.smooths &= !self.is_rough;
+        frame.slants &= !self.is_flat;
         frame.cull_back_faces &= !self.keeps_back_faces;
         frame.shines &= !self.is_matt;
     }

@@ -1,0 +1,110 @@
+// Tells the slant of each square from its nearest point and those of the squares around. Twin:
+// crates/render/src/slant.rs, which says how.
+
+// include common/frame.wgsl
+// include common/squares.wgsl
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+// As `slant/nearest` has them.
+@group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
+// What depth grows by a pixel right and down, over depth; the reach of depth intervals; and nothing.
+@group(0) @binding(2) var<storage, read_write> slants: array<vec4<f32>>;
+
+// As in crates/render/src/slant.rs, where they are explained.
+const BARE_REACH: f32 = 2.0;
+const TOLD_REACH: f32 = 0.8;
+const OFF_MAX: f32 = 1.0;
+const TRUSTED: vec2<f32> = vec2<f32>(0.2, 0.4);
+const NEIGHBOURS_MIN: f32 = 3.0;
+const AREA_MIN: f32 = 0.2;
+const BETTER: f32 = 1e-3;
+const NEARER_MAX: f32 = 1e6;
+const LEAST_SUM: f32 = 1.1754944e-38;
+
+// From the own point to the neighbours', pixels, and what one over the depth is more there, over that here.
+var<private> around: array<vec3<f32>, 8>;
+var<private> is_there: array<bool, 8>;
+
+fn neighbour(k: u32) -> vec2<i32> {
+    switch k {
+        case 0u: { return vec2<i32>(1, 0); }
+        case 1u: { return vec2<i32>(0, 1); }
+        case 2u: { return vec2<i32>(-1, 0); }
+        case 3u: { return vec2<i32>(0, -1); }
+        case 4u: { return vec2<i32>(1, 1); }
+        case 5u: { return vec2<i32>(-1, 1); }
+        case 6u: { return vec2<i32>(-1, -1); }
+        default: { return vec2<i32>(1, -1); }
+    }
+}
+
+fn pixel_of(near: vec2<u32>) -> vec2<f32> {
+    return vec2<f32>(f32(near.y & 0xffffu), f32(near.y >> 16u));
+}
+
+// The sum of the neighbours' distances from a plane.
+fn off_of(steeper: vec2<f32>, most: f32) -> f32 {
+    var sum = 0.0;
+    for (var k = 0u; k < 8u; k += 1u) {
+        if is_there[k] {
+            sum += min(abs(dot(steeper, around[k].xy) - around[k].z), most);
+        }
+    }
+    return sum;
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let square = id.x + id.y * groups.x * 256u;
+    let count_of = squares();
+    if square >= count_of.x * count_of.y {
+        return;
+    }
+    let own = nears[square];
+    let near = bitcast<f32>(own.x);
+    if near == 0.0 {
+        return;
+    }
+    let place = vec2<i32>(vec2<u32>(square % count_of.x, square / count_of.x));
+    var count = 0.0;
+    for (var k = 0u; k < 8u; k += 1u) {
+        let beside = place + neighbour(k);
+        let is_before = beside.x < i32(count_of.x) && beside.y < i32(count_of.y);
+        is_there[k] = beside.x >= 0 && beside.y >= 0 && is_before;
+        around[k] = vec3<f32>(0.0);
+        if is_there[k] {
+            let other = nears[u32(beside.y) * count_of.x + u32(beside.x)];
+            is_there[k] = bitcast<f32>(other.x) > 0.0;
+            let nearer = min(bitcast<f32>(other.x) / near - 1.0, NEARER_MAX);
+            around[k] = vec3<f32>(pixel_of(other) - pixel_of(own), nearer);
+        }
+        count += select(0.0, 1.0, is_there[k]);
+    }
+    let side = f32(SQUARE_PX);
+    let most = OFF_MAX * side / frame.focal_px;
+    var steepest = vec2<f32>(0.0);
+    var off = off_of(steepest, most);
+    for (var k = 0u; k < 4u; k += 1u) {
+        let a = around[k];
+        let b = around[(k + 1u) % 4u];
+        let area = a.x * b.y - a.y * b.x;
+        if !is_there[k] || !is_there[(k + 1u) % 4u] || abs(area) < AREA_MIN * side * side {
+            continue;
+        }
+        let over = 1.0 / area;
+        let steeper = vec2<f32>(a.z * b.y - b.z * a.y, a.x * b.z - b.x * a.z) * over;
+        let sum = off_of(steeper, most);
+        if sum + most * BETTER < off {
+            off = sum;
+            steepest = steeper;
+        }
+    }
+    let mean = off / max(count * most, LEAST_SUM);
+    let mistrust = clamp((mean - TRUSTED.x) * (1.0 / (TRUSTED.y - TRUSTED.x)), 0.0, 1.0);
+    let reach = mistrust * (BARE_REACH - TOLD_REACH) + TOLD_REACH;
+    if count < NEIGHBOURS_MIN {
+        slants[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
+    } else {
+        slants[square] = vec4<f32>(-steepest * (1.0 - mistrust), reach, 0.0);
+    }
+}

@@ -1,0 +1,49 @@
+// Gives the pixels of level 0 the planes that are told of their surfaces, and depth intervals as long as these take.
+// Twin: crates/render/src/gather.rs.
+
+// include common/frame.wgsl
+// include common/tangent.wgsl
+// include common/squares.wgsl
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+// As `slant/tell` has them.
+@group(0) @binding(1) var<storage, read> slants: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> front: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> normals: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> depths: array<f32>;
+
+// As in crates/render/src/gather.rs, where they are explained.
+const BARE_REACH: f32 = 2.0;
+const SLANT_REACH_MAX: f32 = 3.0;
+const RADIUS_MARGIN_PX: f32 = 0.5;
+
+@compute @workgroup_size(256)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let pixel = id.x + id.y * groups.x * 256u;
+    if pixel >= frame.width * frame.height {
+        return;
+    }
+    let own = front[pixel];
+    if is_infinite(own.x) {
+        return;
+    }
+    let at = vec2<u32>(pixel % frame.width, pixel / frame.width);
+    let radius_px = tint[pixel].w;
+    var told = vec3<f32>(0.0, 0.0, BARE_REACH);
+    if radius_px <= f32(SQUARE_PX) {
+        let square = at / SQUARE_PX;
+        told = slants[square.y * squares().x + square.x].xyz;
+    }
+    let place = vec2<f32>(at) + 0.5 - own.zw;
+    // The plane whose q is -1 at the place, and grows as depth does (crates/render/src/tangent.rs).
+    let back = (dot(told.xy, place - frame.centre_px) + 1.0) / frame.focal_px;
+    let normal = vec4<f32>(normalize(vec3<f32>(told.x, -told.y, back)), 1.0);
+    let radius = (radius_px - RADIUS_MARGIN_PX) * own.x / frame.focal_px;
+    let reach = radius * min(thickness(normal, place) * told.z, SLANT_REACH_MAX);
+    // Discs stay where their pixels are; their depths are those that their planes have there.
+    let depth = own.x * along(normal, place, own.zw);
+    front[pixel] = vec4<f32>(depth, depth + reach, 0.0, 0.0);
+    depths[pixel] = depth;
+    normals[pixel] = normal;
+}
