@@ -15,7 +15,7 @@ const BARE_REACH: f32 = 2.0;
 const TOLD_REACH: f32 = 0.8;
 const OFF_MAX: f32 = 1.0;
 const TRUSTED: vec2<f32> = vec2<f32>(0.2, 0.4);
-const NEIGHBOURS_MIN: f32 = 3.0;
+const MISSING_MAX: f32 = 1.0;
 const AREA_MIN: f32 = 0.2;
 const BETTER: f32 = 1e-3;
 const NEARER_MAX: f32 = 1e6;
@@ -67,6 +67,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let place = vec2<i32>(vec2<u32>(square % count_of.x, square / count_of.x));
     var count = 0.0;
+    var missing = 0.0;
     for (var k = 0u; k < 8u; k += 1u) {
         let beside = place + neighbour(k);
         let is_before = beside.x < i32(count_of.x) && beside.y < i32(count_of.y);
@@ -75,6 +76,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         if is_there[k] {
             let other = nears[u32(beside.y) * count_of.x + u32(beside.x)];
             is_there[k] = bitcast<f32>(other.x) > 0.0;
+            missing += select(1.0, 0.0, is_there[k]);
             let nearer = min(bitcast<f32>(other.x) / near - 1.0, NEARER_MAX);
             around[k] = vec3<f32>(pixel_of(other) - pixel_of(own), nearer);
         }
@@ -102,7 +104,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let mean = off / max(count * most, LEAST_SUM);
     let mistrust = clamp((mean - TRUSTED.x) * (1.0 / (TRUSTED.y - TRUSTED.x)), 0.0, 1.0);
     let reach = mistrust * (BARE_REACH - TOLD_REACH) + TOLD_REACH;
-    if count < NEIGHBOURS_MIN {
+    if missing > MISSING_MAX {
         slants[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
     } else {
         slants[square] = vec4<f32>(-steepest * (1.0 - mistrust), reach, 0.0);

@@ -83,7 +83,7 @@ impl Scan {
             skips_push: true,
             averages,
             smooths: averages,
-            slants: true,
+            slants: averages,
             evens: false,
             background: Background::Plain([0, 0, 0, 255]),
         };
@@ -107,8 +107,7 @@ impl Scan {
                 let is_on = |c: f32| (0.0..SIDE as f32).contains(&c);
                 -v.z > camera.near && is_on(x) && is_on(y) && {
                     let shown = picture.depth[y as usize * SIDE as usize + x as usize];
-                    // Depths are told at the pixels' centres.
-                    (-v.z - shown).abs() <= shown * (0.01 / camera.focal_px)
+                    (-v.z - shown).abs() <= shown * 1e-6
                 }
             })
         };

@@ -27,12 +27,14 @@ const TOLD_REACH: f32 = 0.8;
 const OFF_MAX: f32 = 1.0;
 /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
 const TRUSTED: [f32; 2] = [0.2, 0.4];
-/// Least number of neighbours that a plane is told by.
-const NEIGHBOURS_MIN: f32 = 3.0;
+/// Neighbours within the picture that may have no point: of what is thin, or ends here, no plane is told.
+const MISSING_MAX: f32 = 1.0;
 /// Least area between two neighbours, over a square's: of what lies in a line no plane is told.
 const AREA_MIN: f32 = 0.2;
 /// What a plane's sum of distances is to be less by than another's, over the most that one counts: less is rounding.
 const BETTER: f32 = 1e-3;
+/// In the place of one over a depth beyond the picture.
+const OUTSIDE: f32 = -1.0;
 /// How much nearer a neighbour is told to be at most, so that all stays finite.
 const NEARER_MAX: f32 = 1e6;
 /// The neighbours of a square: those beside it in a circle, then those at its corners.
@@ -60,7 +62,7 @@ pub struct Slants {
     height: usize,
     /// Squares from one row of the planes to the next.
     stride: usize,
-    /// One over the depth of the nearest point; zero where there is none.
+    /// One over the depth of the nearest point; zero where there is none, [`OUTSIDE`] where there is no square.
     near: Vec<f32>,
     /// Its pixel.
     x: Vec<f32>,
@@ -77,7 +79,7 @@ impl Slants {
         self.stride = self.width.next_multiple_of(EIGHT) + 2;
         let squares = self.stride * (self.height + 2);
         self.near.clear();
-        self.near.resize(squares, 0.0);
+        self.near.resize(squares, OUTSIDE);
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
         self.slants.resize(self.width * self.height, Slant::NONE);
@@ -103,8 +105,9 @@ impl Slants {
 
     /// Takes the nearest points of a frame buffer.
     fn take(&mut self, target: &[AtomicU64], width: usize, height: usize) {
-        let side = SQUARE_PX;
+        let (side, squares) = (SQUARE_PX, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
+            nears[1..=squares].fill(0.0);
             for y in row * side..height.min((row + 1) * side) {
                 for (square, run) in target[y * width..][..width].chunks(side).enumerate() {
                     let values = run.iter().map(|value| value.load(Relaxed)).enumerate();
@@ -138,7 +141,7 @@ impl Slants {
             let middle = (row + 1) * self.stride + block * EIGHT + 1;
             let eight = |plane: &[f32], at: usize| match plane[at..].first_chunk() {
                 Some(values) => load(simd, values),
-                None => simd.splat_f32x8(0.0),
+                None => simd.splat_f32x8(OUTSIDE),
             };
             let near = eight(&self.near, middle);
             let zero = near.like(0.0);
@@ -146,8 +149,13 @@ impl Slants {
                 continue;
             }
             let (x, y) = (eight(&self.x, middle), eight(&self.y, middle));
-            let mut around =
-                [Neighbour { x: zero, y: zero, nearer: zero, is_there: zero.cmplt(zero) }; 8];
+            let mut around = [Neighbour {
+                x: zero,
+                y: zero,
+                nearer: zero,
+                is_there: zero.cmplt(zero),
+                is_missing: zero.cmplt(zero),
+            }; 8];
             for (neighbour, [right, down]) in around.iter_mut().zip(AROUND) {
                 let at = middle.wrapping_add_signed(down * self.stride as isize + right);
                 let beside = eight(&self.near, at);
@@ -156,6 +164,7 @@ impl Slants {
                     y: eight(&self.y, at) - y,
                     nearer: (beside / near - 1.0).min(near.like(NEARER_MAX)),
                     is_there: zero.cmplt(beside),
+                    is_missing: beside.cmpeq(zero),
                 };
             }
             let (growth, reach) = tell(&around, focal_px);
@@ -176,8 +185,9 @@ struct Neighbour<V: Values> {
     y: V,
     /// What one over the depth is more there, over that here: linear on a plane.
     nearer: V,
-    /// Whether there is one.
+    /// Whether there is one, and whether its square has none.
     is_there: V::Mask,
+    is_missing: V::Mask,
 }
 
 /// The growth of depth and the reach that a point's neighbours tell.
@@ -209,15 +219,16 @@ fn tell<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32) -> ([V; 2], V) {
         down = V::select(is_better, steeper[1], down);
         off = V::select(is_better, own, off);
     }
-    let mut count = zero;
+    let (mut count, mut missing) = (zero, zero);
     for neighbour in around {
         count = count + only(neighbour.is_there, zero.like(1.0));
+        missing = missing + only(neighbour.is_missing, zero.like(1.0));
     }
     let mean = off / (count * most).max(zero.like(f32::MIN_POSITIVE));
     let [wholly, none] = TRUSTED;
     let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
     let reach = mistrust * (BARE_REACH - TOLD_REACH) + TOLD_REACH;
-    let is_told = zero.like(NEIGHBOURS_MIN).cmple(count);
+    let is_told = missing.cmple(zero.like(MISSING_MAX));
     let trust = only(is_told, zero.like(1.0) - mistrust);
     ([-right * trust, -down * trust], V::select(is_told, reach, zero.like(BARE_REACH)))
 }
