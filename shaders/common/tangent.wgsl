@@ -6,11 +6,14 @@ const SLOPE_MAX: f32 = 32.0;
 const FACTOR_MAX: f32 = 2.0;
 const LEAST: f32 = 1.1754944e-38;
 
-// Depth on the plane with this normal at `origin + by` (pixels), over that at `origin`.
-fn along(normal: vec4<f32>, origin: vec2<f32>, by: vec2<f32>) -> f32 {
-    let q = facing(normal, origin);
-    let moved = q + dot(vec2<f32>(normal.x, -normal.y), by);
-    return q / clamp(moved, q * FACTOR_MAX, q * (1.0 / FACTOR_MAX));
+// What q changes by over so many pixels, where normals have these parts right and up.
+fn turn_of(tilt: vec2<f32>, by: vec2<f32>) -> f32 {
+    return tilt.x * by.x - tilt.y * by.y;
+}
+
+// Depth after a move over that before it, from q before it and what the move changes it by.
+fn over_turn(q: f32, turn: f32) -> f32 {
+    return q / clamp(q + turn, q * FACTOR_MAX, q * (1.0 / FACTOR_MAX));
 }
 
 // What one over the depth changes by, over itself at a place, a pixel right and down on the plane.

@@ -4,19 +4,24 @@
 // include common/frame.wgsl
 // include common/level.wgsl
 // include common/tangent.wgsl
-
-// Whether pixels carry planes: normals, or what is told in their place.
-override PLANES: bool;
+// include common/plane.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> mean_depth: array<f32>;
 @group(0) @binding(3) var<storage, read_write> depth: array<f32>;
-@group(0) @binding(4) var<storage, read> normal: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> plane: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> tint: array<vec4<f32>>;
 
 // Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least.
 const REACH_MIN_PX: f32 = 4.0;
+
+fn plane_of(pixel: u32) -> vec4<f32> {
+    if PLANE == NORMAL {
+        return vec4<f32>(plane[2u * pixel], plane[2u * pixel + 1u]);
+    }
+    return vec4<f32>(plane[pixel], 0.0, 0.0);
+}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -27,10 +32,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var here = infinity();
     if is_valid(front[pixel]) {
         here = mean_depth[pixel];
-        if PLANES {
+        if PLANE > 0u {
             let displaced = front[pixel].zw;
             let centre = vec2<f32>(id.xy) + 0.5;
-            let factor = along(normal[pixel], centre - displaced, displaced);
+            let factor = moved(plane_of(pixel), centre - displaced, displaced);
             let reach = max(tint[pixel].w, REACH_MIN_PX) / frame.focal_px;
             here *= clamp(factor, 1.0 - reach, 1.0 + reach);
         }

@@ -4,20 +4,18 @@
 // include common/frame.wgsl
 // include common/level.wgsl
 // include common/tangent.wgsl
-
-// Whether pixels carry planes: normals, or what is told in their place.
-override PLANES: bool;
+// include common/plane.wgsl
 
 @group(0) @binding(0) var<uniform> fine: LevelShape;
 @group(0) @binding(1) var<uniform> coarse: LevelShape;
 @group(0) @binding(2) var<storage, read> fine_front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> fine_tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> fine_depth: array<f32>;
-@group(0) @binding(5) var<storage, read> fine_normal: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> fine_plane: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> coarse_front: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> coarse_depth: array<f32>;
-@group(0) @binding(9) var<storage, read_write> coarse_normal: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> coarse_plane: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
 // The four finer pixels of a coarser one: their fronts with displacements to the coarser pixel's centre, and which
@@ -27,6 +25,23 @@ var<private> fronts: array<vec4<f32>, 4>;
 var<private> kept: array<bool, 4>;
 // What each one's depths change by from its ellipse's centre to where they are compared.
 var<private> factors: array<f32, 4>;
+
+// The values of a finer pixel's plane.
+fn plane_of(pixel: u32) -> vec4<f32> {
+    if PLANE == NORMAL {
+        return vec4<f32>(fine_plane[2u * pixel], fine_plane[2u * pixel + 1u]);
+    }
+    return vec4<f32>(fine_plane[pixel], 0.0, 0.0);
+}
+
+fn set_plane(pixel: u32, plane: vec4<f32>) {
+    if PLANE == TOLD {
+        coarse_plane[pixel] = plane.xy;
+    } else if PLANE == NORMAL {
+        coarse_plane[2u * pixel] = plane.xy;
+        coarse_plane[2u * pixel + 1u] = plane.zw;
+    }
+}
 
 // One over the number of those that take part.
 fn share() -> f32 {
@@ -51,9 +66,9 @@ fn mean_displacement() -> vec2<f32> {
 fn set_factors(centre: vec2<f32>, middle: vec2<f32>) {
     for (var k = 0u; k < 4u; k++) {
         factors[k] = 1.0;
-        if PLANES && kept[k] {
+        if PLANE > 0u && kept[k] {
             let displaced = fronts[k].zw;
-            factors[k] = along(fine_normal[pixels[k]], centre - displaced, displaced - middle);
+            factors[k] = moved(plane_of(pixels[k]), centre - displaced, displaced - middle);
         }
     }
 }
@@ -112,9 +127,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if is_empty {
         coarse_front[out] = invalid();
         // No normal, for those who look for one.
-        if PLANES {
-            coarse_normal[out] = vec4<f32>(0.0);
-        }
+        set_plane(out, vec4<f32>(0.0));
         return;
     }
     let centre = (vec2<f32>(id.xy) + 0.5) * coarse.edge_px;
@@ -129,7 +142,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var is_first = true;
     var tint = vec4<f32>(0.0);
     var depth = 0.0;
-    var normal = vec4<f32>(0.0);
+    var plane = vec4<f32>(0.0);
     for (var k = 0u; k < 4u; k++) {
         if !kept[k] {
             continue;
@@ -141,15 +154,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         is_first = false;
         tint += fine_tint[pixel];
         depth += fine_depth[pixel] * factors[k];
-        if PLANES {
-            normal += fine_normal[pixel];
+        if PLANE > 0u {
+            plane += plane_of(pixel);
         }
     }
     let part = share();
     coarse_front[out] = vec4<f32>(depth_min, depth_max, middle);
     coarse_tint[out] = tint * part;
     coarse_depth[out] = depth * part;
-    if PLANES {
-        coarse_normal[out] = normal * part;
-    }
+    set_plane(out, plane * part);
 }

@@ -4,10 +4,9 @@
 // include common/frame.wgsl
 // include common/level.wgsl
 // include common/tangent.wgsl
+// include common/plane.wgsl
 // include common/ellipse.wgsl
 
-// Whether pixels carry planes: normals, or what is told in their place.
-override PLANES: bool;
 // Whether pixels of this level that stay take a part of what is interpolated there.
 override SMOOTHS: bool;
 
@@ -16,11 +15,11 @@ override SMOOTHS: bool;
 @group(0) @binding(2) var<storage, read_write> fine_front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> fine_tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> fine_depth: array<f32>;
-@group(0) @binding(5) var<storage, read_write> fine_normal: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> fine_plane: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read> coarse_front: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> coarse_depth: array<f32>;
-@group(0) @binding(9) var<storage, read> coarse_normal: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> coarse_plane: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
 // Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
@@ -56,13 +55,30 @@ fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
     );
 }
 
+// The values of a coarser pixel's plane.
+fn plane_of(pixel: u32) -> vec4<f32> {
+    if PLANE == NORMAL {
+        return vec4<f32>(coarse_plane[2u * pixel], coarse_plane[2u * pixel + 1u]);
+    }
+    return vec4<f32>(coarse_plane[pixel], 0.0, 0.0);
+}
+
+fn set_plane(pixel: u32, plane: vec4<f32>) {
+    if PLANE == TOLD {
+        fine_plane[pixel] = plane.xy;
+    } else if PLANE == NORMAL {
+        fine_plane[2u * pixel] = plane.xy;
+        fine_plane[2u * pixel + 1u] = plane.zw;
+    }
+}
+
 // What depths of a coarser pixel centred at `centre` change by to `place`.
 fn factor(pixel: u32, centre: vec2<f32>, place: vec2<f32>) -> f32 {
-    if !PLANES {
+    if PLANE == 0u {
         return 1.0;
     }
     let origin = centre - coarse_front[pixel].zw;
-    return along(coarse_normal[pixel], origin, place - origin);
+    return moved(plane_of(pixel), origin, place - origin);
 }
 
 // Whether a pixel lies behind the interval of a coarser one beside the one above whose ellipse is wide.
@@ -104,8 +120,8 @@ fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<
     if !is_valid(front) {
         return seen;
     }
-    if PLANES {
-        seen.normal = coarse_normal[source.pixel];
+    if PLANE == NORMAL {
+        seen.normal = plane_of(source.pixel);
     }
     seen.covers = covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, seen.normal);
     if seen.covers {
@@ -125,12 +141,16 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     let own = fine_front[pixel].xy;
     var tint = vec3<f32>(0.0);
     var normal = vec3<f32>(0.0);
+    var own_normal = vec4<f32>(0.0);
+    if PLANE == NORMAL {
+        own_normal = vec4<f32>(fine_plane[2u * pixel], fine_plane[2u * pixel + 1u]);
+    }
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let seen = see(k, place, centre, above, odd, has);
         var takes_part = seen.covers && seen.depths.x <= own.y && own.x <= seen.depths.y;
-        if PLANES {
-            takes_part = takes_part && are_near(fine_normal[pixel].xyz, seen.normal.xyz);
+        if PLANE == NORMAL {
+            takes_part = takes_part && are_near(own_normal.xyz, seen.normal.xyz);
         }
         if takes_part {
             tint += coarse_tint[seen.near.pixel].xyz * seen.near.weight;
@@ -142,9 +162,9 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
         let share = sum * (SMOOTH / 16.0);
         let old = fine_tint[pixel];
         fine_tint[pixel] = vec4<f32>(old.xyz * (1.0 - share) + tint / sum * share, old.w);
-        if PLANES {
-            let old = fine_normal[pixel];
-            fine_normal[pixel] = vec4<f32>(old.xyz * (1.0 - share) + normal / sum * share, old.w);
+        if PLANE == NORMAL {
+            let mixed = own_normal.xyz * (1.0 - share) + normal / sum * share;
+            set_plane(pixel, vec4<f32>(mixed, own_normal.w));
         }
     }
 }
@@ -168,9 +188,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         place -= fine_front[pixel].zw;
         let over = above.y * coarse.width + above.x;
         let cover = coarse_front[over];
-        let moved = factor(over, centre - near(0u, above, odd).to_finer, place);
-        let least = select(moved, moved * ROUNDING, PLANES);
-        let is_within = own >= cover.x * least && own <= cover.y * moved;
+        let to_place = factor(over, centre - near(0u, above, odd).to_finer, place);
+        let least = select(to_place, to_place * ROUNDING, PLANE > 0u);
+        let is_within = own >= cover.x * least && own <= cover.y * to_place;
         if is_within && !is_behind(own, place, centre, above, odd, has) {
             if SMOOTHS {
                 smoothe(pixel, place, centre, above, odd, has);
@@ -221,25 +241,23 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var depths = vec2<f32>(0.0);
     var tint = vec4<f32>(0.0);
     var depth = 0.0;
-    var normal = vec4<f32>(0.0);
+    var plane = vec4<f32>(0.0);
     for (var k = 0u; k < 4u; k++) {
         if (taken & (1u << k)) == 0u {
             continue;
         }
         let source = near(k, above, odd);
         let share = source.weight / sum;
-        let moved = factor(source.pixel, centre - source.to_finer, centre - middle) * share;
-        depths += coarse_front[source.pixel].xy * moved;
+        let moved_share = factor(source.pixel, centre - source.to_finer, centre - middle) * share;
+        depths += coarse_front[source.pixel].xy * moved_share;
         tint += coarse_tint[source.pixel] * share;
-        depth += coarse_depth[source.pixel] * moved;
-        if PLANES {
-            normal += coarse_normal[source.pixel] * share;
+        depth += coarse_depth[source.pixel] * moved_share;
+        if PLANE > 0u {
+            plane += plane_of(source.pixel) * share;
         }
     }
     fine_front[pixel] = vec4<f32>(depths, middle);
     fine_tint[pixel] = tint;
     fine_depth[pixel] = depth;
-    if PLANES {
-        fine_normal[pixel] = normal;
-    }
+    set_plane(pixel, plane);
 }

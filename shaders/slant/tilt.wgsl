@@ -10,7 +10,7 @@
 @group(0) @binding(1) var<storage, read> slants: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> normals: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> tilts: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> depths: array<f32>;
 
 // As in crates/render/src/gather.rs, where they are explained.
@@ -36,14 +36,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         told = slants[square.y * squares().x + square.x].xyz;
     }
     let place = vec2<f32>(at) + 0.5 - own.zw;
-    // The plane whose q is -1 at the place, and grows as depth does (crates/render/src/tangent.rs).
+    // The normal that is so long that q is -1 at the place (crates/render/src/tangent.rs), not steeper than can be followed.
     let back = (dot(told.xy, place - frame.centre_px) + 1.0) / frame.focal_px;
-    let normal = vec4<f32>(normalize(vec3<f32>(told.x, -told.y, back)), 1.0);
+    let steepness = (abs(told.x) + abs(told.y)) * (frame.focal_px / SLOPE_MAX);
+    let followed = 1.0 / max(steepness, 1.0);
+    let tilt = vec2<f32>(told.x, -told.y) * followed;
+    let plate = length(vec3<f32>(told.xy, back)) * followed * frame.focal_px;
     let radius = (radius_px - RADIUS_MARGIN_PX) * own.x / frame.focal_px;
-    let reach = radius * min(thickness(normal, place) * told.z, SLANT_REACH_MAX);
+    let reach = radius * min(plate * told.z, SLANT_REACH_MAX);
     // Discs stay where their pixels are; their depths are those that their planes have there.
-    let depth = own.x * along(normal, place, own.zw);
+    let to_centre = over_turn(-1.0, turn_of(tilt, own.zw));
+    let depth = own.x * to_centre;
     front[pixel] = vec4<f32>(depth, depth + reach, 0.0, 0.0);
     depths[pixel] = depth;
-    normals[pixel] = normal;
+    tilts[pixel] = tilt * to_centre;
 }

@@ -162,11 +162,15 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     }
     let (displaced, centre) = (Vec2::new(front.z, front.w), base.centre(x, y));
     let scale = lens.focal_px / front.x;
-    let slope = base.normal.get(pixel).map_or(Vec2::ZERO, |normal| {
-        let own = [normal.x, normal.y, normal.z].map(Lane::splat);
-        let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
-        Vec2::new(normal.x, -normal.y) * (scale / facing.x)
-    });
+    let slope = match (base.normal.get(pixel), base.tilt.get(pixel)) {
+        (Some(normal), _) => {
+            let own = [normal.x, normal.y, normal.z].map(Lane::splat);
+            let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
+            Vec2::new(normal.x, -normal.y) * (scale / facing.x)
+        }
+        (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
+        (None, None) => Vec2::ZERO,
+    };
     let ends = lens.focal_px / front.y;
     Vec4::new(scale + slope.dot(displaced), slope.x, slope.y, scale - ends)
 }

@@ -7,11 +7,11 @@
 use crate::camera::{Camera, NodePlace, Positions};
 use crate::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use crate::frame::{ColourPlane, Frame};
-use crate::lanes::{LANES, Lane, Pixels, only};
+use crate::lanes::{FLAT, LANES, Lane, NORMALS, Pixels, TOLD, moved, only};
 use crate::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
-use crate::pyramid::{INVALID, Level, RowMut, for_each_row};
+use crate::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
 use crate::slant::{BARE_REACH, Slant, Slants};
-use crate::tangent::Lens;
+use crate::tangent::{Lens, SLOPE_MAX};
 use crate::values::directions;
 use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
@@ -196,8 +196,8 @@ fn spacing_or(drawn: f32, node: &Node) -> f32 {
     if drawn > 0.0 { drawn } else { node.spacing }
 }
 
-/// Fills level 0 from the frame buffer. Its pixels' normals are those of the points or, where they are told, of `slants`,
-/// whose pixels' surfaces then have none. Returns the number of valid pixels.
+/// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `slants`. Returns the number of
+/// valid pixels.
 pub fn gather(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
@@ -205,7 +205,11 @@ pub fn gather(
     base: &mut Level,
 ) -> u64 {
     let pass = Gather { lookup, target, slants };
-    if base.normal.is_empty() { pass.level::<false>(base) } else { pass.level::<true>(base) }
+    match base.planes() {
+        Planes::None => pass.level::<FLAT>(base),
+        Planes::Told => pass.level::<TOLD>(base),
+        Planes::Normals => pass.level::<NORMALS>(base),
+    }
 }
 
 /// What a pixel is made from.
@@ -217,26 +221,25 @@ struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    fn level<const PLANES: bool>(self, base: &mut Level) -> u64 {
+    fn level<const PLANE: usize>(self, base: &mut Level) -> u64 {
         let width = base.width;
         let valid = Counter::new(0);
         for_each_row(base, |row| {
             let values = &self.target[row.y * width..][..width];
-            let count = dispatch!(Simd::new(), _ => gather_row::<PLANES>(self, values, row));
+            let count = dispatch!(Simd::new(), _ => gather_row::<PLANE>(self, values, row));
             valid.fetch_add(count, Relaxed);
         });
         valid.into_inner()
     }
+}
 
-    /// Whether normals are the points' own: an index of what differs with and without.
-    #[inline(always)]
-    fn bare<const PLANES: bool>(self) -> usize {
-        usize::from(!PLANES || self.slants.is_some())
-    }
+/// An index of what differs with normals and without.
+const fn bare<const PLANE: usize>() -> usize {
+    if PLANE == NORMALS { 0 } else { 1 }
 }
 
 #[inline(always)]
-fn gather_row<const PLANES: bool>(
+fn gather_row<const PLANE: usize>(
     pass: Gather<'_>,
     values: &[AtomicU64],
     mut row: RowMut<'_>,
@@ -248,13 +251,13 @@ fn gather_row<const PLANES: bool>(
             row.front[x] = INVALID;
             continue;
         }
-        hits.fetch::<PLANES>(pass.lookup, x, value);
+        hits.fetch::<PLANE>(pass.lookup, x, value);
         count += 1;
         if hits.count == HITS {
-            hits.write_all::<PLANES>(pass, &mut row);
+            hits.write_all::<PLANE>(pass, &mut row);
         }
     }
-    hits.write_all::<PLANES>(pass, &mut row);
+    hits.write_all::<PLANE>(pass, &mut row);
     count
 }
 
@@ -294,7 +297,7 @@ impl Hits {
 
     /// Adds the point that won pixel `x`; there must be room.
     #[inline(always)]
-    fn fetch<const PLANES: bool>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
+    fn fetch<const PLANE: usize>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
         let (depth, point) = unpack(value);
         let k = self.count % HITS;
         self.count += 1;
@@ -306,7 +309,7 @@ impl Hits {
         self.offset[k] = offset;
         let colour = lookup.colour(d, index, offset, depth);
         (0..3).for_each(|i| self.colour[i][k] = colour[i]);
-        if PLANES {
+        if PLANE == NORMALS {
             let code = lookup.frame.draws[d].normal.and_then(|plane| normal_code(plane, index));
             self.normal[k] = code.unwrap_or(NO_NORMAL);
         }
@@ -314,9 +317,9 @@ impl Hits {
 
     /// Makes pixels of them, which are then no more.
     #[inline(always)]
-    fn write_all<const PLANES: bool>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
+    fn write_all<const PLANE: usize>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
         let lookup = pass.lookup;
-        let factor = RADIUS_FACTOR[pass.bare::<PLANES>()];
+        let factor = RADIUS_FACTOR[bare::<PLANE>()];
         for k in 0..self.count.min(HITS) {
             let (d, offset) = (self.draw[k] as usize, self.offset[k]);
             let place = &lookup.draws[d].place;
@@ -326,14 +329,14 @@ impl Hits {
         }
         self.x[self.count..].fill(usize::MAX);
         for first in (0..self.count).step_by(LANES) {
-            self.write::<PLANES>(pass, first, row);
+            self.write::<PLANE>(pass, first, row);
         }
         self.count = 0;
     }
 
     /// Makes pixels of four of them.
     #[inline(always)]
-    fn write<const PLANES: bool>(&self, pass: Gather<'_>, first: usize, row: &mut RowMut<'_>) {
+    fn write<const PLANE: usize>(&self, pass: Gather<'_>, first: usize, row: &mut RowMut<'_>) {
         let four = |values: &[f32; HITS]| Vec4::from_slice(&values[first..]);
         let (Some(to), Some(normals)) =
             (self.x[first..].first_chunk(), self.normal[first..].first_chunk())
@@ -346,7 +349,7 @@ impl Hits {
         let stored = four(&self.radius).max(Vec4::ZERO);
         let radius = stored.min(Vec4::splat(RADIUS_MAX));
         let depth = four(&self.depth);
-        let margin = RADIUS_MARGIN_PX[pass.bare::<PLANES>()];
+        let margin = RADIUS_MARGIN_PX[bare::<PLANE>()];
         let radius_px = (radius * focal_px / depth + margin).min(Vec4::splat(RADIUS_MAX));
         let [r, g, b] = &self.colour;
         let [r, g, b] = [four(r), four(g), four(b)];
@@ -354,10 +357,10 @@ impl Hits {
             front: [depth, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO],
             tint: [r, g, b, radius_px],
             depth,
-            normal: [Vec4::ZERO; 4],
+            plane: [Vec4::ZERO; 4],
         };
         let mut reach = radius * BARE_REACH;
-        if PLANES {
+        if PLANE != FLAT {
             let [right, up, back] = camera.view_from_world;
             let step = camera.step.to_array();
             let [x, y, z] = &self.steps;
@@ -372,18 +375,18 @@ impl Hits {
             let x = Vec4::new(a as f32, b as f32, c as f32, d as f32) + 0.5;
             out.front[2] = within_half(x - place[0]);
             out.front[3] = within_half(row.y as f32 + 0.5 - place[1]);
-            if let Some(slants) = pass.slants {
-                let [right, down, across] = four_slants(slants, to, row.y, radius_px);
-                let normal = plane_of(camera, place, [right, down]);
-                let lens = Lens::new(camera);
-                let plate = lens.thickness(normal, place);
+            if let (TOLD, Some(slants)) = (PLANE, pass.slants) {
+                let [growth @ .., across] = four_slants(slants, to, row.y, radius_px);
+                let (tilt, plate) = plane_of(camera, place, growth);
                 reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
                 // Discs stay where their pixels are; their depths are those that their planes have there.
                 let to_centre = [out.front[2], out.front[3]];
-                out.depth = depth * lens.along(normal, place, to_centre);
+                let moved = moved::<PLANE, _>(tilt, tilt[0], to_centre);
+                out.depth = depth * moved;
                 out.front = [out.depth, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO];
-                out.normal = [normal[0], normal[1], normal[2], Vec4::ONE];
-            } else {
+                out.plane = [tilt[0] * moved, tilt[1] * moved, Vec4::ZERO, Vec4::ZERO];
+            }
+            if PLANE == NORMALS {
                 let [a, b, c, d] = normals.map(|code| code.map(f32::from));
                 let code = |i: usize| Vec4::new(a[i], b[i], c[i], d[i]);
                 let world = directions(code(0), code(1));
@@ -404,11 +407,11 @@ impl Hits {
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
                 reach = Vec4::select(has_normal, thick, reach);
                 let minor = Vec4::select(has_normal, filter_z(normal[2], radius_px), Vec4::ONE);
-                out.normal = [turned[0], turned[1], turned[2], minor];
+                out.plane = [turned[0], turned[1], turned[2], minor];
             }
         }
         out.front[1] = out.depth + reach;
-        out.scatter::<PLANES>(*to, row);
+        out.scatter::<PLANE>(*to, row);
     }
 }
 
@@ -425,14 +428,16 @@ fn four_slants(slants: &Slants, to: &[usize; LANES], y: usize, radius_px: Lane) 
     all.map(Vec4::from_array)
 }
 
-/// The normals, in view space, of planes whose depth grows so at places on the picture.
+/// The tilt ([`Level::tilt`]) of planes whose depth grows so at places on the picture, not steeper than can be followed;
+/// and the depth that plates of unit thickness take there.
 #[inline(always)]
-fn plane_of(camera: &Camera, place: [Lane; 2], [right, down]: [Lane; 2]) -> [Lane; 3] {
+fn plane_of(camera: &Camera, place: [Lane; 2], [right, down]: [Lane; 2]) -> ([Lane; 2], Lane) {
     let [x, y] = [place[0] - camera.centre_px[0], place[1] - camera.centre_px[1]];
-    // q of `tangent` is -1 at the place, and grows as depth does.
     let back = (right * x + down * y + 1.0) / camera.focal_px;
     let length = (right * right + down * down + back * back).sqrt();
-    [right / length, -down / length, back / length]
+    let steepness = (right.abs() + down.abs()) * (camera.focal_px / SLOPE_MAX);
+    let followed = 1.0 / steepness.max(Vec4::ONE);
+    ([right * followed, -down * followed], length * followed * camera.focal_px)
 }
 
 #[inline(always)]

@@ -3,8 +3,9 @@
 //! over on the way in, and back on the way out.
 
 use crate::pyramid::{INVALID, Level, RowMut};
-use crate::tangent::Lens;
-use glam::{BVec4A, Mat4, Vec4};
+use crate::tangent::{Lens, factor, turn};
+use crate::values::Values;
+use glam::{BVec4A, Mat4, Vec2, Vec4};
 
 /// Pixels that are computed together.
 pub const LANES: usize = 4;
@@ -12,6 +13,13 @@ pub const LANES: usize = 4;
 pub type Lane = Vec4;
 /// Yes or no for each.
 pub type Mask = BVec4A;
+
+/// Values of a pixel's plane ([`crate::pyramid::Planes`]), which kernels are compiled for: there is none.
+pub const FLAT: usize = 0;
+/// Those of a plane told from depths.
+pub const TOLD: usize = 2;
+/// Those of a normal.
+pub const NORMALS: usize = 4;
 
 /// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
 /// beyond a rim a plane is nobody's.
@@ -26,14 +34,14 @@ pub struct Pixels {
     pub tint: [Lane; 4],
     /// Mean depth.
     pub depth: Lane,
-    /// Normal, and the minor axis over the major one; of no meaning where pixels have none.
-    pub normal: [Lane; 4],
+    /// The values of its plane, as many as there are: a tilt; or a normal, and the minor axis over the major one.
+    pub plane: [Lane; 4],
 }
 
 impl Pixels {
     /// Writes the lanes of a mask to every `step`th pixel of a row from `first` on, as far as the row goes.
     #[inline(always)]
-    pub fn write<const NORMALS: bool>(
+    pub fn write<const PLANE: usize>(
         &self,
         mask: Mask,
         row: &mut RowMut<'_>,
@@ -45,13 +53,13 @@ impl Pixels {
         for (k, to) in to.iter_mut().enumerate() {
             *to = if bits >> k & 1 == 1 { first + k * step } else { usize::MAX };
         }
-        self.scatter::<NORMALS>(to, row);
+        self.scatter::<PLANE>(to, row);
     }
 
     /// Writes the lanes to every second of eight pixels of a row from `first` on: those to the left, or those to the
     /// right. False where the row has not so many.
     #[inline(always)]
-    pub fn write_half<const NORMALS: bool>(
+    pub fn write_half<const PLANE: usize>(
         &self,
         row: &mut RowMut<'_>,
         first: usize,
@@ -68,29 +76,42 @@ impl Pixels {
         };
         put(row.front, self.front);
         put(row.tint, self.tint);
-        if NORMALS {
-            put(row.normal, self.normal);
+        if PLANE == NORMALS {
+            put(row.normal, self.plane);
         }
         for (k, to) in row.depth[run.clone()].chunks_exact_mut(2).enumerate() {
             to[right & 1] = self.depth[k];
+        }
+        if PLANE == TOLD {
+            for (k, to) in row.tilt[run].chunks_exact_mut(2).enumerate() {
+                to[right & 1] = self.tilt(k);
+            }
         }
         true
     }
 
     /// Writes the lanes to these pixels of a row, one each; what is beyond the row is left out.
     #[inline(always)]
-    pub fn scatter<const NORMALS: bool>(&self, to: [usize; LANES], row: &mut RowMut<'_>) {
+    pub fn scatter<const PLANE: usize>(&self, to: [usize; LANES], row: &mut RowMut<'_>) {
         let (front, tint) = (turned(self.front), turned(self.tint));
-        let normal = if NORMALS { turned(self.normal) } else { [Vec4::ZERO; 4] };
+        let normal = if PLANE == NORMALS { turned(self.plane) } else { [Vec4::ZERO; 4] };
         for (k, at) in to.into_iter().enumerate() {
             if at < row.front.len() {
                 (row.front[at], row.tint[at]) = (front[k], tint[k]);
                 row.depth[at] = self.depth[k];
-                if NORMALS {
-                    row.normal[at] = normal[k];
+                match PLANE {
+                    NORMALS => row.normal[at] = normal[k],
+                    TOLD => row.tilt[at] = self.tilt(k),
+                    _ => {}
                 }
             }
         }
+    }
+
+    #[inline(always)]
+    fn tilt(&self, k: usize) -> Vec2 {
+        let [right, up, ..] = self.plane;
+        Vec2::new(right[k], up[k])
     }
 }
 
@@ -143,6 +164,54 @@ pub fn four_values(run: &[f32]) -> Lane {
     })
 }
 
+/// The values of the planes of the first four pixels of a run, as many as there are.
+#[inline(always)]
+pub fn four_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [Lane; 4] {
+    match PLANE {
+        NORMALS => four(normal, Vec4::ZERO),
+        TOLD => {
+            let [a, b, c, d] = match tilt.first_chunk() {
+                Some(four) => *four,
+                None => filled(tilt, Vec2::ZERO),
+            };
+            let zero = Vec4::ZERO;
+            [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y), zero, zero]
+        }
+        _ => [Vec4::ZERO; 4],
+    }
+}
+
+/// Those of the first, third ... and of the second, fourth ... of the first eight pixels of a run.
+#[inline(always)]
+pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [[Lane; 4]; 2] {
+    match PLANE {
+        NORMALS => halves(normal, Vec4::ZERO),
+        TOLD => {
+            let [a, b, c, d, e, f, g, h] = match tilt.first_chunk() {
+                Some(eight) => *eight,
+                None => filled(tilt, Vec2::ZERO),
+            };
+            let of = |a: Vec2, b: Vec2, c: Vec2, d: Vec2| {
+                let (right, up) = (Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y));
+                [right, up, Vec4::ZERO, Vec4::ZERO]
+            };
+            [of(a, c, e, g), of(b, d, f, h)]
+        }
+        _ => [[Vec4::ZERO; 4]; 2],
+    }
+}
+
+/// What depths on planes are multiplied by where they are moved from `from` by so many pixels; one where there are none.
+/// Of normals, `facing` is q at `from` ([`crate::tangent`]), which of tilts is -1.
+#[inline(always)]
+pub fn moved<const PLANE: usize, V: Values>(tilt: [V; 2], facing: V, by: [V; 2]) -> V {
+    match PLANE {
+        NORMALS => factor(facing, turn(tilt, by)),
+        TOLD => factor(facing.like(-1.0), turn(tilt, by)),
+        _ => facing.like(1.0),
+    }
+}
+
 /// A run that is too short, with something for what is missing.
 #[inline(never)]
 fn filled<T: Copy, const N: usize>(run: &[T], missing: T) -> [T; N] {
@@ -178,17 +247,23 @@ pub fn counting(first: f32, step: f32) -> Lane {
 }
 
 /// What depths at the centres of ellipses are multiplied by for depths at the centres of the pixels, which are given.
-/// Of the ellipses: displacements, radii and normals.
+/// Of the ellipses: displacements, radii and planes.
 #[inline(always)]
-pub fn to_centres(
+pub fn to_centres<const PLANE: usize>(
     lens: &Lens,
     centre: [Lane; 2],
     displaced: [Lane; 2],
     radius: Lane,
-    normal: [Lane; 3],
+    plane: [Lane; 4],
 ) -> Lane {
-    let from = [centre[0] - displaced[0], centre[1] - displaced[1]];
-    let moved = lens.along(normal, from, displaced);
+    let [right, up, back, _] = plane;
+    let facing = match PLANE {
+        NORMALS => {
+            lens.facing([right, up, back], [centre[0] - displaced[0], centre[1] - displaced[1]])
+        }
+        _ => Vec4::ZERO,
+    };
+    let moved = moved::<PLANE, _>([right, up], facing, displaced);
     let reach = radius.max(Vec4::splat(REACH_MIN_PX)) / lens.focal_px;
     moved.max(1.0 - reach).min(1.0 + reach)
 }
@@ -213,14 +288,14 @@ impl Line {
     pub const TINT: usize = 4;
     /// Mean depth.
     pub const DEPTH: usize = 8;
-    /// Normal, minor axis over the major one; then [`Line::FACING`].
-    pub const NORMAL: usize = 9;
-    /// q of the plane at the ellipse's centre ([`crate::tangent`]).
+    /// Tilt; or normal, minor axis over the major one, and [`Line::FACING`].
+    pub const PLANE: usize = 9;
+    /// q of a normal's plane at the ellipse's centre ([`crate::tangent`]).
     pub const FACING: usize = 13;
 
     /// Takes a row of a level; without one, all pixels are invalid.
     #[inline(always)]
-    pub fn take(&mut self, lens: &Lens, level: &Level, y: Option<usize>) {
+    pub fn take<const PLANE: usize>(&mut self, lens: &Lens, level: &Level, y: Option<usize>) {
         let mut nothing = [[0.0; LANES + 2]; PLANES];
         nothing[Self::FRONT] = [f32::INFINITY; LANES + 2];
         self.blocks.resize(level.width.div_ceil(LANES), nothing);
@@ -228,6 +303,7 @@ impl Line {
         let edge_px = level.edge_px;
         let row = y * level.width..(y + 1) * level.width;
         let normals = level.normal.get(row.clone()).unwrap_or_default();
+        let tilts = level.tilt.get(row.clone()).unwrap_or_default();
         let fronts = level.front[row.clone()].chunks(LANES);
         let tints = level.tint[row.clone()].chunks(LANES);
         let depths = level.depth[row].chunks(LANES);
@@ -240,14 +316,22 @@ impl Line {
             self.put(Self::FRONT, i, front);
             self.put(Self::TINT, i, four(tints, Vec4::ZERO));
             self.put(Self::DEPTH, i, [four_values(depths)]);
-            let Some(normals) = normals.get(i * LANES..i * LANES + fronts.len()) else { continue };
-            let [nx, ny, nz, share] = four(normals, Vec4::ZERO);
-            let from = [
-                counting(((i * LANES) as f32 + 0.5) * edge_px, edge_px) - front[2],
-                Vec4::splat((y as f32 + 0.5) * edge_px) - front[3],
-            ];
-            let facing = lens.facing([nx, ny, nz], from);
-            self.put(Self::NORMAL, i, [nx, ny, nz, share, facing]);
+            let run = i * LANES..i * LANES + fronts.len();
+            let (normals, tilts) = (normals.get(run.clone()), tilts.get(run));
+            let plane =
+                four_planes::<PLANE>(normals.unwrap_or_default(), tilts.unwrap_or_default());
+            let [right, up, back, share] = plane;
+            if PLANE == TOLD {
+                self.put(Self::PLANE, i, [right, up]);
+            }
+            if PLANE == NORMALS {
+                let from = [
+                    counting(((i * LANES) as f32 + 0.5) * edge_px, edge_px) - front[2],
+                    Vec4::splat((y as f32 + 0.5) * edge_px) - front[3],
+                ];
+                let facing = lens.facing([right, up, back], from);
+                self.put(Self::PLANE, i, [right, up, back, share, facing]);
+            }
         }
     }
 

@@ -142,14 +142,14 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize)
 mod tests {
     use super::*;
     use crate::edges::edges;
-    use crate::pyramid::{INVALID, Pyramid};
+    use crate::pyramid::{INVALID, Planes, Pyramid};
 
     const SIDE: usize = 24;
 
     /// A near surface of red points, with other depths where `depth` has them.
     fn mended(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let mut pyramid = Pyramid::default();
-        pyramid.fit(SIDE, SIDE, false);
+        pyramid.fit(SIDE, SIDE, Planes::None);
         let base = &mut pyramid.levels[0];
         let mut image: Vec<f32> = (0..SIDE * SIDE).map(|i| depth(i % SIDE, i / SIDE)).collect();
         for (i, &d) in image.iter().enumerate() {

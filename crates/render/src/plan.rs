@@ -5,6 +5,7 @@
 use crate::colour::ColourBy;
 use crate::density::{is_crowded, is_dense};
 use crate::frame::{ColourPlane, Frame, Method, Stages};
+use crate::pyramid::Planes;
 use std::ops::Deref;
 
 /// A pass, or passes that are timed together.
@@ -100,18 +101,6 @@ impl std::fmt::Debug for PassList {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_list().entries(self.iter()).finish()
     }
-}
-
-/// The planes that pixels carry through the pyramid.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Planes {
-    /// None: depths are compared as they are.
-    #[default]
-    None,
-    /// Those told from depths ([`crate::slant`]).
-    Slants,
-    /// Those of the points' normals.
-    Normals,
 }
 
 /// What a scene has.
@@ -273,7 +262,7 @@ impl FramePlan {
     pub fn planes(&self) -> Planes {
         match (self.carries_normals, self.passes.contains(&Pass::Slant)) {
             (true, _) => Planes::Normals,
-            (false, true) => Planes::Slants,
+            (false, true) => Planes::Told,
             (false, false) => Planes::None,
         }
     }
@@ -337,7 +326,7 @@ impl FramePlan {
     /// The pipelines of a frame on a GPU, in the order of the passes.
     pub fn variants(&self) -> Vec<Variant> {
         let normals = ("NORMALS", u32::from(self.carries_normals));
-        let planes = ("PLANES", u32::from(self.planes() != Planes::None));
+        let planes = ("PLANE", self.planes().values() as u32);
         let clips = ("CLIPS", u32::from(self.clips));
         let tangents = ("TANGENTS", u32::from(self.tangents));
         let variant = |shader, constants: &[(&'static str, u32)]| Variant {
@@ -352,7 +341,7 @@ impl FramePlan {
                     variant("gather/fetch", &self.fetch_constants()),
                     variant("gather/gather", &self.gather_constants()),
                 ];
-                if self.planes() == Planes::Slants {
+                if self.planes() == Planes::Told {
                     all.push(variant("slant/tilt", &[]));
                 }
                 all

@@ -6,39 +6,43 @@
 //! each displacement the vector from the finer pixel's centre to the coarser one's is added first, so
 //! that it keeps pointing from the ellipse's exact centre to the pixel's.
 //!
-//! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared at the middle of
+//! Where pixels have planes, depths are moved along their planes ([`crate::tangent`]): compared at the middle of
 //! the valid ones, and averaged at the middle of those taken.
 
 use crate::lanes::{
-    LANES, Lane, Mask, Pixels, counting, halves, halves_of_values, is_empty, only, valid,
+    FLAT, LANES, Lane, Mask, NORMALS, Pixels, TOLD, counting, halves, halves_of_planes,
+    halves_of_values, is_empty, moved, only, valid,
 };
-use crate::pyramid::{INVALID, Level, Pyramid, RowMut, for_each_row};
-use crate::tangent::{Lens, factor, turn};
+use crate::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, for_each_row};
+use crate::tangent::Lens;
 use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;
 
 /// Fills all levels above the first.
 pub fn pull(pyramid: &mut Pyramid) {
-    let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
+    let (planes, lens) = (pyramid.planes(), pyramid.lens);
     for i in 1..pyramid.levels.len() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
-        let (finer, edge_px) = (&finer[i - 1], coarser[0].edge_px);
-        if has_normals {
-            for_each_row(&mut coarser[0], |row| {
-                dispatch!(Simd::new(), _ => pull_row::<true>(&lens, finer, edge_px, row));
-            });
-        } else {
-            for_each_row(&mut coarser[0], |row| {
-                dispatch!(Simd::new(), _ => pull_row::<false>(&lens, finer, edge_px, row));
-            });
+        let (finer, coarser) = (&finer[i - 1], &mut coarser[0]);
+        match planes {
+            Planes::None => pull_level::<FLAT>(&lens, finer, coarser),
+            Planes::Told => pull_level::<TOLD>(&lens, finer, coarser),
+            Planes::Normals => pull_level::<NORMALS>(&lens, finer, coarser),
         }
     }
 }
 
+fn pull_level<const PLANE: usize>(lens: &Lens, finer: &Level, coarser: &mut Level) {
+    let edge_px = coarser.edge_px;
+    for_each_row(coarser, |row| {
+        dispatch!(Simd::new(), _ => pull_row::<PLANE>(lens, finer, edge_px, row));
+    });
+}
+
 /// Averages two rows of `finer`, four of the coarser pixels at a time.
 #[inline(always)]
-fn pull_row<const NORMALS: bool>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
+fn pull_row<const PLANE: usize>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
     let quarter = finer.edge_px * 0.5;
     for first in (0..row.front.len()).step_by(LANES) {
         let end = row.front.len().min(first + LANES);
@@ -51,11 +55,11 @@ fn pull_row<const NORMALS: bool>(lens: &Lens, finer: &Level, edge_px: f32, mut r
             counting((first as f32 + 0.5) * edge_px, edge_px),
             Vec4::splat((row.y as f32 + 0.5) * edge_px),
         ];
-        let [a, b] = pixels::<NORMALS>(finer, upper);
-        let [c, d] = pixels::<NORMALS>(finer, lower);
-        let out = Four::new([a, b, c, d], quarter).mean::<NORMALS>(lens, centre);
+        let [a, b] = pixels::<PLANE>(finer, upper);
+        let [c, d] = pixels::<PLANE>(finer, lower);
+        let out = Four::new([a, b, c, d], quarter).mean::<PLANE>(lens, centre);
         row.front[first..end].fill(INVALID);
-        out.write::<NORMALS>(valid(out.front[0]), &mut row, first, 1);
+        out.write::<PLANE>(valid(out.front[0]), &mut row, first, 1);
     }
 }
 
@@ -69,17 +73,17 @@ fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
 
 /// The pixels of a run, those to the left and those to the right.
 #[inline(always)]
-fn pixels<const NORMALS: bool>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
+fn pixels<const PLANE: usize>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
     let front = halves(&finer.front[run.clone()], INVALID);
     let tint = halves(&finer.tint[run.clone()], Vec4::ZERO);
     let depth = halves_of_values(&finer.depth[run.clone()]);
-    let normals = if NORMALS { &finer.normal[run] } else { &[] };
-    let normal = if NORMALS { halves(normals, Vec4::ZERO) } else { [[Vec4::ZERO; 4]; 2] };
-    let of = |i: usize| (front[i], tint[i], depth[i], normal[i]);
+    let normals = finer.normal.get(run.clone()).unwrap_or_default();
+    let plane = halves_of_planes::<PLANE>(normals, finer.tilt.get(run).unwrap_or_default());
+    let of = |i: usize| (front[i], tint[i], depth[i], plane[i]);
     let [left, right] = [of(0), of(1)];
     [
-        Pixels { front: left.0, tint: left.1, depth: left.2, normal: left.3 },
-        Pixels { front: right.0, tint: right.1, depth: right.2, normal: right.3 },
+        Pixels { front: left.0, tint: left.1, depth: left.2, plane: left.3 },
+        Pixels { front: right.0, tint: right.1, depth: right.2, plane: right.3 },
     ]
 }
 
@@ -109,19 +113,20 @@ impl Four {
 
     /// The coarser pixels, which have these centres; their least depth is infinite where there is none.
     #[inline(always)]
-    fn mean<const NORMALS: bool>(mut self, lens: &Lens, centre: [Lane; 2]) -> Pixels {
-        // q of the planes at the ellipses' centres ([`crate::tangent`]).
+    fn mean<const PLANE: usize>(mut self, lens: &Lens, centre: [Lane; 2]) -> Pixels {
+        // q of the normals' planes at the ellipses' centres ([`crate::tangent`]).
         let mut facing = [Vec4::ZERO; 4];
-        if NORMALS {
+        if PLANE == NORMALS {
             for (i, [x, y]) in self.displaced.into_iter().enumerate() {
-                facing[i] = lens.facing(self.normal(i), [centre[0] - x, centre[1] - y]);
+                let [right, up, back, _] = self.pixels[i].plane;
+                facing[i] = lens.facing([right, up, back], [centre[0] - x, centre[1] - y]);
             }
         }
         let mut middle = self.middle();
-        let mut factors = self.factors::<NORMALS>(&facing, middle);
+        let mut factors = self.factors::<PLANE>(&facing, middle);
         if self.keep_frontmost(&factors) {
             middle = self.middle();
-            factors = self.factors::<NORMALS>(&facing, middle);
+            factors = self.factors::<PLANE>(&facing, middle);
         }
         let share = self.share();
         let (mut least, mut most) = (Vec4::INFINITY, Vec4::ZERO);
@@ -129,7 +134,7 @@ impl Four {
             front: [Vec4::ZERO; 4],
             tint: [Vec4::ZERO; 4],
             depth: Vec4::ZERO,
-            normal: [Vec4::ZERO; 4],
+            plane: [Vec4::ZERO; 4],
         };
         for ((pixels, kept), factor) in self.pixels.iter().zip(self.kept).zip(factors) {
             let [near, far] = [pixels.front[0] * factor, pixels.front[1] * factor];
@@ -138,24 +143,18 @@ impl Four {
             out.depth += only(kept, pixels.depth * factor);
             for i in 0..4 {
                 out.tint[i] += only(kept, pixels.tint[i]);
-                if NORMALS {
-                    out.normal[i] += only(kept, pixels.normal[i]);
-                }
+            }
+            for i in 0..PLANE {
+                out.plane[i] += only(kept, pixels.plane[i]);
             }
         }
         out.front = [least, most, middle[0], middle[1]];
         out.depth *= share;
         for i in 0..4 {
             out.tint[i] *= share;
-            out.normal[i] *= share;
+            out.plane[i] *= share;
         }
         out
-    }
-
-    #[inline(always)]
-    fn normal(&self, i: usize) -> [Lane; 3] {
-        let [x, y, z, _] = self.pixels[i].normal;
-        [x, y, z]
     }
 
     /// One over the number of those that take part; one where none does.
@@ -179,12 +178,13 @@ impl Four {
 
     /// What each one's depths change by from its ellipse's centre to the place that `middle` is the displacement of.
     #[inline(always)]
-    fn factors<const NORMALS: bool>(&self, facing: &[Lane; 4], middle: [Lane; 2]) -> [Lane; 4] {
+    fn factors<const PLANE: usize>(&self, facing: &[Lane; 4], middle: [Lane; 2]) -> [Lane; 4] {
         let mut factors = [Vec4::ONE; 4];
-        for i in (0..4).filter(|_| NORMALS) {
+        for i in (0..4).filter(|_| PLANE != FLAT) {
             let [x, y] = self.displaced[i];
-            let [nx, ny, _] = self.normal(i);
-            let moved = factor(facing[i], turn([nx, ny], [x - middle[0], y - middle[1]]));
+            let [right, up, ..] = self.pixels[i].plane;
+            let by = [x - middle[0], y - middle[1]];
+            let moved = moved::<PLANE, _>([right, up], facing[i], by);
             factors[i] = Vec4::select(self.kept[i], moved, Vec4::ONE);
         }
         factors

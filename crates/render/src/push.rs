@@ -18,13 +18,15 @@
 //! - All attributes are interpolated, the two ends of the depth interval as well; to displacements the
 //!   vector between the centres is added, as in the pull phase.
 //!
-//! Where pixels have normals, depths are moved along their planes ([`crate::tangent`]): compared where the pixel's own
+//! Where pixels have planes, depths are moved along them ([`crate::tangent`]): compared where the pixel's own
 //! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
 
 use crate::ellipse::covers_at;
-use crate::lanes::{LANES, Line, Pixels, Run, halves, has_pixels, is_empty, turned};
-use crate::pyramid::{INVALID, Level, Pyramid, RowMut, Rows, for_each_band};
-use crate::tangent::{Lens, factor, turn};
+use crate::lanes::{
+    FLAT, LANES, Line, NORMALS, Pixels, Run, TOLD, halves, has_pixels, is_empty, moved, turned,
+};
+use crate::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
+use crate::tangent::Lens;
 use crate::values::{Values, bits, dot, join, only};
 use fearless_simd::{
     ExtractToken, Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8,
@@ -61,37 +63,40 @@ pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
     if let [base] = &pyramid.levels[..] {
         return base.depth_image(&pyramid.lens, image);
     }
-    let (has_normals, lens) = (pyramid.has_normals(), pyramid.lens);
+    let (planes, lens) = (pyramid.planes(), pyramid.lens);
     for i in (1..pyramid.levels.len()).rev() {
         let (finer, coarser) = pyramid.levels.split_at_mut(i);
         let (finer, coarser) = (&mut finer[i - 1], &coarser[0]);
         let image: &mut [f32] = if i == 1 { &mut *image } else { &mut [] };
-        match (has_normals, smooths && i == 1) {
-            (false, false) => push_level::<false, false>(&lens, coarser, finer, image),
-            (false, true) => push_level::<false, true>(&lens, coarser, finer, image),
-            (true, false) => push_level::<true, false>(&lens, coarser, finer, image),
-            (true, true) => push_level::<true, true>(&lens, coarser, finer, image),
+        let smooths = smooths && i == 1;
+        match planes {
+            Planes::None => push_level::<FLAT>(&lens, coarser, finer, smooths, image),
+            Planes::Told => push_level::<TOLD>(&lens, coarser, finer, smooths, image),
+            Planes::Normals => push_level::<NORMALS>(&lens, coarser, finer, smooths, image),
         }
     }
 }
 
-fn push_level<const NORMALS: bool, const SMOOTHS: bool>(
+fn push_level<const PLANE: usize>(
     lens: &Lens,
     coarser: &Level,
     finer: &mut Level,
+    smooths: bool,
     image: &mut [f32],
 ) {
     let edge_px = finer.edge_px;
     for_each_band(finer, image, |rows| {
-        dispatch!(Support::new(), simd => {
-            push_rows::<_, NORMALS, SMOOTHS>(simd, lens, coarser, edge_px, rows);
+        dispatch!(Support::new(), simd => if smooths {
+            push_rows::<_, PLANE, true>(simd, lens, coarser, edge_px, rows);
+        } else {
+            push_rows::<_, PLANE, false>(simd, lens, coarser, edge_px, rows);
         });
     });
 }
 
 /// Recomputes the invalid and occluded pixels of rows from `coarser`.
 #[inline(always)]
-fn push_rows<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
+fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
     lens: &Lens,
     coarser: &Level,
@@ -107,7 +112,7 @@ fn push_rows<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
         for y in [over, beside] {
             let (held, line) = &mut lines[y & 1];
             if *held != Some(y) {
-                line.take(lens, coarser, Some(y).filter(|&y| y < coarser.height));
+                line.take::<PLANE>(lens, coarser, Some(y).filter(|&y| y < coarser.height));
                 *held = Some(y);
             }
         }
@@ -116,8 +121,8 @@ fn push_rows<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
             let first = 2 * LANES * block;
             if has_pixels(runs.0) || has_pixels(runs.1) {
                 let runs = [runs.0, runs.1];
-                push_block::<S, NORMALS, SMOOTHS>(simd, edge_px, runs, first, &mut row);
-                row.write_image(lens, edge_px, first);
+                push_block::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
+                row.write_image::<PLANE>(lens, edge_px, first);
             } else {
                 // What is valid here would have made them so.
                 row.write_nothing(first);
@@ -129,7 +134,7 @@ fn push_rows<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
 /// Recomputes the pixels of a row, from `first` on, below four coarser ones. `runs` are of the row above it and of the
 /// nearer one beside that.
 #[inline(always)]
-fn push_block<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
+fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
     edge_px: f32,
     runs: [&Run; 2],
@@ -153,7 +158,7 @@ fn push_block<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
     if is_empty(own) {
         // Most blocks have no pixel of their own.
         let block = Block { least: infinite, most: infinite, displaced: [zero; 2] };
-        return block.fill::<NORMALS, false>(&near, zero.cmpeq(zero), row, first);
+        return block.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
     let [least, most] = [0, 1].map(|i| join(simd, own[0][i], own[1][i]));
@@ -164,15 +169,15 @@ fn push_block<S: Simd, const NORMALS: bool, const SMOOTHS: bool>(
     ];
     let block = Block { least, most, displaced };
     let [above, beside @ ..] = &near;
-    let mut asking = !(is_valid & block.is_within::<NORMALS>(above));
+    let mut asking = !(is_valid & block.is_within::<PLANE>(above));
     for near in beside {
         let is_wide = infinite.like(HIDING_PX).cmple(near.lane(Line::TINT + 3));
         if is_wide.any_true() {
-            asking |= is_wide & block.is_behind::<NORMALS>(near);
+            asking |= is_wide & block.is_behind::<PLANE>(near);
         }
     }
     if SMOOTHS || asking.any_true() {
-        block.fill::<NORMALS, SMOOTHS>(&near, asking, row, first);
+        block.fill::<PLANE, SMOOTHS>(&near, asking, row, first);
     }
 }
 
@@ -205,9 +210,10 @@ impl<S: Simd> Near<'_, S> {
 
     /// Of depths moved from the ellipses' centres by so many pixels, what they are multiplied by.
     #[inline(always)]
-    fn moved(&self, [x, y]: [f32x8<S>; 2]) -> f32x8<S> {
-        let (nx, ny) = (self.lane(Line::NORMAL), self.lane(Line::NORMAL + 1));
-        factor(self.lane(Line::FACING), turn([nx, ny], [x, y]))
+    fn moved<const PLANE: usize>(&self, by: [f32x8<S>; 2]) -> f32x8<S> {
+        let tilt = [self.lane(Line::PLANE), self.lane(Line::PLANE + 1)];
+        let facing = if PLANE == NORMALS { self.lane(Line::FACING) } else { tilt[0] };
+        moved::<PLANE, _>(tilt, facing, by)
     }
 
     /// From the ellipses' centres to the finer pixels'.
@@ -230,21 +236,21 @@ struct Block<S: Simd> {
 impl<S: Simd> Block<S> {
     /// Which are within the intervals of the coarser pixels above.
     #[inline(always)]
-    fn is_within<const NORMALS: bool>(&self, above: &Near<'_, S>) -> mask32x8<S> {
+    fn is_within<const PLANE: usize>(&self, above: &Near<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
-        if !NORMALS {
+        if PLANE == FLAT {
             return least.cmple(self.least) & self.least.cmple(most);
         }
-        let moved = above.moved(self.from(above.displaced()));
+        let moved = above.moved::<PLANE>(self.from(above.displaced()));
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
     /// Which lie behind the interval of a coarser pixel.
     #[inline(always)]
-    fn is_behind<const NORMALS: bool>(&self, near: &Near<'_, S>) -> mask32x8<S> {
+    fn is_behind<const PLANE: usize>(&self, near: &Near<'_, S>) -> mask32x8<S> {
         let [least, mut most] = [0, 1].map(|i| near.lane(Line::FRONT + i));
-        if NORMALS {
-            most *= near.moved(self.from(near.displaced()));
+        if PLANE != FLAT {
+            most *= near.moved::<PLANE>(self.from(near.displaced()));
         }
         least.cmplt(least.like(f32::INFINITY)) & most.cmplt(self.least)
     }
@@ -257,26 +263,28 @@ impl<S: Simd> Block<S> {
 
     /// Depths of coarser pixels where they are compared; infinite where the ellipse does not cover the finer pixel.
     #[inline(always)]
-    fn see<const NORMALS: bool>(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
+    fn see<const PLANE: usize>(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
         let (mut least, mut most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
         let (zero, infinite) = (least.like(0.0), least.like(f32::INFINITY));
         let (displaced, radius) = (near.displaced(), near.lane(Line::TINT + 3));
         let is_valid = least.cmplt(infinite);
-        let covers = if NORMALS {
-            let moved = near.moved(self.from(displaced));
+        if PLANE != FLAT {
+            let moved = near.moved::<PLANE>(self.from(displaced));
             (least, most) = (least * moved, most * moved);
-            let at = Line::NORMAL;
-            let disc = [near.lane(at), near.lane(at + 1), near.lane(at + 3)];
-            covers_at(displaced, radius, disc) & is_valid
+        }
+        let disc = if PLANE == NORMALS {
+            let at = Line::PLANE;
+            [near.lane(at), near.lane(at + 1), near.lane(at + 3)]
         } else {
-            covers_at(displaced, radius, [zero, zero, zero.like(1.0)]) & is_valid
+            [zero, zero, zero.like(1.0)]
         };
+        let covers = covers_at(displaced, radius, disc) & is_valid;
         [f32x8::select(covers, least, infinite), f32x8::select(covers, most, infinite)]
     }
 
     /// Interpolates those that are `asking`, and writes those that something covers. Others take a part of it.
     #[inline(always)]
-    fn fill<const NORMALS: bool, const SMOOTHS: bool>(
+    fn fill<const PLANE: usize, const SMOOTHS: bool>(
         &self,
         near: &[Near<'_, S>; 4],
         asking: mask32x8<S>,
@@ -285,10 +293,10 @@ impl<S: Simd> Block<S> {
     ) {
         let [a, b, c, d] = near;
         let seen = [
-            self.see::<NORMALS>(a),
-            self.see::<NORMALS>(b),
-            self.see::<NORMALS>(c),
-            self.see::<NORMALS>(d),
+            self.see::<PLANE>(a),
+            self.see::<PLANE>(b),
+            self.see::<PLANE>(c),
+            self.see::<PLANE>(d),
         ];
         let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
         let (mut nearest, mut limit) = (infinite, infinite);
@@ -305,7 +313,7 @@ impl<S: Simd> Block<S> {
             return;
         }
         let mut own_normal = [zero; 3];
-        if smooths && NORMALS {
+        if smooths && PLANE == NORMALS {
             let own = &row.normal[first..row.normal.len().min(first + 2 * LANES)];
             let own = halves(own, Vec4::ZERO);
             for (i, normal) in own_normal.iter_mut().enumerate() {
@@ -318,8 +326,8 @@ impl<S: Simd> Block<S> {
             let mut takes_part = least.cmple(limit);
             if smooths {
                 let mut meets = is_kept & least.cmple(self.most) & self.least.cmple(most);
-                if NORMALS {
-                    let normal = [0, 1, 2].map(|i| near[t].lane(Line::NORMAL + i));
+                if PLANE == NORMALS {
+                    let normal = [0, 1, 2].map(|i| near[t].lane(Line::PLANE + i));
                     meets &= are_near(own_normal, normal);
                 }
                 takes_part = is_new & takes_part | meets;
@@ -328,16 +336,16 @@ impl<S: Simd> Block<S> {
             sum += *weight;
         }
         weights.iter_mut().for_each(|weight| *weight /= sum);
-        let (mut tint, mut normal) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
-        for i in 0..3 {
-            tint[i] = part(mean_of(near, Line::TINT + i, &weights));
-            if NORMALS {
-                normal[i] = part(mean_of(near, Line::NORMAL + i, &weights));
-            }
+        let (mut tint, mut plane) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
+        for (i, tint) in tint.iter_mut().take(3).enumerate() {
+            *tint = part(mean_of(near, Line::TINT + i, &weights));
+        }
+        for (i, plane) in plane.iter_mut().take(PLANE.min(3)).enumerate() {
+            *plane = part(mean_of(near, Line::PLANE + i, &weights));
         }
         if smooths {
             let share = part(sum * (SMOOTH / WEIGHTS.iter().sum::<f32>()));
-            smooth::<NORMALS>(bits(is_kept), share, [tint, normal], row, first);
+            smooth::<PLANE>(bits(is_kept), share, [tint, plane], row, first);
             if !is_new.any_true() {
                 return;
             }
@@ -349,17 +357,17 @@ impl<S: Simd> Block<S> {
             middle[1] += displaced[1] * *weight;
         }
         let mut moved = weights;
-        for (near, moved) in near.iter().zip(&mut moved).filter(|_| NORMALS) {
+        for (near, moved) in near.iter().zip(&mut moved).filter(|_| PLANE != FLAT) {
             let displaced = near.displaced();
-            *moved *= near.moved([displaced[0] - middle[0], displaced[1] - middle[1]]);
+            *moved *= near.moved::<PLANE>([displaced[0] - middle[0], displaced[1] - middle[1]]);
         }
         let least = part(mean_of(near, Line::FRONT, &moved));
         let most = part(mean_of(near, Line::FRONT + 1, &moved));
         let depth = part(mean_of(near, Line::DEPTH, &moved));
         let [x, y] = [part(middle[0]), part(middle[1])];
         tint[3] = part(mean_of(near, Line::TINT + 3, &weights));
-        if NORMALS {
-            normal[3] = part(mean_of(near, Line::NORMAL + 3, &weights));
+        if PLANE == NORMALS {
+            plane[3] = part(mean_of(near, Line::PLANE + 3, &weights));
         }
         let is_all = is_new.all_true();
         // Every second pixel, then the others.
@@ -369,9 +377,9 @@ impl<S: Simd> Block<S> {
                 front: [least[odd], most[odd], x[odd], y[odd]],
                 tint: [tint[0][odd], tint[1][odd], tint[2][odd], tint[3][odd]],
                 depth: depth[odd],
-                normal: [normal[0][odd], normal[1][odd], normal[2][odd], normal[3][odd]],
+                plane: [plane[0][odd], plane[1][odd], plane[2][odd], plane[3][odd]],
             };
-            if is_all && out.write_half::<NORMALS>(row, first, odd) {
+            if is_all && out.write_half::<PLANE>(row, first, odd) {
                 continue;
             }
             let mut to = [usize::MAX; LANES];
@@ -380,14 +388,14 @@ impl<S: Simd> Block<S> {
                     *to = first + 2 * k + odd;
                 }
             }
-            out.scatter::<NORMALS>(to, row);
+            out.scatter::<PLANE>(to, row);
         }
     }
 }
 
 /// Moves colours and normals of some pixels, a bit each, towards means by shares: every second of them, then the others.
 #[inline(always)]
-fn smooth<const NORMALS: bool>(
+fn smooth<const PLANE: usize>(
     pixels: u32,
     shares: [Vec4; 2],
     means: [[[Vec4; 2]; 4]; 2],
@@ -399,7 +407,7 @@ fn smooth<const NORMALS: bool>(
         for k in (0..LANES).filter(|k| pixels >> (odd * LANES + k) & 1 > 0) {
             let (x, share) = (first + 2 * k + odd, shares[odd][k]);
             row.tint[x] = towards(row.tint[x], tints[k], share);
-            if NORMALS {
+            if PLANE == NORMALS {
                 row.normal[x] = towards(row.normal[x], normals[k], share);
             }
         }

@@ -11,11 +11,11 @@ use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
 use crate::marks::Marks;
 use crate::mend::mend;
-use crate::plan::{FramePlan, Pass, Planes};
+use crate::plan::{FramePlan, Pass};
 use crate::project::{DrawList, EMPTY, project};
 use crate::pull::pull;
 use crate::push::push_with;
-use crate::pyramid::Pyramid;
+use crate::pyramid::{Planes, Pyramid};
 use crate::relief::ReliefScratch;
 use crate::resolve::resolve;
 use crate::shade::shade;
@@ -80,9 +80,9 @@ impl Renderer {
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
         let plan = FramePlan::new(frame);
-        pyramid.fit(width, height, plan.planes() != Planes::None);
+        pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
-        let slants = (plan.planes() == Planes::Slants).then(|| {
+        let slants = (plan.planes() == Planes::Told).then(|| {
             self.slants.fill(&self.target, width, camera.focal_px);
             &self.slants
         });
@@ -126,7 +126,7 @@ impl Renderer {
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
-            pyramid.fit_levels(width, height, planes != Planes::None, levels);
+            pyramid.fit_levels(width, height, planes, levels);
             pyramid.lens = Lens::new(&camera);
         }
         let (mut edges, mut creases) = (Marks::default(), Marks::default());
@@ -140,7 +140,7 @@ impl Renderer {
                 }
                 Pass::Slant => slants.fill(target, width, camera.focal_px),
                 Pass::Gather => {
-                    let slants = (planes == Planes::Slants).then_some(&*slants);
+                    let slants = (planes == Planes::Told).then_some(&*slants);
                     let base = &mut pyramid.levels[0];
                     stats.pixels_projected = gather(&lookup, target, slants, base);
                 }
@@ -156,13 +156,7 @@ impl Renderer {
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
-                Pass::Push => {
-                    push_with(pyramid, plan.smooths, &mut picture.depth);
-                    if planes == Planes::Slants {
-                        pyramid.put_planes_aside();
-                    }
-                }
-
+                Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),
                 Pass::Mend => {
                     if !plan.has_pyramid {
                         pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);

@@ -2,7 +2,7 @@
 //! level 0 of a pyramid, a pixel's values side by side; splats are summed up plane by plane ([`crate::ewa::planes`]).
 
 use crate::lanes::{LANES, four};
-use crate::pyramid::Pyramid;
+use crate::pyramid::{Planes, Pyramid};
 use crate::values::{EIGHT, join};
 use fearless_simd::{Simd, f32x8};
 use glam::{Vec3, Vec4};
@@ -62,7 +62,7 @@ impl Surface for Pyramid {
     }
 
     fn has_normals(&self) -> bool {
-        Pyramid::has_normals(self)
+        self.planes() == Planes::Normals
     }
 
     fn row(&self, y: usize) -> impl SurfaceRow {

@@ -5,6 +5,7 @@
 //!
 //! The point at (x, y) from the picture's middle (y down) with depth d is (x, -y, -f) d / f. On a plane with normal n
 //! its dot product with n is constant, so d is as one over `q = n.x x - n.y y - n.z f`, which is linear in the picture.
+//! Of a plane told from depths n is so long that q is -1: then n.x and n.y are all that is needed of it.
 
 use crate::camera::Camera;
 use crate::lanes::Lane;
@@ -12,7 +13,7 @@ use crate::values::Values;
 use glam::Vec2;
 
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
-const SLOPE_MAX: f32 = 32.0;
+pub(crate) const SLOPE_MAX: f32 = 32.0;
 /// Depths change by at most this factor in one move.
 const FACTOR_MAX: f32 = 2.0;
 
@@ -33,8 +34,8 @@ impl Lens {
 
     /// Depth on the planes with these normals (view space, any length) at `from + by` (pixels), over that at `from`.
     /// One where there is no normal.
-    #[inline(always)]
-    pub(crate) fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
+    #[cfg(test)]
+    fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
         factor(self.facing(normal, from), turn([normal[0], normal[1]], by))
     }
 

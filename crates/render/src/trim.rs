@@ -247,7 +247,7 @@ fn copy<T: Copy>(plane: &mut [T], pixels: &[usize], sources: &[usize]) {
 mod tests {
     use super::*;
     use crate::edges::edges;
-    use crate::pyramid::{INVALID, Pyramid};
+    use crate::pyramid::{INVALID, Planes, Pyramid};
     use glam::Vec4;
 
     const WIDTH: usize = 83;
@@ -264,7 +264,7 @@ mod tests {
             (bits >> 20) as usize % n
         };
         let mut pyramid = Pyramid::default();
-        pyramid.fit(WIDTH, HEIGHT, has_normals);
+        pyramid.fit(WIDTH, HEIGHT, if has_normals { Planes::Normals } else { Planes::None });
         let base = &mut pyramid.levels[0];
         let mut depth = vec![f32::INFINITY; WIDTH * HEIGHT];
         base.front.fill(INVALID);

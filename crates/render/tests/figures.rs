@@ -1,14 +1,14 @@
 //! The worked examples of marroquim2007: the renormalised weights of figure 5 and the displacement
 //! vector of figure 3, exactly.
 
-use esker_render::pyramid::{INVALID, Pyramid};
+use esker_render::pyramid::{INVALID, Planes, Pyramid};
 use esker_render::{pull, push};
 use glam::{Vec2, Vec4};
 
 /// Only the two coarsest levels of a 4 x 4 picture, all pixels invalid.
 fn two_levels() -> Pyramid {
     let mut pyramid = Pyramid::default();
-    pyramid.fit(4, 4, false);
+    pyramid.fit(4, 4, Planes::None);
     pyramid.levels.truncate(2);
     pyramid.levels.iter_mut().for_each(|l| l.front.fill(INVALID));
     pyramid
@@ -52,7 +52,7 @@ fn all_four_pixels_weigh_as_the_subdivision_of_figure_4() {
 #[test]
 fn figure_3_the_displacement_points_from_the_sample_to_the_pixel_after_three_pulls() {
     let mut pyramid = Pyramid::default();
-    pyramid.fit(8, 8, false);
+    pyramid.fit(8, 8, Planes::None);
     for sample in [(0, 0), (5, 2), (7, 7), (3, 4)] {
         let base = &mut pyramid.levels[0];
         base.front.fill(INVALID);
@@ -74,7 +74,7 @@ fn figure_3_the_displacement_points_from_the_sample_to_the_pixel_after_three_pul
 #[test]
 fn figure_3b_two_samples_give_an_ellipse_between_them() {
     let mut pyramid = Pyramid::default();
-    pyramid.fit(2, 2, false);
+    pyramid.fit(2, 2, Planes::None);
     let base = &mut pyramid.levels[0];
     base.front.fill(INVALID);
     for (pixel, depth, radius) in [(0, 1.0, 2.0), (1, 1.5, 4.0)] {
@@ -92,7 +92,7 @@ fn figure_3b_two_samples_give_an_ellipse_between_them() {
 fn an_occluded_pixel_takes_the_front_surface_only_where_an_ellipse_covers_it() {
     for (radius, expected) in [(10.0, 1.0), (0.1, 5.0)] {
         let mut pyramid = Pyramid::default();
-        pyramid.fit(2, 2, false);
+        pyramid.fit(2, 2, Planes::None);
         let base = &mut pyramid.levels[0];
         base.front.fill(INVALID);
         base.front[0] = Vec4::new(1.0, 1.5, 0.0, 0.0);

@@ -97,6 +97,7 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
         }
         let normal =
             |l: &esker_render::pyramid::Level| l.normal.get(i).copied().unwrap_or_default();
+        let tilt = |l: &esker_render::pyramid::Level| l.tilt.get(i).copied().unwrap_or_default();
         // Displacements are what is left of places of hundreds of pixels: within a thousandth of one.
         let [front, twins] = [gpu.front[i], twin.front[i]];
         // Depths of told planes are moved along them, others are the points' own.
@@ -106,7 +107,8 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
             && near(front.y, twins.y)
             && (front - twins).zw().abs().max_element() <= 1e-3
             && near_all(gpu.tint[i], twin.tint[i])
-            && near_all(normal(&gpu), normal(&twin));
+            && near_all(normal(&gpu), normal(&twin))
+            && (tilt(&gpu) - tilt(&twin)).length() <= 1e-4 * tilt(&twin).length().max(0.1);
         off += u64::from(!same);
     }
     assert!(off * 1000 <= valid, "{what}: {off} of {valid} pixels are off");

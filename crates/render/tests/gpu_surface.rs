@@ -15,8 +15,7 @@ use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::timing::Timing;
 use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
-use esker_render::plan::Planes;
-use esker_render::pyramid::{INVALID, Level, Pyramid};
+use esker_render::pyramid::{INVALID, Level, Planes, Pyramid};
 use esker_render::relief::ReliefScratch;
 use esker_render::tangent::Lens;
 use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
@@ -79,7 +78,7 @@ struct Twins {
 fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     let (camera, base) = (input.camera(), &input.base);
     let mut pulled = Pyramid::default();
-    pulled.fit(base.width, base.height, !base.normal.is_empty());
+    pulled.fit(base.width, base.height, input.planes);
     pulled.lens = Lens::new(&camera);
     pulled.levels[0] = base.clone();
     pull::pull(&mut pulled);
@@ -96,9 +95,6 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     };
     let (level, depth) = (&mut last.levels[0], &mut picture.depth);
     level.depth_image(&pulled.lens, depth);
-    if input.planes == Planes::Slants {
-        last.put_planes_aside();
-    }
     let level = &mut last.levels[0];
     let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
     mend::mend(level, depth, &found, camera.focal_px);
@@ -137,7 +133,9 @@ impl<'a> Rig<'a> {
         gpu.queue.write_buffer(&level.front, 0, bytemuck::cast_slice(&floats(&base.front)));
         gpu.queue.write_buffer(&level.tint, 0, bytemuck::cast_slice(&floats(&base.tint)));
         gpu.queue.write_buffer(&level.depth, 0, bytemuck::cast_slice(&base.depth));
-        gpu.queue.write_buffer(&level.normal, 0, bytemuck::cast_slice(&floats(&base.normal)));
+        let tilts: Vec<_> = base.tilt.iter().map(|t| t.to_array()).collect();
+        gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&floats(&base.normal)));
+        gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&tilts));
         let picture = GpuPicture::new(gpu, width, height).unwrap();
         let choices = Choices { planes: input.planes, shines: true, smooths };
         Self { gpu, uniform, pyramid, picture, choices }
@@ -164,8 +162,14 @@ impl<'a> Rig<'a> {
         floats.as_chunks().0.iter().map(|&v| Vec4::from_array(v)).collect()
     }
 
+    fn pairs(&self, buffer: &wgpu::Buffer, count: usize) -> Vec<Vec2> {
+        let floats = self.floats(buffer, count * 2);
+        floats.as_chunks().0.iter().map(|&v| Vec2::from_array(v)).collect()
+    }
+
     /// All levels as they are.
     fn levels(&self) -> Vec<Level> {
+        let planes = self.pyramid.planes;
         let level = |l: &esker_render::gpu::pyramid::GpuLevel| {
             let count = (l.width * l.height) as usize;
             Level {
@@ -175,10 +179,8 @@ impl<'a> Rig<'a> {
                 front: self.vectors(&l.front, count),
                 tint: self.vectors(&l.tint, count),
                 depth: self.floats(&l.depth, count),
-                normal: self.vectors(
-                    &l.normal,
-                    if self.pyramid.planes == Planes::None { 0 } else { count },
-                ),
+                normal: self.vectors(&l.plane, if planes == Planes::Normals { count } else { 0 }),
+                tilt: if planes == Planes::Told { self.pairs(&l.plane, count) } else { vec![] },
             }
         };
         self.pyramid.levels.iter().map(level).collect()
@@ -211,6 +213,7 @@ fn differing(a: &Level, b: &Level, bare: bool) -> usize {
             && close(a.tint[i].w, b.tint[i].w, radius)
             && close(a.depth[i], b.depth[i], a.depth[i])
             && (bare || a.normal.is_empty() || close4(a.normal[i], b.normal[i], 1.0))
+            && (bare || a.tilt.is_empty() || (a.tilt[i] - b.tilt[i]).length() <= 1e-4)
     };
     (0..a.front.len()).filter(|&i| !same(i)).count()
 }

@@ -7,7 +7,7 @@ mod reference;
 mod scene;
 
 use esker_lod::View;
-use esker_render::pyramid::{Level, Pyramid};
+use esker_render::pyramid::{Level, Planes, Pyramid};
 use esker_render::tangent::Lens;
 use esker_render::{Renderer, pull, push};
 use glam::{DVec3, Vec2, Vec4};
@@ -35,7 +35,7 @@ impl Tally {
     /// Where no decision was near a tie, all pixels must agree.
     fn compare_with(&mut self, name: &str, pyramid: &mut Pyramid, smooths: bool) {
         let base = &pyramid.levels[0];
-        let lens = pyramid.has_normals().then_some(pyramid.lens);
+        let lens = (pyramid.planes() == Planes::Normals).then_some(pyramid.lens);
         let lens = lens.map(|l| [l.focal_px, l.centre_px.x, l.centre_px.y].map(f64::from));
         let expected = pull_push(Image { lens, ..read(base) }, smooths);
         pull::pull(pyramid);
@@ -65,6 +65,7 @@ fn alike(a: Option<&Pixel>, b: Option<&Pixel>) -> bool {
         let [r, [dx, dy]] = [[p.radius, 0.0], p.displacement];
         let mut all = p.depth.to_vec();
         all.extend(p.carried.iter().chain(&p.disc).chain(&r).chain(&[dx, dy]));
+        all.extend(p.tilt.iter().flatten());
         all
     };
     // Colours, normals and displacements may be sums near zero of values about one.
@@ -81,6 +82,7 @@ fn read(level: &Level) -> Image {
             depth: [front[0], front[1]],
             carried: [f64::from(level.depth[i]), tint[0], tint[1], tint[2], n[2]],
             disc: [n[0], n[1], n[3]],
+            tilt: level.tilt.get(i).map(|t| t.to_array().map(f64::from)),
             radius: tint[3],
             displacement: [front[2], front[3]],
         }
@@ -92,9 +94,9 @@ fn read(level: &Level) -> Image {
 }
 
 /// Random pixels: some share of them valid, on a few surfaces or anywhere in depth.
-fn random(dice: &mut Dice, width: usize, height: usize, has_normals: bool) -> Pyramid {
+fn random(dice: &mut Dice, width: usize, height: usize, planes: Planes) -> Pyramid {
     let mut pyramid = Pyramid::default();
-    pyramid.fit(width, height, has_normals);
+    pyramid.fit(width, height, planes);
     let centre_px = Vec2::new(width as f32, height as f32) * 0.5;
     pyramid.lens = Lens { focal_px: 80.0, centre_px };
     let share = dice.unit().powi(2);
@@ -116,7 +118,12 @@ fn random(dice: &mut Dice, width: usize, height: usize, has_normals: bool) -> Py
         base.depth[i] = depth as f32;
         let [r, g, b] = [0; 3].map(|_| dice.unit() as f32);
         base.tint[i] = Vec4::new(r, g, b, (reach * (0.5 + dice.unit())) as f32);
-        if has_normals {
+        if planes == Planes::Told {
+            let steep = dice.unit() * dice.unit() * 0.2;
+            let (s, c) = (dice.unit() * std::f64::consts::TAU).sin_cos();
+            base.tilt[i] = Vec2::new((steep * c) as f32, (steep * s) as f32);
+        }
+        if planes == Planes::Normals {
             let z = 0.05 + 0.95 * dice.unit();
             let (s, c) = (dice.unit() * std::f64::consts::TAU).sin_cos();
             let flat = (1.0 - z * z).sqrt();
@@ -137,9 +144,9 @@ fn random_pixels_agree_with_the_reference() {
         (0..40).map(|_| (1 + (dice.unit() * 96.0) as usize, 1 + (dice.unit() * 96.0) as usize)),
     );
     for (i, (width, height)) in sizes.into_iter().enumerate() {
-        for has_normals in [true, false] {
-            let mut pyramid = random(&mut dice, width, height, has_normals);
-            tally.compare(&format!("image {i}, {width} x {height}"), &mut pyramid);
+        for planes in [Planes::Normals, Planes::Told, Planes::None] {
+            let mut pyramid = random(&mut dice, width, height, planes);
+            tally.compare(&format!("image {i}, {width} x {height}, {planes:?}"), &mut pyramid);
         }
     }
     tally.finish();

@@ -85,7 +85,7 @@ impl Average {
         let normals = [u32::from(plan.carries_normals)];
         let mut pass = timing.compute(encoder, Pass::Average);
         let begin = self.begin.get(gpu, normals)?;
-        let buffers = [(0, uniform), (1, &*level.front), (2, &*level.normal), (3, &**sums)];
+        let buffers = [(0, uniform), (1, &*level.front), (2, &*level.plane), (3, &**sums)];
         begin.dispatch(&mut pass, &begin.bind(gpu, &buffers), pixels);
         let add = self.add.get(gpu, plan.average_constants().map(|(_, value)| value))?;
         let layout = add.pipeline().get_bind_group_layout(0);
@@ -103,7 +103,7 @@ impl Average {
             (2, &*level.front),
             (3, &*level.tint),
             (4, &*level.depth),
-            (5, &*level.normal),
+            (5, &*level.plane),
         ];
         finish.dispatch(&mut pass, &finish.bind(gpu, &buffers), pixels);
         Ok(())

@@ -398,7 +398,7 @@ impl GpuEwa {
             (1, &base.front),
             (2, &base.tint),
             (3, &base.depth),
-            (4, &base.normal),
+            (4, &base.plane),
             (5, &target.picture.depth),
             (6, target.counts),
         ];

@@ -9,7 +9,8 @@ use super::pyramid::GpuPyramid;
 use super::shader::sources;
 use super::slant::Slant;
 use super::variants::Variants;
-use crate::plan::{FramePlan, Planes};
+use crate::plan::FramePlan;
+use crate::pyramid::Planes;
 use wgpu::ComputePass;
 
 /// The pass.
@@ -59,11 +60,11 @@ impl Gather {
             (5, &level.front),
             (6, &level.tint),
             (7, &level.depth),
-            (8, &level.normal),
+            (8, &level.plane),
             (9, won.counts),
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
-        if plan.planes() == Planes::Slants {
+        if plan.planes() == Planes::Told {
             self.slant.tilt(gpu, pass, won.uniform, level);
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::error::GpuError;
 use super::kernel::Kernel;
 use super::shader::sources;
 use super::surface::Target;
-use crate::plan::Planes;
+use crate::pyramid::Planes;
 
 /// How often: as the twin does.
 const ROUNDS: usize = 2;
@@ -27,7 +27,7 @@ impl Mend {
     /// Where a shader is refused.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
-        let moved = [("PLANES", f64::from(planes != Planes::None))];
+        let moved = [("PLANE", planes.values() as f64)];
         let find = |first: f64| {
             Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first), constants[0]])
         };
@@ -42,9 +42,9 @@ impl Mend {
     pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
         let base = target.base();
         let &Target { depth, marks, .. } = target;
-        let image = [&base.front, &base.depth, depth, &base.normal, &base.tint];
+        let image = [&base.front, &base.depth, depth, &base.plane, &base.tint];
         let find = [depth, &base.tint, marks];
-        let fill = [marks, depth, &base.front, &base.tint, &base.normal];
+        let fill = [marks, depth, &base.front, &base.tint, &base.plane];
         let mut all = vec![target.dispatch(gpu, &self.depth, &image)];
         for round in 0..ROUNDS {
             all.push(target.dispatch(gpu, &self.find[round.min(1)], &find));

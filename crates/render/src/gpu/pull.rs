@@ -6,6 +6,7 @@ use super::error::GpuError;
 use super::kernel::Kernel;
 use super::pyramid::{GpuLevel, GpuPyramid};
 use super::shader::sources;
+use crate::pyramid::Planes;
 use wgpu::BindingResource;
 
 /// The pass.
@@ -14,12 +15,12 @@ pub struct Pull {
 }
 
 impl Pull {
-    /// For pyramids whose pixels carry planes, or none.
+    /// For pyramids whose pixels carry these planes.
     ///
     /// # Errors
     /// Where the shader is refused.
-    pub fn new(gpu: &Gpu, has_planes: bool) -> Result<Self, GpuError> {
-        let constants = [("PLANES", f64::from(has_planes))];
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let constants = [("PLANE", planes.values() as f64)];
         Ok(Self { kernel: Kernel::new(gpu, sources::PULL_PULL, "main", &constants)? })
     }
 
@@ -55,11 +56,11 @@ pub(super) fn level_resources<'a>(
         &fine.front,
         &fine.tint,
         &fine.depth,
-        &fine.normal,
+        &fine.plane,
         &coarse.front,
         &coarse.tint,
         &coarse.depth,
-        &coarse.normal,
+        &coarse.plane,
         uniform,
     ];
     std::array::from_fn(|i| (i as u32, buffers[i].as_entire_binding()))

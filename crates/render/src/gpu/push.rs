@@ -9,13 +9,13 @@ use super::pull::level_resources;
 use super::pyramid::{GpuLevel, GpuPyramid};
 use super::shader::sources;
 use super::variants::Variants;
-use crate::plan::Planes;
+use crate::pyramid::Planes;
 
 /// The pass.
 pub struct Push {
-    /// By whether pixels carry planes, and whether those that stay are smoothed.
+    /// By the values of the planes that pixels carry, and whether those that stay are smoothed.
     kernels: Variants<2>,
-    has_planes: bool,
+    planes: Planes,
     /// With normals only.
     inherit: Option<Kernel>,
 }
@@ -26,11 +26,13 @@ impl Push {
     /// # Errors
     /// Where a shader is refused.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
-        let (has_planes, has_normals) = (planes != Planes::None, planes == Planes::Normals);
-        let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANES", "SMOOTHS"]);
-        kernels.get(gpu, [u32::from(has_planes), 0])?;
-        let inherit = || Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[]);
-        Ok(Self { kernels, has_planes, inherit: if has_normals { Some(inherit()?) } else { None } })
+        let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANE", "SMOOTHS"]);
+        kernels.get(gpu, [planes.values() as u32, 0])?;
+        let inherit = match planes {
+            Planes::Normals => Some(Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[])?),
+            Planes::None | Planes::Told => None,
+        };
+        Ok(Self { kernels, planes, inherit })
     }
 
     /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
@@ -45,10 +47,10 @@ impl Push {
         pyramid: &GpuPyramid,
         smooths: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
-        let has_planes = u32::from(self.has_planes);
+        let values = self.planes.values() as u32;
         let mut dispatches = Vec::new();
         for (level, l) in pyramid.levels.windows(2).enumerate().rev() {
-            let kernel = self.kernels.get(gpu, [has_planes, u32::from(smooths && level == 0)])?;
+            let kernel = self.kernels.get(gpu, [values, u32::from(smooths && level == 0)])?;
             let resources = level_resources(uniform, &l[0], &l[1]);
             dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
         }
@@ -67,7 +69,7 @@ impl Push {
 }
 
 fn inherit(gpu: &Gpu, kernel: &Kernel, fine: &GpuLevel, coarse: &GpuLevel) -> Dispatch {
-    let buffers = [&fine.shape, &coarse.shape, &fine.normal, &coarse.normal];
+    let buffers = [&fine.shape, &coarse.shape, &fine.plane, &coarse.plane];
     let resources = [0, 1, 2, 3].map(|i| (i as u32, buffers[i].as_entire_binding()));
     Dispatch::over(gpu, kernel, [fine.width, fine.height], &resources)
 }

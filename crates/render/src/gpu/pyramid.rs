@@ -4,7 +4,7 @@
 use super::device::{Counted, Gpu};
 use super::dispatch::fixed_uniform;
 use super::error::GpuError;
-use crate::plan::Planes;
+use crate::pyramid::Planes;
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
@@ -38,8 +38,9 @@ pub struct GpuLevel {
     pub tint: Counted,
     /// `f32` a pixel.
     pub depth: Counted,
-    /// `vec4<f32>` a pixel; of one pixel only where there are none, so that something can be bound.
-    pub normal: Counted,
+    /// Normals, `vec4<f32>` a pixel, or tilts, `vec2<f32>` a pixel; of one pixel only where there are none, so that
+    /// something can be bound.
+    pub plane: Counted,
 }
 
 /// All levels, the picture first.
@@ -85,10 +86,7 @@ impl GpuPyramid {
                 front: plane("pyramid front", pixels * 16)?,
                 tint: plane("pyramid tint", pixels * 16)?,
                 depth: plane("pyramid depth", pixels * 4)?,
-                normal: plane(
-                    "pyramid normal",
-                    if planes == Planes::None { 16 } else { pixels * 16 },
-                )?,
+                plane: plane("pyramid plane", (pixels * 4 * planes.values() as u64).max(16))?,
             });
             if w == 1 && h == 1 {
                 return Ok(true);

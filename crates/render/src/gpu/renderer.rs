@@ -24,7 +24,8 @@ use super::surface::Surface;
 use super::table::PlaneAt;
 use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
-use crate::plan::{FramePlan, Pass, Planes};
+use crate::plan::{FramePlan, Pass};
+use crate::pyramid::Planes;
 use esker_lod::DepthFeedback;
 use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, TextureView};
@@ -161,7 +162,7 @@ impl GpuRenderer {
         let has_surface = plan.passes.contains(&Pass::Shade);
         let planes = match (plan.planes(), self.pyramid.planes) {
             // Views that are dense now and then tell none, and keep their room.
-            (Planes::None, Planes::Slants) if plan.passes.contains(&Pass::Gather) => Planes::Slants,
+            (Planes::None, Planes::Told) if plan.passes.contains(&Pass::Gather) => Planes::Told,
             (planes, _) => planes,
         };
         if is_new || !has_surface || self.pyramid.planes != planes {
@@ -253,7 +254,7 @@ impl GpuRenderer {
             }
             Method::PullPush => {
                 let pyramid = &self.pyramid;
-                if plan.planes() == Planes::Slants {
+                if plan.planes() == Planes::Told {
                     self.gather.slant.encode(gpu, encoder, uniform, won.hits, timing);
                 }
                 let mut pass = timing.compute(encoder, Pass::Gather);

@@ -42,7 +42,7 @@ impl Shade {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
         let depth = if self.has_normals { &target.picture.depth } else { target.spare };
-        let (tint, normal, coarse) = (&base.tint, &base.normal, &coarse.normal);
+        let (tint, normal, coarse) = (&base.tint, &base.plane, &coarse.plane);
         let &Target { relief, sources, shaded, .. } = target;
         let buffers = [relief, depth, tint, normal, coarse, sources, shaded];
         let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
@@ -74,7 +74,7 @@ impl Soften {
         let (picture, base) = (target.picture, target.base());
         let view = picture.texture.create_view(&Default::default());
         let &Target { marks, sources, shaded, .. } = target;
-        let planes = [&picture.depth, marks, &base.normal, sources, shaded, &picture.rgba];
+        let planes = [&picture.depth, marks, &base.plane, sources, shaded, &picture.rgba];
         let mut resources = target.resources(&planes);
         resources.push((7, BindingResource::TextureView(&view)));
         vec![Dispatch::over(gpu, &self.kernel, [picture.width, picture.height], &resources)]

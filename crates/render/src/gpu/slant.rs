@@ -7,7 +7,8 @@ use super::kernel::{Kernel, groups_of};
 use super::pyramid::GpuLevel;
 use super::shader::sources;
 use super::timing::Timing;
-use crate::plan::{FramePlan, Pass, Planes};
+use crate::plan::{FramePlan, Pass};
+use crate::pyramid::Planes;
 use crate::slant::SQUARE_PX;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
@@ -42,7 +43,7 @@ impl Slant {
     /// # Errors
     /// Where memory or a shader is refused.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
-        if plan.planes() != Planes::Slants {
+        if plan.planes() != Planes::Told {
             self.memory = None;
             return Ok(());
         }
@@ -100,7 +101,7 @@ impl Slant {
             (1, &*memory.slants),
             (2, &*level.front),
             (3, &*level.tint),
-            (4, &*level.normal),
+            (4, &*level.plane),
             (5, &*level.depth),
         ];
         let pixels = u64::from(level.width) * u64::from(level.height);

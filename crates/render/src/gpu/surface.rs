@@ -15,7 +15,8 @@ use super::shade::{Shade, Soften};
 use super::shader::sources;
 use super::timing::Timing;
 use super::trim::{Trim, Turns};
-use crate::plan::{FramePlan, Pass, Planes};
+use crate::plan::{FramePlan, Pass};
+use crate::pyramid::Planes;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use wgpu::{BufferUsages, CommandEncoder};
@@ -173,7 +174,7 @@ impl Kernels {
         let has_normals = planes == Planes::Normals;
         Ok(Self {
             edges: Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?,
-            pull: Pull::new(gpu, planes != Planes::None)?,
+            pull: Pull::new(gpu, planes)?,
             push: Push::new(gpu, planes)?,
             mend: Mend::new(gpu, planes)?,
             trim: Trim::new(gpu, has_normals)?,

@@ -128,7 +128,7 @@ fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
         variants.filter(|v| v.shader.starts_with("slant/")).count()
     };
     let told = plan(bare, ASKED);
-    assert!(told.planes() == Planes::Slants && shaders(&told) == 3);
+    assert!(told.planes() == Planes::Told && shaders(&told) == 3);
     assert_eq!(told.passes[..3], [Pass::Project, Pass::Slant, Pass::Gather]);
     assert_eq!(plan(ALL, ASKED).planes(), Planes::Normals);
     let [dense, crowded] = [Asked { is_dense: true, ..ASKED }, Asked { is_crowded: true, ..ASKED }];

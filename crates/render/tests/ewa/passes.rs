@@ -26,7 +26,7 @@ pub fn draw(frame: &Frame<'_>, options: Options) -> (Level, Vec<f32>, Counts) {
     let mut depth = vec![0.0; width * height];
     ewa.draw(&camera, plan.carries_normals, &mut depth);
     let mut pyramid = Pyramid::default();
-    pyramid.fit(width, height, plan.carries_normals);
+    pyramid.fit(width, height, plan.planes());
     let mut level = pyramid.levels.swap_remove(0);
     for (pixel, &depth) in depth.iter().enumerate() {
         let (x, y, planes) = (pixel % width, pixel / width, &ewa.planes);

@@ -17,13 +17,12 @@ use esker_render::gpu::table::{CHUNK_POINTS, Chunk, Draw};
 use esker_render::gpu::tiles::{TILES_BYTES, Tiles, tiles_from};
 use esker_render::gpu::timing::Timing;
 use esker_render::gpu::{Gpu, NodePool, PlaneAt, Request, wgpu};
-use esker_render::plan::Planes;
 use esker_render::project::{DrawList, EMPTY, project, unpack};
-use esker_render::pyramid::Level;
+use esker_render::pyramid::{Level, Planes};
 use esker_render::resolve::resolve;
 use esker_render::slant::Slants;
 use esker_render::{ColourPlane, DrawNode, Frame, FramePlan, Method, Picture};
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec2, Vec4};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use wgpu::{Backends, BufferUsages};
 
@@ -94,11 +93,11 @@ impl Cpu<'_> {
         let [width, height] = self.camera.size.map(|s| s as usize);
         let planes = FramePlan::new(self.frame).planes();
         let mut pyramid = esker_render::pyramid::Pyramid::default();
-        pyramid.fit(width, height, planes != Planes::None);
+        pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut slants = Slants::default();
         slants.fill(&self.target, width, self.camera.focal_px);
-        let slants = (planes == Planes::Slants).then_some(&slants);
+        let slants = (planes == Planes::Told).then_some(&slants);
         (gather(&lookup, &self.target, slants, &mut base), base)
     }
 
@@ -232,9 +231,9 @@ impl Rig {
         gpu.queue.submit([encoder.finish()]);
         run(gpu, |pass| gather.encode(gpu, pass, &plan, lookup, &won, pyramid).unwrap());
         let level = &pyramid.levels[0];
-        let planes = [&level.front, &level.tint, &level.depth, &level.normal, &made.buffers[4]];
+        let planes = [&level.front, &level.tint, &level.depth, &level.plane, &made.buffers[4]];
         let planes = planes.map(|p| (&**p, p.size()));
-        let [front, tint, depth, normal, counts] = read(gpu, &planes).unwrap().try_into().unwrap();
+        let [front, tint, depth, plane, counts] = read(gpu, &planes).unwrap().try_into().unwrap();
         let pixels = hits.len();
         let wide = |bytes: &[u8]| -> Vec<Vec4> {
             let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes[..pixels * 16]);
@@ -247,7 +246,14 @@ impl Rig {
             front: wide(&front),
             tint: wide(&tint),
             depth: bytemuck::pod_collect_to_vec(&depth[..pixels * 4]),
-            normal: if pyramid.planes != Planes::None { wide(&normal) } else { Vec::new() },
+            normal: if pyramid.planes == Planes::Normals { wide(&plane) } else { Vec::new() },
+            tilt: match pyramid.planes {
+                Planes::Told => {
+                    let pairs: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&plane[..pixels * 8]);
+                    pairs.into_iter().map(Vec2::from_array).collect()
+                }
+                Planes::None | Planes::Normals => Vec::new(),
+            },
         };
         (level, u32::from_le_bytes([0, 1, 2, 3].map(|i| counts[i])))
     }

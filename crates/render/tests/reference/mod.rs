@@ -12,6 +12,8 @@ pub struct Pixel {
     pub carried: [f64; 5],
     /// Normal x, y (view space), and its ellipse's minor axis over the major one.
     pub disc: [f64; 3],
+    /// What depth grows by a pixel right, and up with the sign turned, over itself; where that is told in a normal's place.
+    pub tilt: Option<[f64; 2]>,
     /// Radius, pixels of the picture.
     pub radius: f64,
     /// From the ellipse's centre to the pixel's, pixels of the picture.
@@ -46,12 +48,16 @@ impl Image {
 impl Pixel {
     /// What its depths change by from its ellipse's centre (it is itself centred at `centre`) to `place`.
     fn factor(&self, lens: Option<[f64; 3]>, centre: [f64; 2], place: [f64; 2]) -> f64 {
-        let Some([focal, middle_x, middle_y]) = lens else { return 1.0 };
         let from = [0, 1].map(|i| centre[i] - self.displacement[i]);
+        let to_place = [place[0] - from[0], place[1] - from[1]];
+        if let Some([right, up]) = self.tilt {
+            return 1.0 / (1.0 - right * to_place[0] + up * to_place[1]).clamp(0.5, 2.0);
+        }
+        let Some([focal, middle_x, middle_y]) = lens else { return 1.0 };
         let [nx, ny, nz] = [self.disc[0], self.disc[1], self.carried[4]];
         let q = nx * (from[0] - middle_x) - ny * (from[1] - middle_y) - nz * focal;
         let q = q.min(-(nx.abs() + ny.abs()) * focal / 32.0);
-        let change = nx * (place[0] - from[0]) - ny * (place[1] - from[1]);
+        let change = nx * to_place[0] - ny * to_place[1];
         if change == 0.0 { 1.0 } else { 1.0 / (1.0 + change / q).clamp(0.5, 2.0) }
     }
 
@@ -167,6 +173,7 @@ fn mean(
         depth: [0.0; 2],
         carried: [0.0; 5],
         disc: [0.0; 3],
+        tilt: pixels.iter().find_map(|(p, ..)| p.tilt.map(|_| [0.0; 2])),
         radius: 0.0,
         displacement: [0.0; 2],
     };
@@ -179,6 +186,9 @@ fn mean(
         out.carried[0] += p.carried[0] * factor * weight;
         (1..5).for_each(|i| out.carried[i] += p.carried[i] * weight);
         (0..3).for_each(|i| out.disc[i] += p.disc[i] * weight);
+        if let (Some(sum), Some(tilt)) = (&mut out.tilt, p.tilt) {
+            (0..2).for_each(|i| sum[i] += tilt[i] * weight);
+        }
         out.radius += p.radius * weight;
     }
     Some(out)

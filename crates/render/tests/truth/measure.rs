@@ -173,13 +173,9 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut pyramid = Pyramid::default();
     Renderer::default().base_level(frame, &mut pyramid).unwrap();
     fill(&mut pyramid);
-    let (plan, mut base) = (FramePlan::new(frame), pyramid.levels.swap_remove(0));
+    let mut base = pyramid.levels.swap_remove(0);
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
-    if !plan.carries_normals {
-        // They were told from depths, to compare these.
-        base.normal.clear();
-    }
     let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
     mend::mend(&mut base, &mut depth, &found, camera.focal_px);
     trim::trim(&mut base, &mut depth, &found, camera.focal_px);
