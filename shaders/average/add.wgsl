@@ -48,11 +48,8 @@ fn add(row: u32, draw: Draw, index: u32) {
     }
     let at = min(vec2<u32>(seen.at), vec2<u32>(frame.width, frame.height) - 1u);
     let first = (at.y * frame.width + at.x) * words();
-    var plane = float_at(first + AT_SCALE);
-    if NORMALS {
-        let slope = vec2<f32>(float_at(first + AT_SLOPE), float_at(first + AT_SLOPE + 1u));
-        plane += dot(slope, seen.at - vec2<f32>(at) - 0.5);
-    }
+    let slope = vec2<f32>(float_at(first + AT_SLOPE), float_at(first + AT_SLOPE + 1u));
+    let plane = float_at(first + AT_SCALE) + dot(slope, seen.at - vec2<f32>(at) - 0.5);
     let behind = plane - frame.focal_px / seen.depth;
     let reach = float_at(first + AT_REACH);
     // Infinite where no point won.

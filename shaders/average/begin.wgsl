@@ -2,14 +2,15 @@
 
 // include common/frame.wgsl
 // include common/tangent.wgsl
+// include common/plane.wgsl
 // include common/average.wgsl
 
 // Whether pixels carry normals.
-override NORMALS: bool = false;
+override NORMALS: bool = PLANE == NORMAL;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> normals: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> planes: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read_write> sums: array<u32>;
 
 @compute @workgroup_size(256)
@@ -28,14 +29,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     let scale = frame.focal_px / own.x;
-    var at_centre = scale;
-    if NORMALS {
+    var slope = vec2<f32>(0.0);
+    if PLANE == TOLD {
+        slope = vec2<f32>(-planes[pixel].x, planes[pixel].y) * scale;
+    } else if PLANE == NORMAL {
+        let normal = vec4<f32>(planes[2u * pixel], planes[2u * pixel + 1u]);
         let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
-        let slope = slope_of(normals[pixel], centre - own.zw) * scale;
-        at_centre += dot(slope, own.zw);
-        sums[first + AT_SLOPE] = bitcast<u32>(slope.x);
-        sums[first + AT_SLOPE + 1u] = bitcast<u32>(slope.y);
+        slope = slope_of(normal, centre - own.zw) * scale;
     }
-    sums[first + AT_SCALE] = bitcast<u32>(at_centre);
+    sums[first + AT_SCALE] = bitcast<u32>(scale + dot(slope, own.zw));
+    sums[first + AT_SLOPE] = bitcast<u32>(slope.x);
+    sums[first + AT_SLOPE + 1u] = bitcast<u32>(slope.y);
     sums[first + AT_REACH] = bitcast<u32>(scale - frame.focal_px / own.y);
 }

@@ -4,6 +4,9 @@
 // include common/frame.wgsl
 // include common/squares.wgsl
 
+// Whether points crowd.
+override CROWDED: bool = false;
+
 @group(0) @binding(0) var<uniform> frame: Frame;
 // As `slant/nearest` has them.
 @group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
@@ -12,9 +15,10 @@
 
 // As in crates/render/src/slant.rs, where they are explained.
 const BARE_REACH: f32 = 2.0;
-const TOLD_REACH: f32 = 0.8;
 const OFF_MAX: f32 = 1.0;
-const TRUSTED: vec2<f32> = vec2<f32>(0.2, 0.4);
+// The reach, then the distances from which on planes are trusted less, and not at all.
+const TRUST_APART: vec3<f32> = vec3<f32>(0.8, 0.2, 0.4);
+const TRUST_CROWDED: vec3<f32> = vec3<f32>(BARE_REACH, 0.18, 0.35);
 const MISSING_MAX: f32 = 1.0;
 const AREA_MIN: f32 = 0.2;
 const BETTER: f32 = 1e-3;
@@ -102,8 +106,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         }
     }
     let mean = off / max(count * most, LEAST_SUM);
-    let mistrust = clamp((mean - TRUSTED.x) * (1.0 / (TRUSTED.y - TRUSTED.x)), 0.0, 1.0);
-    let reach = mistrust * (BARE_REACH - TOLD_REACH) + TOLD_REACH;
+    var trust = TRUST_APART;
+    if CROWDED {
+        trust = TRUST_CROWDED;
+    }
+    let mistrust = clamp((mean - trust.y) * (1.0 / (trust.z - trust.y)), 0.0, 1.0);
+    let reach = mistrust * (BARE_REACH - trust.x) + trust.x;
     if missing > MISSING_MAX {
         slants[square] = vec4<f32>(0.0, 0.0, BARE_REACH, 0.0);
     } else {

@@ -91,10 +91,11 @@ impl Scan {
     }
 
     /// The nodes with a point that the full-density picture shows: the nearest of its pixel, whose depth is then the
-    /// pixel's, not the mean of several.
+    /// pixel's, not the mean of several, where one point wins a pixel; and not seen through a gap of a surface that is
+    /// closed where planes are told and points averaged, as pictures are drawn.
     fn visible(&self, view: &View) -> HashSet<u32> {
         let cut = self.cut(view, 0.0, None);
-        let picture = self.drawn(view, &cut, false);
+        let [picture, closed] = [false, true].map(|averages| self.drawn(view, &cut, averages));
         let camera = Camera::new(view, self.file.lattice()).unwrap();
         let shows = |draw: &DrawNode<'_>| {
             let positions = Positions::of(draw);
@@ -106,8 +107,9 @@ impl Scan {
                 let [x, y] = [camera.centre_px[0] + v.x * scale, camera.centre_px[1] - v.y * scale];
                 let is_on = |c: f32| (0.0..SIDE as f32).contains(&c);
                 -v.z > camera.near && is_on(x) && is_on(y) && {
-                    let shown = picture.depth[y as usize * SIDE as usize + x as usize];
-                    (-v.z - shown).abs() <= shown * 1e-6
+                    let pixel = y as usize * SIDE as usize + x as usize;
+                    let shown = picture.depth[pixel];
+                    (-v.z - shown).abs() <= shown * 1e-6 && -v.z <= closed.depth[pixel] * 1.01
                 }
             })
         };

@@ -3,7 +3,7 @@
 //! their share: a second pass over the points, after gather, as in the high-quality splatting of Schuetz et al.
 //! (Rendering Point Clouds with Compute Shaders and Vertex Order Optimization, 2021). That takes what lies within
 //! 1 % of the front depth; this takes what lies before the end of the winner's depth interval, moved along its
-//! plane as pull does ([`crate::tangent`]): a wall a radius behind another has no part in it.
+//! plane as pull does ([`crate::tangent`]): with normals, a wall a radius behind another has no part in it.
 //!
 //! Sums are of integers, so that the order of adding changes nothing. Depths are compared by what a unit of length
 //! takes on the picture there, `focal_px / depth`: along a plane that is linear in the picture.
@@ -12,7 +12,7 @@ use crate::camera::{Camera, NodePlace};
 use crate::gather::Lookup;
 use crate::lanes::Lane;
 use crate::project::{is_hidden, normal_at};
-use crate::pyramid::{Level, for_each_row};
+use crate::pyramid::{Level, Planes, for_each_row};
 use crate::tangent::Lens;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -43,10 +43,9 @@ impl Averages {
     /// Replaces what the winners brought to `base` by the means of their pixels' front surfaces.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
-        if base.normal.is_empty() {
-            self.add_all::<false>(lookup);
-        } else {
-            self.add_all::<true>(lookup);
+        match base.planes() {
+            Planes::Normals => self.add_all::<true>(lookup),
+            Planes::None | Planes::Told => self.add_all::<false>(lookup),
         }
         self.finish(lens, base);
     }

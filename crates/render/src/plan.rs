@@ -190,8 +190,7 @@ impl FramePlan {
         let has_surface = asked.method != Method::Points;
         let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
         let carries_normals = has.normals && has_surface;
-        // Where points crowd, means of what lies far behind are what evens them out.
-        let tells = asked.slants && has_pyramid && !has.normals && !asked.is_crowded;
+        let tells = asked.slants && has_pyramid && !has.normals;
         let passes = match asked.method {
             Method::Points => PassList::of(&[Project, Resolve].map(|pass| (pass, true))),
             Method::PullPush => PassList::of(&[
@@ -335,7 +334,10 @@ impl FramePlan {
         };
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
-            Pass::Slant => ["slant/nearest", "slant/tell"].map(|step| variant(step, &[])).into(),
+            Pass::Slant => {
+                let crowded = ("CROWDED", u32::from(self.averages()));
+                vec![variant("slant/nearest", &[]), variant("slant/tell", &[crowded])]
+            }
             Pass::Gather => {
                 let mut all = vec![
                     variant("gather/fetch", &self.fetch_constants()),
@@ -354,7 +356,7 @@ impl FramePlan {
                 vec![variant("shade", &[normals, ("SHINES", u32::from(self.shines))])]
             }
             Pass::Average => vec![
-                variant("average/begin", &[normals]),
+                variant("average/begin", &[planes]),
                 variant("average/add", &self.average_constants()),
                 variant("average/finish", &[normals]),
             ],

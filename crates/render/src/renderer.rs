@@ -83,7 +83,7 @@ impl Renderer {
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let slants = (plan.planes() == Planes::Told).then(|| {
-            self.slants.fill(&self.target, width, camera.focal_px);
+            self.slants.fill(&self.target, width, camera.focal_px, plan.averages());
             &self.slants
         });
         let valid = gather(&lookup, &self.target, slants, &mut pyramid.levels[0]);
@@ -138,7 +138,7 @@ impl Renderer {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
                 }
-                Pass::Slant => slants.fill(target, width, camera.focal_px),
+                Pass::Slant => slants.fill(target, width, camera.focal_px, plan.averages()),
                 Pass::Gather => {
                     let slants = (planes == Planes::Told).then_some(&*slants);
                     let base = &mut pyramid.levels[0];

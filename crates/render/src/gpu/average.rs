@@ -29,7 +29,7 @@ impl Default for Average {
     fn default() -> Self {
         let add = ["CULLS_BACK_FACES", "HIDES_POINTS", "NORMALS", "COLOURS", "COLOUR"];
         Self {
-            begin: Variants::new(sources::AVERAGE_BEGIN, ["NORMALS"]),
+            begin: Variants::new(sources::AVERAGE_BEGIN, ["PLANE"]),
             add: Variants::new(sources::AVERAGE_ADD, add),
             finish: Variants::new(sources::AVERAGE_FINISH, ["NORMALS"]),
             sums: None,
@@ -40,7 +40,7 @@ impl Default for Average {
 impl Average {
     /// Bytes of the sums of a picture (`shaders/common/average.wgsl`).
     fn bytes(pixels: u64, plan: &FramePlan) -> u64 {
-        pixels * if plan.carries_normals { 48 } else { 32 }
+        pixels * if plan.carries_normals { 48 } else { 36 }
     }
 
     /// Whether a device binds the sums of a picture of so many pixels.
@@ -84,7 +84,7 @@ impl Average {
         let pixels = groups_of(u64::from(level.width) * u64::from(level.height));
         let normals = [u32::from(plan.carries_normals)];
         let mut pass = timing.compute(encoder, Pass::Average);
-        let begin = self.begin.get(gpu, normals)?;
+        let begin = self.begin.get(gpu, [plan.planes().values() as u32])?;
         let buffers = [(0, uniform), (1, &*level.front), (2, &*level.plane), (3, &**sums)];
         begin.dispatch(&mut pass, &begin.bind(gpu, &buffers), pixels);
         let add = self.add.get(gpu, plan.average_constants().map(|(_, value)| value))?;

@@ -255,7 +255,7 @@ impl GpuRenderer {
             Method::PullPush => {
                 let pyramid = &self.pyramid;
                 if plan.planes() == Planes::Told {
-                    self.gather.slant.encode(gpu, encoder, uniform, won.hits, timing);
+                    self.gather.slant.encode(gpu, encoder, uniform, won.hits, plan, timing);
                 }
                 let mut pass = timing.compute(encoder, Pass::Gather);
                 self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;

@@ -21,7 +21,8 @@ pub struct Slant {
 
 struct Kernels {
     nearest: Kernel,
-    tell: Kernel,
+    /// Where points are apart, and where they crowd.
+    tell: [Kernel; 2],
     tilt: Kernel,
 }
 
@@ -56,9 +57,11 @@ impl Slant {
         }
         if self.kernels.is_none() {
             let kernel = |source| Kernel::new(gpu, source, "main", &[]);
+            let tell =
+                |crowded| Kernel::new(gpu, sources::SLANT_TELL, "main", &[("CROWDED", crowded)]);
             self.kernels = Some(Kernels {
                 nearest: kernel(sources::SLANT_NEAREST)?,
-                tell: kernel(sources::SLANT_TELL)?,
+                tell: [tell(0.0)?, tell(1.0)?],
                 tilt: kernel(sources::SLANT_TILT)?,
             });
         }
@@ -72,10 +75,12 @@ impl Slant {
         encoder: &mut CommandEncoder,
         uniform: &Buffer,
         hits: &Buffer,
+        plan: &FramePlan,
         timing: &mut Timing,
     ) {
         let (Some(kernels), Some(memory)) = (&self.kernels, &self.memory) else { return };
         let Kernels { nearest, tell, .. } = kernels;
+        let tell = &tell[usize::from(plan.averages())];
         let Memory { size, nears, slants } = memory;
         let groups = groups_of(squares(*size));
         let mut pass = timing.compute(encoder, Pass::Slant);
@@ -116,7 +121,10 @@ impl Slant {
         let Some(Kernels { nearest, tell, tilt }) = &mut self.kernels else {
             return Ok(false);
         };
-        let told = nearest.reload(gpu)? | tell.reload(gpu)?;
-        Ok(told | tilt.reload(gpu)?)
+        let mut is_changed = nearest.reload(gpu)? | tilt.reload(gpu)?;
+        for kernel in tell {
+            is_changed |= kernel.reload(gpu)?;
+        }
+        Ok(is_changed)
     }
 }

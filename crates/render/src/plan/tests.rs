@@ -132,8 +132,14 @@ fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
     assert_eq!(told.passes[..3], [Pass::Project, Pass::Slant, Pass::Gather]);
     assert_eq!(plan(ALL, ASKED).planes(), Planes::Normals);
     let [dense, crowded] = [Asked { is_dense: true, ..ASKED }, Asked { is_crowded: true, ..ASKED }];
+    // Where points crowd, their intervals stay long.
+    let long = |plan: &FramePlan| {
+        plan.variants().into_iter().filter(|v| v.constants.contains(&("CROWDED", 1))).count()
+    };
+    assert_eq!([plan(bare, ASKED), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
+    assert_eq!(plan(bare, crowded).planes(), Planes::Told);
     let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
-    for asked in [dense, crowded, points, ewa, Asked { slants: false, ..ASKED }] {
+    for asked in [dense, points, ewa, Asked { slants: false, ..ASKED }] {
         let plan = plan(bare, asked);
         assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
     }

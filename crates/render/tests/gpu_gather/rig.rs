@@ -96,7 +96,8 @@ impl Cpu<'_> {
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
         let mut slants = Slants::default();
-        slants.fill(&self.target, width, self.camera.focal_px);
+        let is_crowded = FramePlan::new(self.frame).averages();
+        slants.fill(&self.target, width, self.camera.focal_px, is_crowded);
         let slants = (planes == Planes::Told).then_some(&slants);
         (gather(&lookup, &self.target, slants, &mut base), base)
     }
@@ -227,7 +228,14 @@ impl Rig {
         let size = [frame.view.width, frame.view.height];
         gather.slant.fit(gpu, size, &plan).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gather.slant.encode(gpu, &mut encoder, won.uniform, won.hits, &mut Timing::default());
+        gather.slant.encode(
+            gpu,
+            &mut encoder,
+            won.uniform,
+            won.hits,
+            &plan,
+            &mut Timing::default(),
+        );
         gpu.queue.submit([encoder.finish()]);
         run(gpu, |pass| gather.encode(gpu, pass, &plan, lookup, &won, pyramid).unwrap());
         let level = &pyramid.levels[0];
