@@ -10,7 +10,7 @@ override NORMALS: bool = PLANE == NORMAL;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> planes: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read_write> sums: array<u32>;
 
 @compute @workgroup_size(256)
@@ -31,11 +31,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let scale = frame.focal_px / own.x;
     var slope = vec2<f32>(0.0);
     if PLANE == TOLD {
-        slope = vec2<f32>(-planes[pixel].x, planes[pixel].y) * scale;
+        let tilt = plane_of(pixel).xy;
+        slope = vec2<f32>(-tilt.x, tilt.y) * scale;
     } else if PLANE == NORMAL {
-        let normal = vec4<f32>(planes[2u * pixel], planes[2u * pixel + 1u]);
         let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
-        slope = slope_of(normal, centre - own.zw) * scale;
+        slope = slope_of(plane_of(pixel), centre - own.zw) * scale;
     }
     sums[first + AT_SCALE] = bitcast<u32>(scale + dot(slope, own.zw));
     sums[first + AT_SLOPE] = bitcast<u32>(slope.x);

@@ -10,18 +10,11 @@
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> mean_depth: array<f32>;
 @group(0) @binding(3) var<storage, read_write> depth: array<f32>;
-@group(0) @binding(4) var<storage, read> plane: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> tint: array<vec4<f32>>;
 
 // Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least.
 const REACH_MIN_PX: f32 = 4.0;
-
-fn plane_of(pixel: u32) -> vec4<f32> {
-    if PLANE == NORMAL {
-        return vec4<f32>(plane[2u * pixel], plane[2u * pixel + 1u]);
-    }
-    return vec4<f32>(plane[pixel], 0.0, 0.0);
-}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -5,17 +5,18 @@
 // include common/level.wgsl
 // include common/tangent.wgsl
 // include common/plane.wgsl
+// include common/set_plane.wgsl
 
 @group(0) @binding(0) var<uniform> fine: LevelShape;
 @group(0) @binding(1) var<uniform> coarse: LevelShape;
 @group(0) @binding(2) var<storage, read> fine_front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> fine_tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> fine_depth: array<f32>;
-@group(0) @binding(5) var<storage, read> fine_plane: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> coarse_front: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> coarse_depth: array<f32>;
-@group(0) @binding(9) var<storage, read_write> coarse_plane: array<vec2<f32>>;
+@group(0) @binding(9) var<storage, read_write> to_planes: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
 // The four finer pixels of a coarser one: their fronts with displacements to the coarser pixel's centre, and which
@@ -25,23 +26,6 @@ var<private> fronts: array<vec4<f32>, 4>;
 var<private> kept: array<bool, 4>;
 // What each one's depths change by from its ellipse's centre to where they are compared.
 var<private> factors: array<f32, 4>;
-
-// The values of a finer pixel's plane.
-fn plane_of(pixel: u32) -> vec4<f32> {
-    if PLANE == NORMAL {
-        return vec4<f32>(fine_plane[2u * pixel], fine_plane[2u * pixel + 1u]);
-    }
-    return vec4<f32>(fine_plane[pixel], 0.0, 0.0);
-}
-
-fn set_plane(pixel: u32, plane: vec4<f32>) {
-    if PLANE == TOLD {
-        coarse_plane[pixel] = plane.xy;
-    } else if PLANE == NORMAL {
-        coarse_plane[2u * pixel] = plane.xy;
-        coarse_plane[2u * pixel + 1u] = plane.zw;
-    }
-}
 
 // One over the number of those that take part.
 fn share() -> f32 {

@@ -5,6 +5,7 @@
 // include common/level.wgsl
 // include common/tangent.wgsl
 // include common/plane.wgsl
+// include common/set_plane.wgsl
 // include common/ellipse.wgsl
 
 // Whether pixels of this level that stay take a part of what is interpolated there.
@@ -15,11 +16,11 @@ override SMOOTHS: bool;
 @group(0) @binding(2) var<storage, read_write> fine_front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> fine_tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> fine_depth: array<f32>;
-@group(0) @binding(5) var<storage, read_write> fine_plane: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> to_planes: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read> coarse_front: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> coarse_tint: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> coarse_depth: array<f32>;
-@group(0) @binding(9) var<storage, read> coarse_plane: array<vec2<f32>>;
+@group(0) @binding(9) var<storage, read> from_planes: array<vec2<f32>>;
 @group(0) @binding(10) var<uniform> frame: Frame;
 
 // Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
@@ -53,23 +54,6 @@ fn near(k: u32, above: vec2<u32>, odd: vec2<bool>) -> Near {
         weights.x * weights.y,
         select(half, half * -3.0, is_beside),
     );
-}
-
-// The values of a coarser pixel's plane.
-fn plane_of(pixel: u32) -> vec4<f32> {
-    if PLANE == NORMAL {
-        return vec4<f32>(coarse_plane[2u * pixel], coarse_plane[2u * pixel + 1u]);
-    }
-    return vec4<f32>(coarse_plane[pixel], 0.0, 0.0);
-}
-
-fn set_plane(pixel: u32, plane: vec4<f32>) {
-    if PLANE == TOLD {
-        fine_plane[pixel] = plane.xy;
-    } else if PLANE == NORMAL {
-        fine_plane[2u * pixel] = plane.xy;
-        fine_plane[2u * pixel + 1u] = plane.zw;
-    }
 }
 
 // What depths of a coarser pixel centred at `centre` change by to `place`.
@@ -143,7 +127,7 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     var normal = vec3<f32>(0.0);
     var own_normal = vec4<f32>(0.0);
     if PLANE == NORMAL {
-        own_normal = vec4<f32>(fine_plane[2u * pixel], fine_plane[2u * pixel + 1u]);
+        own_normal = vec4<f32>(to_planes[2u * pixel], to_planes[2u * pixel + 1u]);
     }
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
