@@ -146,7 +146,9 @@ mod tests {
             let lattice = lattice(scale, at as f64, at * 1000);
             let value = Coordinates::new(&lattice, false).value(1, u);
             prop_assert_eq!(text(&lattice, u).parse::<f64>().unwrap(), value);
-            prop_assert!((value - lattice.world([u; 3])[1]).abs() < scale * 1e-4);
+            // The lattice's own is rounded twice: far from zero that is more than a part of a fine step.
+            let rounding = value.abs() * f64::EPSILON;
+            prop_assert!((value - lattice.world([u; 3])[1]).abs() < scale * 1e-4 + rounding);
         }
     }
 }
