@@ -102,10 +102,11 @@ impl Node {
         self.levels().sum()
     }
 
-    /// A box on the lattice that holds its own points, both corners included.
+    /// A box on the lattice that holds its own points, both corners included. Any bits of the record give one.
     pub fn own_box(&self) -> [[u32; 3]; 2] {
         let span = ((1u64 << (16 + u32::from(self.hot_shift.min(16)))) - 1) as u32;
-        let last = self.cell().last();
+        let cell = self.cell();
+        let last = Cell { log2: cell.log2.min(32), ..cell }.last();
         [self.box_min, [0, 1, 2].map(|i| self.box_min[i].saturating_add(span).min(last[i]))]
     }
 
