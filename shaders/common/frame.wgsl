@@ -11,11 +11,11 @@ struct Frame {
     // What is nearer is not drawn.
     near: f32,
     back: vec3<f32>,
-    // Pixels in a row.
+    // Pixels in a row, of the picture with its margin.
     width: u32,
     // Length of a lattice step, an axis.
     step: vec3<f32>,
-    // Rows.
+    // Rows, of the same.
     height: u32,
     // sRGB with straight alpha, of the top row and the bottom row.
     background_top: vec4<f32>,
@@ -24,5 +24,6 @@ struct Frame {
     centre_px: vec2<f32>,
     // Whether points whose normal looks away are dropped.
     cull_back_faces: u32,
-    unused: u32,
+    // What is drawn beyond the picture on each side, pixels; it is not shown.
+    margin_px: u32,
 }

@@ -1,4 +1,4 @@
-// Counts the pixels that show a surface, for the figures of a frame.
+// Counts the pixels of the picture that show a surface, for the figures of a frame.
 
 // include common/frame.wgsl
 
@@ -16,8 +16,12 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let pixel = id.x + id.y * groups.x * 256u;
-    if pixel < frame.width * frame.height && !is_infinite(depth[pixel]) {
-        atomicAdd(&shown, 1u);
+    let size = vec2<u32>(frame.width, frame.height) - 2u * frame.margin_px;
+    if pixel < size.x * size.y {
+        let place = vec2<u32>(pixel % size.x, pixel / size.x) + frame.margin_px;
+        if !is_infinite(depth[place.y * frame.width + place.x]) {
+            atomicAdd(&shown, 1u);
+        }
     }
     workgroupBarrier();
     if thread == 0u {

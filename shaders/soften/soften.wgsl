@@ -192,5 +192,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     rgba[pixel] = colour;
-    textureStore(picture, id.xy, unpack4x8unorm(colour));
+    // In the margin left of the picture and above it this wraps.
+    let place = id.xy - frame.margin_px;
+    if all(place < vec2<u32>(frame.width, frame.height) - 2u * frame.margin_px) {
+        textureStore(picture, place, unpack4x8unorm(colour));
+    }
 }

@@ -10,6 +10,7 @@ use esker_format::{Footer, Forest};
 use esker_points::Node;
 use esker_render::gpu::NodePool;
 use esker_render::gpu::ewa::Room;
+use esker_render::margin::MARGIN_PX;
 
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
@@ -51,7 +52,7 @@ impl Shares {
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
         let pixel_bytes = PIXEL_BYTES + if evens { EVEN_PIXEL_BYTES } else { 0 };
-        let picture_bytes = u64::from(size[0]) * u64::from(size[1]) * pixel_bytes;
+        let picture_bytes = pixels_with_margin(size) * pixel_bytes;
         let run_bytes = RUN_BYTES as u64;
         let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
         let least = fixed + runs.map_or(RUNS_MIN, |r| r as u64) * run_bytes;
@@ -114,7 +115,9 @@ impl GpuShares {
         let [width, height] = options.size.map(u64::from);
         let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
         let pixel_bytes = GPU_PIXEL_BYTES + if options.evens { EVEN_PIXEL_BYTES } else { 0 };
-        let picture_bytes = width * height * pixel_bytes + nodes * GPU_NODE_BYTES + GPU_FIXED_BYTES;
+        let picture_bytes = pixels_with_margin(options.size) * pixel_bytes
+            + nodes * GPU_NODE_BYTES
+            + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;
         // Whatever is drawn first: sessions change their method while they run.
         let room = Room::within(budget_bytes / ROOM_SHARE);
@@ -139,6 +142,11 @@ impl GpuShares {
         let pool_bytes = NodePool::bytes_within(free - runs * run_bytes);
         Ok(Self { picture_bytes, runs: runs as usize, room, pool_bytes })
     }
+}
+
+/// Pixels of a picture with its margin.
+fn pixels_with_margin(size: [u32; 2]) -> u64 {
+    size.map(|side| u64::from(side) + u64::from(2 * MARGIN_PX)).iter().product()
 }
 
 /// Whole mebibytes, rounded up: what the user can type.

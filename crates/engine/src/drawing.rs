@@ -7,6 +7,8 @@ use anyhow::Result;
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_lod::{CompactOctree, View};
 use esker_points::{Codes, Coding, Filter, Node};
+use esker_render::camera::is_drawable;
+use esker_render::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
     Asked, Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan,
     Method, SceneHas,
@@ -99,8 +101,19 @@ impl Look {
         };
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens, .. } = *self;
-        let (smooths, slants) = (true, true);
-        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        // No plane nor pass depends on the margin.
+        let (smooths, slants, margin_px) = (true, true, 0);
+        let asked = Asked {
+            method,
+            colour,
+            shines,
+            is_dense,
+            smooths,
+            slants,
+            is_crowded,
+            evens,
+            margin_px,
+        };
         FramePlan::of(&has, &asked)
     }
 
@@ -112,7 +125,18 @@ impl Look {
         Needs { colour, normals, clip_lines, tangents }
     }
 
-    /// The frame of these nodes.
+    /// A view with the margin that its pictures of a file take ([`esker_render::margin`]): none where all of the file lies in
+    /// the picture, or one so large cannot be drawn.
+    pub fn with_margin(&self, file: &Forest, view: &View) -> View {
+        let shown = view.with_margin(0);
+        let wide = view.with_margin(MARGIN_PX);
+        let takes = self.method == Method::PullPush
+            && is_drawable(wide.width, wide.height)
+            && goes_beyond(&shown, info::bounds(file));
+        if takes { wide } else { shown }
+    }
+
+    /// The frame of these nodes. Views have their margin.
     pub fn frame<'a, P>(
         &self,
         file: &'a Forest,

@@ -203,13 +203,14 @@ impl Scene {
     /// Where these cannot be read, or the file has not what is asked for.
     pub fn choose(file: &Forest, request: &Request) -> Result<Self> {
         let start = Instant::now();
-        let view = request.camera.view(bounds_of(file, &request.filter), request.size);
+        let shown = request.camera.view(bounds_of(file, &request.filter), request.size);
         let Request { colour_by, filter, method, shines, evens, .. } = request;
         let before = file.read_bytes();
         let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
         let look = look.evened(file, *evens)?;
         let look = if request.full { look } else { look.compacted(file) };
         let look = if request.keeps_values { look.with_values() } else { look };
+        let view = look.with_margin(file, &shown);
         let options = Options {
             points_budget: request.budget_points,
             target_spacing_px: request.target_spacing_px,
@@ -363,7 +364,7 @@ fn notes(
 
 fn report(picture: &Picture, scene: &Scene) -> Value {
     let (stats, stages) = (&picture.stats, &picture.stats.stages);
-    let (view, counters) = (&scene.view, &scene.selection.counters);
+    let (view, counters) = (scene.view.with_margin(0), &scene.selection.counters);
     json!({
         "points_drawn": stats.points_drawn,
         "nodes_drawn": stats.nodes_drawn,

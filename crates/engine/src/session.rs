@@ -40,6 +40,8 @@ pub struct Frame<'a> {
     pub image: Image<'a>,
     /// What is in it, and how it was chosen.
     pub cut: Arc<Cut>,
+    /// Whether that is the one of the view that was asked for.
+    pub is_of_view: bool,
     /// What the renderer did: for this frame on the CPU, for the newest finished one on a GPU.
     pub stats: Stats,
     /// What streaming is at.
@@ -202,6 +204,7 @@ impl Session {
     pub fn frame_from(&mut self, chosen: &View, seen: &View) -> Result<Frame<'_>> {
         self.check(chosen)?;
         self.check(seen)?;
+        let [chosen, seen] = &[chosen, seen].map(|view| self.look.with_margin(&self.file, view));
         let start = Instant::now();
         let drawn = match self.draw(chosen, seen) {
             Ok(drawn) => drawn,
@@ -215,7 +218,8 @@ impl Session {
         times.total_ms = ms(start);
         let painter = &self.running.as_ref().context(ENDED)?.painter;
         let image = painter.image().context("nothing was drawn")?;
-        Ok(Frame { image, cut, stats: painter.stats(), status, times, uploaded_bytes })
+        let is_of_view = cut.view == *chosen;
+        Ok(Frame { image, cut, is_of_view, stats: painter.stats(), status, times, uploaded_bytes })
     }
 
     /// Draws points alone, or surfaces, from the next frame on.
@@ -264,6 +268,7 @@ impl Session {
     /// As [`Session::frame`].
     pub fn settle(&mut self, view: &View, patience: Duration) -> Result<Arc<Cut>> {
         self.check(view)?;
+        let view = &self.look.with_margin(&self.file, view);
         let start = Instant::now();
         loop {
             let taken = self.exchange(Some(view)).and_then(|exchange| {
@@ -288,12 +293,13 @@ impl Session {
 
     /// Refuses what cannot be drawn, so that whatever else fails is a fault of the backend.
     fn check(&self, view: &View) -> Result<()> {
+        let shown = view.with_margin(0);
         let [width, height] = self.options.size.map(u64::from);
         ensure!(
-            u64::from(view.width) * u64::from(view.height) <= width * height,
+            u64::from(shown.width) * u64::from(shown.height) <= width * height,
             "a picture of {}x{} is larger than the {width}x{height} that the session was opened for",
-            view.width,
-            view.height
+            shown.width,
+            shown.height
         );
         Camera::new(view, self.file.lattice())?;
         Ok(())

@@ -48,8 +48,8 @@ fn the_first_frame_shows_the_scan_and_later_ones_all_of_it() {
     let mut covered = Vec::new();
     loop {
         let frame = session.frame(&view).unwrap();
-        let done = frame.cut.settled && frame.cut.view == view;
-        if frame.cut.view == view {
+        let done = frame.cut.settled && frame.is_of_view;
+        if frame.is_of_view {
             assert!(!frame.cut.nodes.is_empty(), "there is always a cut");
             covered.push(frame.stats.pixels_covered);
         }
@@ -90,8 +90,8 @@ fn frames_of_a_still_view_only_come_nearer_to_the_complete_picture() {
     let mut errors = Vec::new();
     loop {
         let frame = session.frame(&view).unwrap();
-        let done = frame.cut.settled && frame.cut.view == view;
-        if frame.cut.view == view {
+        let done = frame.cut.settled && frame.is_of_view;
+        if frame.is_of_view {
             let now = luminance(frame.image.in_memory().unwrap());
             let sum: f64 = now.iter().zip(&complete).map(|(a, b)| (a - b).abs()).sum();
             errors.push(sum / now.len() as f64);

@@ -27,6 +27,9 @@ pub struct View {
     pub height: u32,
     /// What is nearer along the view direction than this is not drawn; positive, the file's unit.
     pub near: f64,
+    /// How many of the pixels on each side of the picture are a margin, which is chosen for like the rest, may be drawn and is not
+    /// shown.
+    pub margin_px: u32,
 }
 
 impl View {
@@ -52,6 +55,7 @@ impl View {
             width: width.max(1),
             height: height.max(1),
             near: (distance * NEAR_SHARE).max(f64::MIN_POSITIVE),
+            margin_px: 0,
         }
     }
 
@@ -90,6 +94,21 @@ impl View {
         }
         let target = centre + world_from_view * beside.extend(0.0);
         Self::look_at(target - forward * distance, target, DVec3::Z, fovy_rad, width, height)
+    }
+
+    /// The same with another margin around what is shown, which stays as it is.
+    pub fn with_margin(self, margin_px: u32) -> Self {
+        if margin_px == self.margin_px {
+            return self;
+        }
+        let side = |length: u32| {
+            let shown = length.saturating_sub(self.margin_px.saturating_mul(2)).max(1);
+            shown.saturating_add(margin_px.saturating_mul(2))
+        };
+        let (width, height) = (side(self.width), side(self.height));
+        let more = f64::from(height) / f64::from(self.height);
+        let fovy_rad = ((self.fovy_rad * 0.5).tan() * more).atan() * 2.0;
+        Self { width, height, fovy_rad, margin_px, ..self }
     }
 
     /// Half the tangent span of the picture: horizontal, vertical.

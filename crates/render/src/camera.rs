@@ -19,6 +19,13 @@ const STEPS_FAR: f64 = (1u64 << 46) as f64;
 /// Bits a hot position can drop (the lattice has 32, a hot coordinate keeps 16).
 pub(crate) const SHIFT_MAX: u8 = 16;
 
+/// Whether pictures of this size can be drawn.
+pub fn is_drawable(width: u32, height: u32) -> bool {
+    let sides = 1..=SIDE_MAX;
+    let pixels = u64::from(width) * u64::from(height);
+    sides.contains(&width) && sides.contains(&height) && pixels <= PIXELS_MAX
+}
+
 /// The camera in `f32`, for a frame.
 #[derive(Clone, Debug)]
 pub struct Camera {
@@ -37,8 +44,10 @@ pub struct Camera {
     pub focal_px: f32,
     /// The picture's middle in pixels.
     pub centre_px: [f32; 2],
-    /// Pixels in a row, rows.
+    /// Pixels in a row, rows; of the picture with its margin.
     pub size: [u32; 2],
+    /// What is drawn beyond the picture on each side, pixels ([`crate::margin`]).
+    pub margin_px: u32,
     /// What is nearer is not drawn.
     pub near: f32,
 }
@@ -50,10 +59,7 @@ impl Camera {
     /// Where the view is no usable camera.
     pub fn new(view: &View, lattice: &Lattice) -> Result<Self, RenderError> {
         let (width, height) = (view.width, view.height);
-        let sides = 1..=SIDE_MAX;
-        if !(sides.contains(&width) && sides.contains(&height))
-            || u64::from(width) * u64::from(height) > PIXELS_MAX
-        {
+        if !is_drawable(width, height) {
             return Err(RenderError::Size { width, height, side: SIDE_MAX, pixels: PIXELS_MAX });
         }
         let usable = |ok: bool, what| if ok { Ok(()) } else { Err(RenderError::Camera { what }) };
@@ -74,8 +80,21 @@ impl Camera {
             focal_px: view.focal_px() as f32,
             centre_px: [width as f32 * 0.5, height as f32 * 0.5],
             size: [width, height],
+            // A pixel at least is shown.
+            margin_px: view.margin_px.min((width.min(height) - 1) / 2),
             near: (view.near as f32).max(f32::MIN_POSITIVE),
         })
+    }
+
+    /// The same with so much of its margin.
+    pub fn with_margin(self, margin_px: u32) -> Self {
+        let left_out = self.margin_px.saturating_sub(margin_px);
+        Self {
+            size: self.size.map(|side| side - 2 * left_out),
+            centre_px: self.centre_px.map(|middle| middle - left_out as f32),
+            margin_px: self.margin_px - left_out,
+            ..self
+        }
     }
 
     /// A direction of the world in view space.

@@ -84,7 +84,7 @@ impl Default for Background {
 /// Everything that a frame is drawn from.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a, P = &'a [u8]> {
-    /// The camera and the size of the picture.
+    /// The camera and the size of the picture. Its margin is drawn where surfaces are filled ([`crate::margin`]).
     pub view: &'a View,
     /// The grid of all coordinates.
     pub lattice: &'a Lattice,

@@ -22,6 +22,7 @@ pub mod frame;
 pub mod gather;
 pub mod gpu;
 mod lanes;
+pub mod margin;
 pub mod marks;
 pub mod mend;
 pub mod plan;

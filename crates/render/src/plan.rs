@@ -139,6 +139,8 @@ pub struct Asked {
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
     pub evens: bool,
+    /// The margin of filled surfaces that go on beyond the picture, pixels on each side.
+    pub margin_px: u32,
 }
 
 /// What a frame takes.
@@ -167,6 +169,8 @@ pub struct FramePlan {
     /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::push`]): where that is asked, points
     /// do not crowd and colours are no names.
     pub smooths: bool,
+    /// What is drawn beyond the picture on each side, pixels ([`crate::margin`]).
+    pub margin_px: u32,
     /// What gives points their colour, as the shaders number it.
     colour: u32,
     /// Which words of the points that won are fetched: positions, colours, normals.
@@ -223,6 +227,7 @@ impl FramePlan {
             shines: asked.shines && has_surface,
             has_pyramid,
             smooths: has_pyramid && asked.smooths && !asked.is_crowded && !asked.colour.names(),
+            margin_px: if has_pyramid { asked.margin_px } else { 0 },
             colour: asked.colour.number(),
             fetches: [
                 has_surface || matches!(asked.colour, ColourBy::Elevation(_)),
@@ -248,12 +253,23 @@ impl FramePlan {
         let is_dense = method == Method::PullPush
             && frame.skips_push
             && frame.octree.is_some_and(|o| is_dense(frame.view, frame.lattice, o, nodes()));
-        let nodes = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
+        let drawn = frame.draws.iter().map(|draw| (draw.entry, draw.node, draw.prefix));
         let is_crowded = method == Method::PullPush
             && frame.averages
-            && is_crowded(frame.view, frame.lattice, frame.octree, nodes);
+            && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
+        let margin_px = frame.view.margin_px;
         let Frame { shines, smooths, slants, evens, .. } = *frame;
-        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        let asked = Asked {
+            method,
+            colour,
+            shines,
+            is_dense,
+            smooths,
+            slants,
+            is_crowded,
+            evens,
+            margin_px,
+        };
         Self::of(&has, &asked)
     }
 

@@ -9,6 +9,7 @@ use crate::even::Evening;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::gather::{Lookup, gather};
+use crate::margin::crop;
 use crate::marks::Marks;
 use crate::mend::mend;
 use crate::plan::{FramePlan, Pass};
@@ -42,6 +43,9 @@ pub struct Renderer {
     pub ewa: Ewa,
     /// Of [`trim_with`].
     sources: Vec<u32>,
+    /// The last picture with its margin, where it had one.
+    wide: Picture,
+    has_margin: bool,
 }
 
 /// Draws one frame. Who draws many keeps a [`Renderer`].
@@ -73,13 +77,14 @@ impl Renderer {
         frame: &Frame<'_>,
         pyramid: &mut Pyramid,
     ) -> Result<u64, RenderError> {
+        let plan = FramePlan::new(frame);
         let camera = Camera::new(frame.view, frame.lattice)?;
+        let camera = camera.with_margin(plan.margin_px);
         let [width, height] = camera.size.map(|s| s as usize);
         self.target.resize_with(width * height, || AtomicU64::new(EMPTY));
         let list = DrawList::new(frame.draws);
         project(frame, &camera, &list, &self.target);
         let lookup = Lookup::new(frame, &camera, &list);
-        let plan = FramePlan::new(frame);
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
         let slants = (plan.planes() == Planes::Told).then(|| {
@@ -107,8 +112,40 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let camera = Camera::new(frame.view, frame.lattice)?;
         let start = Instant::now();
+        let plan = FramePlan::new(frame);
+        let camera = camera.with_margin(plan.margin_px);
+        self.has_margin = camera.margin_px > 0;
+        if !self.has_margin {
+            picture.stats = self.draw(frame, &plan, &camera, picture);
+        } else {
+            let mut wide = std::mem::take(&mut self.wide);
+            let mut stats = self.draw(frame, &plan, &camera, &mut wide);
+            let mut clock = Clock(Instant::now());
+            stats.pixels_covered = crop(&wide, camera.margin_px, picture);
+            stats.stages.add(Pass::Soften, clock.lap());
+            picture.stats = stats;
+            self.wide = wide;
+        }
+        picture.stats.stages.total_ms = ms(start.elapsed());
+        Ok(())
+    }
+
+    /// The last picture with its margin, where one was drawn.
+    pub fn with_margin(&self) -> Option<&Picture> {
+        self.has_margin.then_some(&self.wide)
+    }
+
+    /// The passes of a plan, whose camera is that of the picture with its margin. Returns counts and times.
+    fn draw(
+        &mut self,
+        frame: &Frame<'_>,
+        plan: &FramePlan,
+        camera: &Camera,
+        picture: &mut Picture,
+    ) -> Stats {
+        let mut clock = Clock(Instant::now());
         let [width, height] = camera.size.map(|s| s as usize);
-        (picture.width, picture.height) = (frame.view.width, frame.view.height);
+        [picture.width, picture.height] = camera.size;
         picture.rgba.resize(width * height * 4, 0);
         picture.depth.resize(width * height, 0.0);
         let list = DrawList::new(frame.draws);
@@ -117,23 +154,21 @@ impl Renderer {
             nodes_drawn: (0..frame.draws.len()).filter(|&d| list.len(d) > 0).count() as u32,
             ..Stats::default()
         };
-        let plan = FramePlan::new(frame);
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
-        let lookup = Lookup::new(frame, &camera, &list);
-        let Self { target, slants, averages, evening, pyramid, scratch, sources, ewa } = self;
+        let lookup = Lookup::new(frame, camera, &list);
+        let Self { target, slants, averages, evening, pyramid, scratch, sources, ewa, .. } = self;
         let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
             let levels = if plan.has_pyramid { usize::MAX } else { 1 };
             pyramid.fit_levels(width, height, planes, levels);
-            pyramid.lens = Lens::new(&camera);
+            pyramid.lens = Lens::new(camera);
         }
         let (mut edges, mut creases) = (Marks::default(), Marks::default());
-        let mut clock = Clock(start);
         for &pass in plan.passes.iter() {
             match pass {
-                Pass::Project => project(frame, &camera, &list, target),
+                Pass::Project => project(frame, camera, &list, target),
                 Pass::Resolve => {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
@@ -147,12 +182,12 @@ impl Renderer {
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
                 Pass::Even => evening.run(&lookup, target, &mut pyramid.levels[0]),
                 Pass::Place => {
-                    let counts = ewa.place(frame, &camera, &list, &lookup, &plan);
+                    let counts = ewa.place(frame, camera, &list, &lookup, plan);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
                 }
                 Pass::Blend => {
                     let normals = plan.carries_normals;
-                    stats.pixels_projected = ewa.draw(&camera, normals, &mut picture.depth);
+                    stats.pixels_projected = ewa.draw(camera, normals, &mut picture.depth);
                     edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
@@ -166,9 +201,9 @@ impl Renderer {
                 Pass::Shade => {
                     let (background, shines) = (frame.background, plan.shines);
                     let shaded = if is_splats {
-                        shade(&camera, &ewa.planes, background, shines, scratch, picture)
+                        shade(camera, &ewa.planes, background, shines, scratch, picture)
                     } else {
-                        shade(&camera, pyramid, background, shines, scratch, picture)
+                        shade(camera, pyramid, background, shines, scratch, picture)
                     };
                     (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
                 }
@@ -179,9 +214,7 @@ impl Renderer {
             }
             stats.stages.add(pass, clock.lap());
         }
-        stats.stages.total_ms = ms(start.elapsed());
-        picture.stats = stats;
-        Ok(())
+        stats
     }
 }
 

@@ -67,6 +67,8 @@ fn shade_as<const SHINES: bool, S: Surface>(
     picture: &mut Picture,
 ) -> Shaded {
     let [width, height] = surface.size();
+    let margin = camera.margin_px as usize;
+    let last = height - margin - 1;
     let is_bare = !surface.has_normals();
     let raw = DepthImage {
         width,
@@ -85,7 +87,7 @@ fn shade_as<const SHINES: bool, S: Surface>(
             camera,
             surface,
             depth: raw.depth,
-            backdrop: backdrop(background, y, height),
+            backdrop: backdrop(background, y.clamp(margin, last) - margin, height - 2 * margin),
             y,
             covered: 0,
             creases: Vec::new(),

@@ -100,7 +100,7 @@ fn heap() -> Scene {
 
 fn view(width: u32, height: u32) -> View {
     let eye = DVec3::new(2.6, -3.1, 2.4);
-    View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height)
+    View::look_at(eye, DVec3::Z * 0.5, DVec3::Z, 0.9, width, height).with_margin(16)
 }
 
 #[test]
@@ -124,6 +124,8 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let [crowd_with, crowd_without] = [true, false].map(|normals| crowd.draws(true, true, normals));
     let crowded = crowd.frame(&small, &crowd_with);
     assert!(FramePlan::new(&crowded).averages() && !FramePlan::new(&surface).averages());
+    // The floor goes on beyond the picture.
+    assert!(FramePlan::new(&surface).margin_px > 0);
     // So small that no pixel may be off.
     let (heap, tiny) = (heap(), view(16, 12));
     let heap_draws = heap.draws(true, true, true);

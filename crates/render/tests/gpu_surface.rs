@@ -136,7 +136,7 @@ impl<'a> Rig<'a> {
         let tilts: Vec<_> = base.tilt.iter().map(|t| t.to_array()).collect();
         gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&floats(&base.normal)));
         gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&tilts));
-        let picture = GpuPicture::new(gpu, width, height).unwrap();
+        let picture = GpuPicture::new(gpu, [width, height], 0).unwrap();
         let choices = Choices { planes: input.planes, shines: true, smooths };
         Self { gpu, uniform, pyramid, picture, choices }
     }

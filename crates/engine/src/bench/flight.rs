@@ -140,7 +140,7 @@ impl Flight {
         let mut lod_ms = Vec::new();
         let mut epoch = 0;
         let mut choice = |frame: &Frame<'_>| {
-            if frame.cut.epoch != epoch && frame.cut.view == stop.view {
+            if frame.cut.epoch != epoch && frame.is_of_view {
                 epoch = frame.cut.epoch;
                 lod_ms.push(frame.cut.lod_ms);
             }
@@ -151,7 +151,7 @@ impl Flight {
             let frame = session.frame(&stop.view)?;
             self.note(&frame);
             choice(&frame);
-            figures.is_complete = frame.cut.settled && frame.cut.view == stop.view;
+            figures.is_complete = frame.cut.settled && frame.is_of_view;
         }
         figures.complete_ms = arrived.elapsed().as_secs_f64() * 1e3;
         let (mut stages, mut frame_ms) = (Vec::new(), Vec::new());

@@ -108,8 +108,12 @@ impl Painter for CpuPainter {
 
     fn feedback(&mut self) -> Option<DepthFeedback> {
         let view = self.drawn.take()?;
-        let [width, height] = [view.width as usize, view.height as usize];
-        DepthFeedback::new(&view, &tiles_of(&self.picture.depth, width, height))
+        let (view, picture) = match self.renderer.with_margin() {
+            Some(wide) => (view, wide),
+            None => (view.with_margin(0), &self.picture),
+        };
+        let [width, height] = [picture.width as usize, picture.height as usize];
+        DepthFeedback::new(&view, &tiles_of(&picture.depth, width, height))
     }
 
     fn picture(&mut self) -> Result<Picture> {

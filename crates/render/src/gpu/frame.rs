@@ -20,7 +20,7 @@ pub struct FrameUniform {
     background_bottom: [f32; 4],
     centre_px: [f32; 2],
     cull_back_faces: u32,
-    unused: u32,
+    margin_px: u32,
 }
 
 impl FrameUniform {
@@ -45,7 +45,7 @@ impl FrameUniform {
             background_bottom: share(bottom),
             centre_px: camera.centre_px,
             cull_back_faces: u32::from(frame.cull_back_faces),
-            unused: 0,
+            margin_px: camera.margin_px,
         }
     }
 }
@@ -63,6 +63,7 @@ const _: () = {
     use super::shader::sources::layout::Frame as shader;
     assert!(size_of::<FrameLayout>() == shader::SIZE);
     assert!(std::mem::offset_of!(FrameLayout, centre_px) == shader::centre_px);
+    assert!(std::mem::offset_of!(FrameLayout, margin_px) == shader::margin_px);
     assert!(std::mem::offset_of!(FrameLayout, height) == shader::height);
     assert!(std::mem::offset_of!(FrameLayout, background_bottom) == shader::background_bottom);
 };

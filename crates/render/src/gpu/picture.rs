@@ -4,33 +4,40 @@ use super::device::{Counted, Gpu};
 use super::error::GpuError;
 use wgpu::{BufferUsages, TextureUsages};
 
-/// A picture.
+/// A picture, with a margin around it while it is made ([`crate::margin`]).
 #[derive(Debug)]
 pub struct GpuPicture {
-    /// Pixels in a row.
+    /// Pixels in a row, of the buffers.
     pub width: u32,
-    /// Rows.
+    /// Rows of the buffers.
     pub height: u32,
+    /// The margin, pixels on each side.
+    pub margin_px: u32,
     /// sRGB with straight alpha, a word a pixel, red lowest.
     pub rgba: Counted,
     /// Linear eye depth, `f32` a pixel; infinite where nothing is.
     pub depth: Counted,
-    /// The same colours, `rgba8unorm`.
+    /// The same colours without the margin, `rgba8unorm`.
     pub texture: wgpu::Texture,
 }
 
 impl GpuPicture {
-    /// Room for a picture; at least one pixel.
+    /// Room for a picture, given with its margin; at least one pixel.
     ///
     /// # Errors
     /// Where memory is refused.
-    pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self, GpuError> {
-        let (width, height) = (width.max(1), height.max(1));
+    pub fn new(gpu: &Gpu, size: [u32; 2], margin_px: u32) -> Result<Self, GpuError> {
+        let [width, height] = size.map(|side| side.max(1));
+        let [inner_width, inner_height] = [width, height].map(|side| side - 2 * margin_px);
         let bytes = u64::from(width) * u64::from(height) * 4;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("picture"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            size: wgpu::Extent3d {
+                width: inner_width,
+                height: inner_height,
+                depth_or_array_layers: 1,
+            },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -44,6 +51,7 @@ impl GpuPicture {
         Ok(Self {
             width,
             height,
+            margin_px,
             rgba: gpu.buffer("picture colours", bytes, usage)?,
             depth: gpu.buffer("picture depths", bytes, usage)?,
             texture,

@@ -24,6 +24,7 @@ use super::surface::Surface;
 use super::table::PlaneAt;
 use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
+use crate::margin::crop;
 use crate::plan::{FramePlan, Pass};
 use crate::pyramid::Planes;
 use esker_lod::DepthFeedback;
@@ -117,6 +118,8 @@ impl GpuRenderer {
     ) -> Result<(), GpuError> {
         let camera = Camera::new(frame.view, frame.lattice)?;
         let mut plan = FramePlan::new(frame);
+        let drawn_px = if self.holds(camera.size) { plan.margin_px } else { 0 };
+        let camera = camera.with_margin(drawn_px);
         let pixels = camera.size.into_iter().map(u64::from).product();
         if !Average::fits(&self.gpu, pixels, &plan) {
             plan = plan.without_averages();
@@ -127,7 +130,7 @@ impl GpuRenderer {
         self.average.fit(&self.gpu, pixels, &plan)?;
         self.gather.slant.fit(&self.gpu, camera.size, &plan)?;
         self.gather.even.fit(&self.gpu, camera.size, &plan)?;
-        self.fit(camera.size, &plan)?;
+        self.fit(&camera, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
         let uniform = FrameUniform::new(frame, &camera);
@@ -154,11 +157,20 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// Takes the size of a picture, and what its plan needs.
-    fn fit(&mut self, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
+    /// Whether the device has room for pictures of this size.
+    fn holds(&self, [width, height]: [u32; 2]) -> bool {
+        let bytes = u64::from(width) * u64::from(height) * PIXEL_BYTES_MAX;
+        width.max(height) <= self.gpu.device.limits().max_texture_dimension_2d
+            && bytes <= self.gpu.tier.binding_bytes_max
+    }
+
+    /// Takes the size of a picture and its margin, and what its plan needs.
+    fn fit(&mut self, camera: &Camera, plan: &FramePlan) -> Result<(), GpuError> {
+        let (size, margin_px) = (camera.size, camera.margin_px);
         let [width, height] = size;
-        let is_new =
-            self.shown.as_ref().is_none_or(|s| [s.picture.width, s.picture.height] != size);
+        let is_new = self.shown.as_ref().is_none_or(|Shown { picture, .. }| {
+            ([picture.width, picture.height], picture.margin_px) != (size, margin_px)
+        });
         let has_surface = plan.passes.contains(&Pass::Shade);
         let planes = match (plan.planes(), self.pyramid.planes) {
             // Views that are dense now and then tell none, and keep their room.
@@ -175,15 +187,11 @@ impl GpuRenderer {
         }
         if is_new {
             self.shown = None;
-            let limits = self.gpu.device.limits();
-            let bytes = u64::from(width) * u64::from(height) * PIXEL_BYTES_MAX;
-            if width.max(height) > limits.max_texture_dimension_2d
-                || bytes > self.gpu.tier.binding_bytes_max
-            {
+            if !self.holds(size) {
                 return Err(GpuError::Size { width, height });
             }
             self.hits.fit(&self.gpu, size)?;
-            let picture = GpuPicture::new(&self.gpu, width, height)?;
+            let picture = GpuPicture::new(&self.gpu, size, margin_px)?;
             let view = picture.texture.create_view(&Default::default());
             self.shown = Some(Shown { picture, view });
         }
@@ -279,7 +287,8 @@ impl GpuRenderer {
             nodes_drawn: cut.rows.len() as u32,
             ..Stats::default()
         };
-        feedback.end(gpu, encoder, uniform, picture, (frame.view, frame.method, stats));
+        let view = frame.view.with_margin(camera.margin_px);
+        feedback.end(gpu, encoder, uniform, picture, (&view, frame.method, stats));
         Ok(())
     }
 
@@ -302,13 +311,15 @@ impl GpuRenderer {
         let depth = planes.pop().unwrap_or_default();
         let rgba = planes.pop().unwrap_or_default();
         self.gpu.fault().map_or(Ok(()), Err)?;
-        Ok(Picture {
-            width,
-            height,
-            rgba,
-            depth: bytemuck::pod_collect_to_vec(&depth),
-            stats: self.stats().unwrap_or_default(),
-        })
+        let (depth, margin_px) = (bytemuck::pod_collect_to_vec(&depth), picture.margin_px);
+        let stats = self.stats().unwrap_or_default();
+        let drawn = Picture { width, height, rgba, depth, stats };
+        if margin_px == 0 {
+            return Ok(drawn);
+        }
+        let mut shown = Picture { stats, ..Picture::default() };
+        crop(&drawn, margin_px, &mut shown);
+        Ok(shown)
     }
 
     /// Counts and times of the newest frame that has come back; does not wait. Without times where the device

@@ -20,6 +20,7 @@ const ASKED: Asked = Asked {
     slants: true,
     is_crowded: false,
     evens: false,
+    margin_px: 0,
 };
 
 #[test]

@@ -276,7 +276,7 @@ impl Rig {
         let pages = made.pages();
         let won = made.won(frame, &pages);
         let gpu = &self.gpu;
-        let picture = GpuPicture::new(gpu, frame.view.width, frame.view.height).unwrap();
+        let picture = GpuPicture::new(gpu, [frame.view.width, frame.view.height], 0).unwrap();
         let plan = FramePlan::new(&Frame { method: Method::Points, ..*frame });
         let (lookup, resolve) = (&mut self.lookup, &mut self.resolve);
         run(gpu, |pass| resolve.encode(gpu, pass, &plan, lookup, &won, &picture).unwrap());

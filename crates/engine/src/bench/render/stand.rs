@@ -91,7 +91,8 @@ impl<'a> Stand<'a> {
     /// Where the view is no usable camera.
     pub fn fill(&mut self, changes: Changes) -> Result<bool> {
         let far = self.scene.view;
-        let pixels = u64::from(far.width) * u64::from(far.height);
+        let shown = far.with_margin(0);
+        let pixels = u64::from(shown.width) * u64::from(shown.height);
         let [low, high] = crate::info::bounds(self.file).map(DVec3::from_array);
         for step in 1..NEARER {
             let share = f64::from(step) / f64::from(NEARER);
