@@ -101,19 +101,8 @@ impl Look {
         };
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens, .. } = *self;
-        // No plane nor pass depends on the margin.
-        let (smooths, slants, margin_px) = (true, true, 0);
-        let asked = Asked {
-            method,
-            colour,
-            shines,
-            is_dense,
-            smooths,
-            slants,
-            is_crowded,
-            evens,
-            margin_px,
-        };
+        let (smooths, slants) = (true, true);
+        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
         FramePlan::of(&has, &asked)
     }
 

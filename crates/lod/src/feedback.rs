@@ -93,6 +93,8 @@ pub struct DepthFeedback {
     grid: Arc<DepthGrid>,
     /// What the tiles show, and ever coarser ones.
     ranges: Arc<Vec<Vec<Range>>>,
+    /// The margin of its picture, pixels.
+    margin_px: f64,
     /// The view that is asked for.
     new: Projection,
     /// Most pixels that anything at depth 1 moves on the old picture between the two.
@@ -110,7 +112,8 @@ impl DepthFeedback {
         grid.farthest_mut().iter_mut().zip(depths).for_each(|(to, depth)| *to = depth);
         let old = Projection::of(view);
         let ranges = Arc::new(ranges_of(tiles));
-        Some(Self { old, grid: Arc::new(grid), ranges, new: old, parallax: 0.0 })
+        let (grid, margin_px) = (Arc::new(grid), f64::from(view.margin_px));
+        Some(Self { old, grid, ranges, margin_px, new: old, parallax: 0.0 })
     }
 
     /// What it hides of a new view.
@@ -123,10 +126,11 @@ impl DepthFeedback {
         Self { new, parallax, ..self.clone() }
     }
 
-    /// The nearest depth of the tile at a place of that frame's picture (0 to 1 from its top left corner); `None` where
-    /// the tile shows nothing.
+    /// The nearest depth of the tile at a place of what that frame shows (0 to 1 from its top left corner, without a margin);
+    /// `None` where the tile shows nothing.
     pub fn nearest_at(&self, place: DVec2) -> Option<f64> {
-        let at = place * self.grid.size_px();
+        let shown = self.grid.size_px() - 2.0 * self.margin_px;
+        let at = place * shown + self.margin_px;
         let nearest = f64::from(self.range_within(at, at).nearest);
         (nearest > 0.0 && nearest.is_finite()).then_some(nearest)
     }

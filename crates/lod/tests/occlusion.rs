@@ -284,3 +284,14 @@ fn pixels_that_show_nothing_hide_nothing() {
     assert!(DepthFeedback::new(&view(), &[]).is_none());
     assert!(!hides(&picture[..side]), "a picture cut short hides nothing");
 }
+
+#[test]
+fn places_of_a_frame_count_from_what_it_shows() {
+    let wide = View { width: 96, height: 96, ..view() }.with_margin(16);
+    // Each pixel of the picture with its margin, a tile each, is as deep as its column.
+    let picture: Vec<f32> = (0..128 * 128).map(|i| (i % 128 + 1) as f32).collect();
+    let feedback =
+        DepthFeedback::new(&wide, &tiles_of(&picture, 128, 128)).expect("as many tiles as asked");
+    let nearest = |x: f64| feedback.nearest_at(DVec2::new((x + 0.5) / 96.0, 0.5));
+    assert_eq!([nearest(0.0), nearest(40.0), nearest(95.0)], [17.0, 57.0, 112.0].map(Some));
+}

@@ -139,8 +139,6 @@ pub struct Asked {
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
     pub evens: bool,
-    /// The margin of filled surfaces that go on beyond the picture, pixels on each side.
-    pub margin_px: u32,
 }
 
 /// What a frame takes.
@@ -169,7 +167,7 @@ pub struct FramePlan {
     /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::push`]): where that is asked, points
     /// do not crowd and colours are no names.
     pub smooths: bool,
-    /// What is drawn beyond the picture on each side, pixels ([`crate::margin`]).
+    /// What a frame draws beyond the picture on each side, pixels ([`crate::margin`]); 0 while no view is known.
     pub margin_px: u32,
     /// What gives points their colour, as the shaders number it.
     colour: u32,
@@ -227,7 +225,7 @@ impl FramePlan {
             shines: asked.shines && has_surface,
             has_pyramid,
             smooths: has_pyramid && asked.smooths && !asked.is_crowded && !asked.colour.names(),
-            margin_px: if has_pyramid { asked.margin_px } else { 0 },
+            margin_px: 0,
             colour: asked.colour.number(),
             fetches: [
                 has_surface || matches!(asked.colour, ColourBy::Elevation(_)),
@@ -257,20 +255,11 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
-        let margin_px = frame.view.margin_px;
         let Frame { shines, smooths, slants, evens, .. } = *frame;
-        let asked = Asked {
-            method,
-            colour,
-            shines,
-            is_dense,
-            smooths,
-            slants,
-            is_crowded,
-            evens,
-            margin_px,
-        };
-        Self::of(&has, &asked)
+        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        let plan = Self::of(&has, &asked);
+        let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
+        Self { margin_px, ..plan }
     }
 
     /// The planes that are told or read in this frame.

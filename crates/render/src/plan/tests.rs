@@ -20,7 +20,6 @@ const ASKED: Asked = Asked {
     slants: true,
     is_crowded: false,
     evens: false,
-    margin_px: 0,
 };
 
 #[test]
