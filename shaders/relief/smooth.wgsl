@@ -9,8 +9,8 @@ override STEP: u32;
 override DOWN: bool;
 // Weights, from the middle outwards (binomial).
 const TAPS: vec3<f32> = vec3<f32>(6.0, 4.0, 1.0);
-// Radius of discs over the widest distance of taps that they need.
-const RADIUS_PER_STEP: f32 = 1.8;
+// Radius of discs over the distance of taps from which on a round counts, and from which on it counts in full.
+const RADIUS_PER_STEP: vec2<f32> = vec2<f32>(1.7, 2.5);
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> relief: Relief;
@@ -29,9 +29,13 @@ fn depth(pixel: u32) -> f32 {
     return rough[pixel];
 }
 
-// Wider rounds than the discs need are left out.
-fn is_needed(step: u32) -> bool {
-    return step <= 2u || relief.radius_px >= RADIUS_PER_STEP * f32(step);
+// How much of its weight a round has whose taps are so far apart; 0 where it is left out.
+fn share(step: u32) -> f32 {
+    if step <= 2u {
+        return 1.0;
+    }
+    let part = relief.radius_px / f32(step) - RADIUS_PER_STEP.x;
+    return clamp(part / (RADIUS_PER_STEP.y - RADIUS_PER_STEP.x), 0.0, 1.0);
 }
 
 // The taps at a distance on both sides where both are on the surface: their sum and the number 1.
@@ -49,8 +53,9 @@ fn pair(pixel: u32, at: u32, count: u32, stride: u32, distance: u32, limit: f32)
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    is_later = STEP < 8u && is_needed(2u * STEP);
-    if !is_needed(STEP) || id.x >= frame.width || id.y >= frame.height {
+    is_later = STEP < 8u && share(2u * STEP) > 0.0;
+    let weight = share(STEP);
+    if weight == 0.0 || id.x >= frame.width || id.y >= frame.height {
         return;
     }
     let pixel = id.y * frame.width + id.x;
@@ -65,8 +70,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let stride = select(1u, frame.width, DOWN);
     let limit = near_share(f32(STEP), relief.radius_px) * here;
-    let inner = pair(pixel, at, count, stride, STEP, limit);
-    let outer = pair(pixel, at, count, stride, 2u * STEP, limit);
-    let sum = here * TAPS.x + inner.x * TAPS.y + outer.x * TAPS.z;
-    smoothed[pixel] = sum / (TAPS.x + 2.0 * (inner.y * TAPS.y + outer.y * TAPS.z));
+    let inner = pair(pixel, at, count, stride, STEP, limit) * (TAPS.y * weight);
+    let outer = pair(pixel, at, count, stride, 2u * STEP, limit) * (TAPS.z * weight);
+    smoothed[pixel] = (here * TAPS.x + inner.x + outer.x) / (TAPS.x + 2.0 * (inner.y + outer.y));
 }

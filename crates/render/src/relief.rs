@@ -17,8 +17,9 @@ const SLOPE_MAX: f32 = 6.0;
 const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
 /// Distances of taps, pixels; the last two are always used.
 const STEPS: [usize; 4] = [8, 4, 2, 1];
-/// Radius of discs over the widest distance of taps that they need.
-const RADIUS_PER_STEP: f32 = 1.8;
+/// Radius of discs over the distance of taps from which on a round counts, and from which on it counts in full. In
+/// between its weight grows with the radius, so that pictures do not jump when the view changes a little.
+const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
 /// Distance of the surroundings that darken, pixels.
 const REACH: usize = 2;
 /// Beyond this slope more depth darkens no more.
@@ -63,16 +64,28 @@ impl<'a> DepthImage<'a> {
         smooth.resize(self.depth.len(), 0.0);
         nothing.clear();
         nothing.resize(self.width, f32::INFINITY);
-        let is_needed =
-            |&step: &usize| step <= 2 || self.radius_px >= RADIUS_PER_STEP * step as f32;
         let mut is_rough = true;
-        for step in STEPS.into_iter().filter(is_needed) {
+        for step in STEPS {
+            let share = self.share(step);
+            if share == 0.0 {
+                continue;
+            }
+            let taps = [TAPS[0], TAPS[1] * share, TAPS[2] * share];
             let rough = if is_rough { self.depth } else { &*smooth };
-            DepthImage { depth: rough, ..self }.smooth_rows(step, rows);
-            DepthImage { depth: rows, ..self }.smooth_columns(step, nothing, smooth);
+            DepthImage { depth: rough, ..self }.smooth_rows(step, taps, rows);
+            DepthImage { depth: rows, ..self }.smooth_columns(step, taps, nothing, smooth);
             is_rough = false;
         }
         DepthImage { depth: smooth, ..self }
+    }
+
+    /// How much of its weight a round has whose taps are `step` pixels apart; 0 where it is left out.
+    fn share(&self, step: usize) -> f32 {
+        let [from, full] = RADIUS_PER_STEP;
+        if step <= 2 {
+            return 1.0;
+        }
+        ((self.radius_px / step as f32 - from) / (full - from)).clamp(0.0, 1.0)
     }
 
     /// The greatest relative change of depth over so many pixels within a surface. Between neighbouring
@@ -81,8 +94,8 @@ impl<'a> DepthImage<'a> {
         SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
     }
 
-    /// The mean along rows, taps `step` pixels apart.
-    fn smooth_rows(&self, step: usize, out: &mut [f32]) {
+    /// The mean along rows, taps `step` pixels apart; `weights` are theirs.
+    fn smooth_rows(&self, step: usize, weights: [f32; 3], out: &mut [f32]) {
         let reach = 2 * step;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
             let row = self.row(y);
@@ -92,19 +105,19 @@ impl<'a> DepthImage<'a> {
             let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
             let taps = [view(0), view(1), view(2), view(3), view(4)];
             let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
-            dispatch!(Level::new(), _ => mean(taps, self.near(step), out));
+            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
         });
     }
 
-    /// The mean along columns, taps `step` pixels apart.
-    fn smooth_columns(&self, step: usize, nothing: &[f32], out: &mut [f32]) {
+    /// The same along columns.
+    fn smooth_columns(&self, step: usize, weights: [f32; 3], nothing: &[f32], out: &mut [f32]) {
         let height = self.depth.len() / self.width;
         out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
             let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
             let down =
                 |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
             let taps = [up(2), up(1), self.row(y), down(1), down(2)];
-            dispatch!(Level::new(), _ => mean(taps, self.near(step), out));
+            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
         });
     }
 
@@ -132,18 +145,18 @@ impl<'a> DepthImage<'a> {
 /// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the
 /// middle.
 #[inline(always)]
-fn mean(taps: [&[f32]; 5], near: f32, out: &mut [f32]) {
+fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
     let n = out.len();
     let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
     for x in 0..n {
         let m = middle[x];
         let pair = |a: f32, b: f32| (a - m).abs() < near * m && (b - m).abs() < near * m;
         // In pairs, so that a slope's edge does not bend towards its inside.
-        let w1 = if pair(a1[x], b1[x]) { TAPS[1] } else { 0.0 };
-        let w2 = if pair(a2[x], b2[x]) { TAPS[2] } else { 0.0 };
+        let w1 = if pair(a1[x], b1[x]) { weights[1] } else { 0.0 };
+        let w2 = if pair(a2[x], b2[x]) { weights[2] } else { 0.0 };
         let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
         let s2 = if w2 > 0.0 { a2[x] + b2[x] } else { 0.0 };
-        out[x] = (m * TAPS[0] + s1 * w1 + s2 * w2) / (TAPS[0] + 2.0 * (w1 + w2));
+        out[x] = (m * weights[0] + s1 * w1 + s2 * w2) / (weights[0] + 2.0 * (w1 + w2));
     }
 }
 
@@ -364,6 +377,30 @@ mod tests {
         let inner = (0..SIDE * SIDE)
             .filter(|i| (1..SIDE - 1).contains(&(i % SIDE)) && (1..SIDE - 1).contains(&(i / SIDE)));
         assert_eq!(inner.filter(is_dot).count(), 0);
+    }
+
+    /// Radii change with every step of a walk: the smoothing that they ask for must not come and go at once.
+    #[test]
+    fn a_little_wider_discs_change_smooth_depth_a_little() {
+        const SIDE: usize = 96;
+        let wave = |i: usize| ((i % SIDE) as f32 * 0.4).sin() + ((i / SIDE) as f32 * 0.3).cos();
+        let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.02 * wave(i)).collect();
+        let smooth = |radius_px: f32| {
+            let image = DepthImage {
+                width: SIDE,
+                depth: &depth,
+                focal_px: 270.0,
+                centre_px: [SIDE as f32 / 2.0; 2],
+                radius_px,
+            };
+            image.smoothed(&mut ReliefScratch::default()).depth.to_vec()
+        };
+        let differ =
+            |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
+        let radii: Vec<_> = (0..=300).map(|k| smooth(k as f32 * 0.1)).collect();
+        let all = differ(&radii[0], &radii[300]);
+        let most = radii.windows(2).map(|r| differ(&r[0], &r[1])).fold(0.0, f32::max);
+        assert!(most < 0.1 * all, "{most} of {all} at once");
     }
 
     #[test]
