@@ -8,6 +8,7 @@ use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
 use esker_render::camera::Camera;
 use esker_render::colour::linear;
+use esker_render::margin::MARGIN_PX;
 use esker_render::pyramid::{Level, Pyramid};
 use esker_render::relief::{DepthImage, ReliefScratch};
 use esker_render::tangent::Lens;
@@ -115,7 +116,7 @@ impl Cloud {
         Self::new(&s.points, spacing, s.radius)
     }
 
-    /// Draws it, and what the passes before shading leave.
+    /// Draws it with a margin, and what the passes before shading leave of the picture.
     pub fn draw(&self, view: &View, has_normals: bool) -> Drawn {
         self.draw_with(view, has_normals, self.averages, pull_push)
     }
@@ -151,13 +152,15 @@ impl Cloud {
     ) -> Drawn {
         let draws: Vec<_> =
             self.scenes.iter().flat_map(|s| s.draws(true, true, has_normals)).collect();
-        let mut frame = self.scenes[0].frame(view, &draws);
+        let wide = view.with_margin(MARGIN_PX);
+        let mut frame = self.scenes[0].frame(&wide, &draws);
         frame.background = Background::Plain([0; 4]);
         (frame.averages, frame.smooths, frame.slants) = (self.averages, self.averages, slants);
         let picture = Renderer::default().render(&frame).unwrap();
         let smooths = FramePlan::new(&frame).smooths;
         let (level, depth) = last_level(&frame, |pyramid| fill(pyramid, smooths));
-        Drawn { view: *view, picture, level, depth }
+        let depth = inner(&depth, level.width);
+        Drawn { view: *view, picture, level: inner_level(level), depth }
     }
 }
 
@@ -165,6 +168,22 @@ impl Cloud {
 pub fn pull_push(pyramid: &mut Pyramid, smooths: bool) {
     pull::pull(pyramid);
     push::push_with(pyramid, smooths, &mut []);
+}
+
+/// What a plane has within the margin.
+fn inner<T: Copy>(plane: &[T], wide_width: usize) -> Vec<T> {
+    const MARGIN: usize = MARGIN_PX as usize;
+    let rows = plane.len() / wide_width;
+    let kept = plane.chunks(wide_width).take(rows.saturating_sub(MARGIN)).skip(MARGIN);
+    kept.flat_map(|row| row[MARGIN..wide_width - MARGIN].iter().copied()).collect()
+}
+
+fn inner_level(level: Level) -> Level {
+    let Level { width, height, edge_px, front, tint, depth, normal, tilt } = level;
+    let (front, tint) = (inner(&front, width), inner(&tint, width));
+    let (depth, normal, tilt) = (inner(&depth, width), inner(&normal, width), inner(&tilt, width));
+    let [width, height] = [width, height].map(|s| s - 2 * MARGIN_PX as usize);
+    Level { width, height, edge_px, front, tint, depth, normal, tilt }
 }
 
 /// Level 0 and the depth image before shading.
