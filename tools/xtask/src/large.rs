@@ -3,7 +3,7 @@
 //! can, and verified; a table, and an error where a bound does not hold. Files go to the system's place for temporary
 //! ones (`TMPDIR`): 60 bytes a point at most.
 
-use crate::shell::run_cargo;
+use crate::shell::{Scratch, build_esker};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
@@ -57,11 +57,8 @@ pub fn run() -> Result<()> {
     };
     let cases: Vec<&Case> = CASES.iter().filter(is_wanted).collect();
     ensure!(!cases.is_empty(), "ESKER_LARGE={}: no build is named so", wanted.unwrap_or_default());
-    run_cargo(&["build", "--release", "-p", "esker"])?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-    let program = Path::new(&target).join("release/esker").canonicalize();
-    let program = program.context("the program that was built")?;
-    let place = Place::new()?;
+    let program = build_esker()?;
+    let place = Scratch::new("large")?;
     let empty_mib = empty_mib(&program, &place)?;
     println!("the empty program: {empty_mib} MiB");
     println!(
@@ -79,29 +76,8 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// A folder of our own, gone in the end.
-struct Place(PathBuf);
-
-impl Place {
-    fn new() -> Result<Self> {
-        let folder = std::env::temp_dir().join(format!("esker-large-{}", std::process::id()));
-        std::fs::create_dir(&folder).with_context(|| format!("{}", folder.display()))?;
-        Ok(Self(folder))
-    }
-
-    fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 impl Case {
-    fn run(&self, program: &Path, place: &Place, empty_mib: u64) -> Result<()> {
+    fn run(&self, program: &Path, place: &Scratch, empty_mib: u64) -> Result<()> {
         let out = place.file("out.esker");
         let inputs = match self.input.split_once(' ') {
             Some((generated, _)) => {
@@ -119,7 +95,7 @@ impl Case {
             out.as_os_str(),
             memory.as_ref(),
             "--scratch".as_ref(),
-            place.0.as_os_str(),
+            place.folder().as_os_str(),
             "--json".as_ref(),
             "--progress=none".as_ref(),
         ];
@@ -186,7 +162,7 @@ fn esker(program: &Path, limit_mib: u64, words: &[&OsStr]) -> Result<Value> {
 }
 
 /// The least limit under which the program builds three points, MiB.
-fn empty_mib(program: &Path, place: &Place) -> Result<u64> {
+fn empty_mib(program: &Path, place: &Scratch) -> Result<u64> {
     let (tiny, out) = (place.file("tiny.xyz"), place.file("tiny.esker"));
     std::fs::write(&tiny, "0 0 0\n1 2 3\n4 5 6\n")?;
     let words: [&OsStr; 6] = [

@@ -3,6 +3,7 @@
 
 mod deps;
 mod fmt;
+mod gallery;
 mod house;
 mod large;
 mod lint;
@@ -39,11 +40,18 @@ const STEPS: [Step; 8] = [
 ];
 
 /// What takes too long for the gate, and is run by its own name only.
-const APART: [Step; 1] = [Step {
-    name: "large",
-    about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
-    run: |_| large::run(),
-}];
+const APART: [Step; 2] = [
+    Step {
+        name: "large",
+        about: "20 to 100 million points within their memory; ESKER_LARGE=1G for more",
+        run: |_| large::run(),
+    },
+    Step {
+        name: "gallery",
+        about: "draws docs/gallery anew, of the scans in ESKER_DATA",
+        run: |_| gallery::draw(),
+    },
+];
 
 fn main() -> ExitCode {
     let task = std::env::args().nth(1).unwrap_or_default();

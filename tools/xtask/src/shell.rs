@@ -4,13 +4,14 @@
 use anyhow::{Context, Result, bail, ensure};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Makes the root of the workspace the current folder.
 pub fn enter_root() -> Result<()> {
     let manifest =
         output(&cargo(), &["locate-project", "--workspace", "--message-format", "plain"])?;
-    let root = std::path::Path::new(manifest.trim()).parent().context("the manifest is nowhere")?;
+    let root = Path::new(manifest.trim()).parent().context("the manifest is nowhere")?;
     std::env::set_current_dir(root).with_context(|| format!("{}", root.display()))
 }
 
@@ -24,6 +25,42 @@ pub fn run_cargo(args: &[&str]) -> Result<()> {
     let status = Command::new(cargo()).args(args).stdin(Stdio::null()).status()?;
     ensure!(status.success(), "cargo {} failed ({status})", args.join(" "));
     Ok(())
+}
+
+/// Builds the program as users run it, and says where it is.
+pub fn build_esker() -> Result<PathBuf> {
+    run_cargo(&["build", "--release", "-p", "esker"])?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    let program = Path::new(&target).join("release/esker").canonicalize();
+    program.context("the program that was built")
+}
+
+/// A folder in the system's place for temporary files, which goes with its value.
+pub struct Scratch(PathBuf);
+
+impl Scratch {
+    /// An empty one for a task.
+    pub fn new(task: &str) -> Result<Self> {
+        let folder = std::env::temp_dir().join(format!("esker-{task}-{}", std::process::id()));
+        std::fs::create_dir(&folder).with_context(|| format!("{}", folder.display()))?;
+        Ok(Self(folder))
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.0
+    }
+
+    /// A file in it.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }
 
 /// What a program prints; fails where it fails.

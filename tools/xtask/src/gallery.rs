@@ -1,0 +1,92 @@
+//! The gallery drawn anew: `cargo xtask gallery`. Which pictures of which scans, and how they are seen, is said by
+//! `docs/gallery/pictures.json`; scans lie in `ESKER_DATA`, or are generated. Each is built once, and drawn on the CPU by the program
+//! as users run it, so that pictures are the same wherever they are drawn. What is to be seen in them, a person says.
+
+use crate::shell::{Scratch, build_esker};
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Where pictures and their list are.
+const FOLDER: &str = "docs/gallery";
+
+/// Draws all of them.
+///
+/// # Errors
+/// Where a scan is not there, or does not build or draw.
+pub fn draw() -> Result<()> {
+    let data =
+        std::env::var_os("ESKER_DATA").context("ESKER_DATA is not set: say where scans are")?;
+    let list = Path::new(FOLDER).join("pictures.json");
+    let text = std::fs::read_to_string(&list).with_context(|| format!("{}", list.display()))?;
+    let pictures: Vec<Value> =
+        serde_json::from_str(&text).with_context(|| format!("{}", list.display()))?;
+    let (program, place) = (build_esker()?, Scratch::new("gallery")?);
+    run(&program, &["demo".as_ref(), "-o".as_ref(), place.file("demo").as_ref()])?;
+    std::fs::copy(place.file("demo").join("sample.png"), Path::new(FOLDER).join("sample.png"))?;
+    let mut files = HashMap::new();
+    for picture in &pictures {
+        let scans = words(picture, "scans")?;
+        let normals = picture["normals"].as_str().unwrap_or("keep");
+        let next = place.file(&format!("{}.esker", files.len()));
+        let file: &mut PathBuf = files.entry((scans.clone(), normals)).or_default();
+        if file.as_os_str().is_empty() {
+            build(&program, &data, &scans, normals, &next)?;
+            *file = next;
+        }
+        draw_one(&program, file, picture)?;
+    }
+    Ok(())
+}
+
+/// Builds scans into one file.
+fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Path) -> Result<()> {
+    let is_generated = |scan: &str| scan.starts_with("synthetic:");
+    let path = |scan: &&str| match is_generated(scan) {
+        true => PathBuf::from(scan),
+        false => Path::new(data).join(scan),
+    };
+    let scans: Vec<PathBuf> = scans.iter().map(path).collect();
+    let mut words: Vec<&OsStr> = vec!["build".as_ref()];
+    words.extend(scans.iter().map(|scan| scan.as_os_str()));
+    words.extend(["-o".as_ref(), file.as_os_str(), "--normals".as_ref(), normals.as_ref()]);
+    run(program, &words)
+}
+
+/// Draws one by each of its methods; where there are several, each has a picture.
+fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
+    let word = |key: &str| picture[key].as_str().with_context(|| format!("{picture} has no {key}"));
+    let methods = words(picture, "methods").unwrap_or_else(|_| vec!["pull-push"]);
+    for method in &methods {
+        let name = match methods.len() {
+            1 => format!("{}.png", word("name")?),
+            _ => format!("{}-{method}.png", word("name")?),
+        };
+        let out = Path::new(FOLDER).join(name);
+        let mut words: Vec<&OsStr> = vec!["render".as_ref(), file.as_os_str()];
+        words.extend(["-o".as_ref(), out.as_os_str(), "--method".as_ref(), method.as_ref()]);
+        words.extend(["--size", word("size")?, "--camera", word("camera")?].map(OsStr::new));
+        words.extend(["--backend", "cpu"].map(OsStr::new));
+        if let Some(colour) = picture["colour"].as_str() {
+            words.extend(["--colour", colour].map(OsStr::new));
+        }
+        run(program, &words)?;
+    }
+    Ok(())
+}
+
+/// A list of words of a picture.
+fn words<'a>(picture: &'a Value, key: &str) -> Result<Vec<&'a str>> {
+    let all = picture[key].as_array().with_context(|| format!("{picture} has no {key}"))?;
+    all.iter().map(|word| word.as_str().context("not a word")).collect()
+}
+
+/// Runs the program, its output passed on; fails where it fails.
+fn run(program: &Path, words: &[&OsStr]) -> Result<()> {
+    let status = Command::new(program).args(words).stdin(Stdio::null()).status()?;
+    ensure!(status.success(), "{} failed ({status})", words.join(OsStr::new(" ")).display());
+    Ok(())
+}
