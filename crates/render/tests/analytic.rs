@@ -31,14 +31,10 @@ fn covered_walls(ratio: f64, kind: Kind) -> (Truth, Cloud, f64) {
     (truth, Cloud::new(&cloud.points, spacing, cloud.radius), spacing)
 }
 
-/// Pixels of the near wall. Points beyond the picture's edge have no pixel and cover nothing inside of it, so what lies within
-/// a spacing of that is left out.
-fn near_wall(image: &Image, spacing_px: f64) -> Vec<usize> {
-    let within = spacing_px as u32..SIDE - spacing_px as u32;
-    let is_within =
-        |p: &usize| [*p as u32 % SIDE, *p as u32 / SIDE].iter().all(|c| within.contains(c));
+/// Pixels of the near wall.
+fn near_wall(image: &Image) -> Vec<usize> {
     let is_near = |p: &usize| image.seen[*p].is_some_and(|seen| seen.part == 0);
-    (0..image.seen.len()).filter(is_within).filter(is_near).collect()
+    (0..image.seen.len()).filter(is_near).collect()
 }
 
 #[test]
@@ -51,7 +47,7 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
                 let image = Image::new(&truth, &view);
                 let drawn = cloud.draw(&view, true);
                 let what = format!("ratio {ratio}, {kind:?}, {spacing_px} px, {degrees} degrees");
-                let near = near_wall(&image, spacing_px);
+                let near = near_wall(&image);
                 // Of a grid seen edge on, means of discs fall short here and there of what these cover.
                 let is_edge_on = kind == Kind::Regular && spacing_px > 1.0 && degrees > 75.0;
                 let bleeding = near.iter().filter(|&&p| drawn.bleeds(&image, p)).count();
@@ -73,7 +69,7 @@ fn next_to_nothing_of_a_wall_shows_through_one_before_it_without_normals() {
         for degrees in [0.0, 45.0, 70.0, 80.0] {
             let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / 1.5);
             let image = Image::new(&truth, &view);
-            let near = near_wall(&image, 1.5);
+            let near = near_wall(&image);
             let [told, published] = [cloud.draw(&view, false), cloud.draw_published(&view, false)]
                 .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
             let what =
@@ -92,7 +88,7 @@ fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_a
         for degrees in [80.0, 85.0] {
             let view = walls_view(SIDE, degrees, f64::from(SIDE) * spacing / 1.5);
             let image = Image::new(&truth, &view);
-            let near = near_wall(&image, 1.5);
+            let near = near_wall(&image);
             let bleeding = [cloud.draw(&view, true), cloud.draw_published(&view, true)]
                 .map(|drawn| near.iter().filter(|&&p| drawn.bleeds(&image, p)).count());
             let what = format!("{bleeding:?}: ratio {ratio}, {degrees} degrees");
@@ -222,15 +218,12 @@ fn smoothed_pixels_are_nearer_to_the_truth_and_flicker_less_and_edges_stay() {
 
 #[test]
 fn closed_surfaces_whose_radii_cover_them_have_no_holes() {
-    for (name, truth, view) in
-        scenes(SIDE).into_iter().filter(|s| ["sphere", "cube", "torus"].contains(&s.0))
-    {
+    let closed = ["sphere", "cube", "torus", "checks"];
+    for (name, truth, view) in scenes(SIDE).into_iter().filter(|s| closed.contains(&s.0)) {
         let image = Image::new(&truth, &view);
         for density in [0.05, 0.1, 1.0, 4.0] {
             for kind in [Kind::Regular, Kind::Poisson] {
-                let spacing = view.eye.length() / view.focal_px() / f64::sqrt(density);
-                let s = sample(&truth, spacing, kind, &mut Dice(7));
-                let cloud = Cloud::new(&s.points, spacing, s.radius);
+                let cloud = Cloud::of(&truth, &view, density, kind, &mut Dice(7));
                 for normals in [true, false] {
                     let drawn = cloud.draw(&view, normals);
                     let what = format!("{name}, {density} points a pixel, {kind:?}, {normals}");

@@ -182,20 +182,22 @@ pub fn floor(
     dice: &mut Dice,
 ) -> Vec<(f64, Sample)> {
     let mut bands = Vec::new();
-    let half = view.tan_half().x * 1.1;
-    let mut near = 0.5;
+    // What is looked at from above lies farther off than it lies ahead; and the margin is seen, too.
+    let (half, above) = (view.tan_half().x * 1.4, view.eye.z - z);
+    let mut near = 0.3;
     while near < 1500.0 {
         let far = near * 1.2;
         let spacing = near * spacing_px / view.focal_px();
+        let side = half * (far + above);
         let (columns, rows) =
-            ((2.0 * half * far / spacing) as i32, ((far - near) / spacing).ceil() as i32);
+            ((2.0 * side / spacing) as i32, ((far - near) / spacing).ceil() as i32);
         let row_edge = (far - near) / f64::from(rows.max(1));
         let mut points = Vec::new();
         for row in 0..rows.max(1) {
             for column in 0..columns.max(1) {
                 let (a, b) =
                     if kind == Kind::Regular { (0.5, 0.5) } else { (dice.unit(), dice.unit()) };
-                let x = (f64::from(column) + a) * spacing - half * far;
+                let x = (f64::from(column) + a) * spacing - side;
                 let at = DVec3::new(x, near + (f64::from(row) + b) * row_edge, z);
                 points.push(ScenePoint { at, normal: DVec3::Z, colour: paint.at(at) });
             }
