@@ -2,13 +2,12 @@
 //! `docs/gallery/pictures.json`; scans lie in `ESKER_DATA`, or are generated. Each is built once, and drawn on the CPU by the program
 //! as users run it, so that pictures are the same wherever they are drawn. What is to be seen in them, a person says.
 
-use crate::shell::{Scratch, build_esker};
-use anyhow::{Context, Result, ensure};
+use crate::shell::{Scratch, build_esker, run};
+use anyhow::{Context, Result};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 /// Where pictures and their list are.
 const FOLDER: &str = "docs/gallery";
@@ -25,7 +24,7 @@ pub fn draw() -> Result<()> {
     let pictures: Vec<Value> =
         serde_json::from_str(&text).with_context(|| format!("{}", list.display()))?;
     let (program, place) = (build_esker()?, Scratch::new("gallery")?);
-    run(&program, &["demo".as_ref(), "-o".as_ref(), place.file("demo").as_ref()])?;
+    esker(&program, &["demo".as_ref(), "-o".as_ref(), place.file("demo").as_ref()])?;
     std::fs::copy(place.file("demo").join("sample.png"), Path::new(FOLDER).join("sample.png"))?;
     let mut files = HashMap::new();
     for picture in &pictures {
@@ -53,7 +52,7 @@ fn build(program: &Path, data: &OsStr, scans: &[&str], normals: &str, file: &Pat
     let mut words: Vec<&OsStr> = vec!["build".as_ref()];
     words.extend(scans.iter().map(|scan| scan.as_os_str()));
     words.extend(["-o".as_ref(), file.as_os_str(), "--normals".as_ref(), normals.as_ref()]);
-    run(program, &words)
+    esker(program, &words)
 }
 
 /// Draws one by each of its methods; where there are several, each has a picture.
@@ -73,7 +72,7 @@ fn draw_one(program: &Path, file: &Path, picture: &Value) -> Result<()> {
         if let Some(colour) = picture["colour"].as_str() {
             words.extend(["--colour", colour].map(OsStr::new));
         }
-        run(program, &words)?;
+        esker(program, &words)?;
     }
     Ok(())
 }
@@ -84,9 +83,7 @@ fn words<'a>(picture: &'a Value, key: &str) -> Result<Vec<&'a str>> {
     all.iter().map(|word| word.as_str().context("not a word")).collect()
 }
 
-/// Runs the program, its output passed on; fails where it fails.
-fn run(program: &Path, words: &[&OsStr]) -> Result<()> {
-    let status = Command::new(program).args(words).stdin(Stdio::null()).status()?;
-    ensure!(status.success(), "{} failed ({status})", words.join(OsStr::new(" ")).display());
-    Ok(())
+/// Runs the program.
+fn esker(program: &Path, words: &[&OsStr]) -> Result<()> {
+    run("esker", program.as_os_str(), words)
 }

@@ -2,7 +2,7 @@
 //! ever waits for a person. What they print is passed through line by line where it is also read.
 
 use anyhow::{Context, Result, bail, ensure};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -22,8 +22,14 @@ pub fn cargo() -> OsString {
 
 /// Runs cargo, its output passed on; fails where it fails.
 pub fn run_cargo(args: &[&str]) -> Result<()> {
-    let status = Command::new(cargo()).args(args).stdin(Stdio::null()).status()?;
-    ensure!(status.success(), "cargo {} failed ({status})", args.join(" "));
+    run("cargo", &cargo(), args)
+}
+
+/// Runs a program, which errors call by a name, its output passed on; fails where it fails.
+pub fn run<S: AsRef<OsStr>>(name: &str, program: &OsStr, args: &[S]) -> Result<()> {
+    let status = Command::new(program).args(args).stdin(Stdio::null()).status()?;
+    let words: Vec<_> = args.iter().map(|word| word.as_ref().to_string_lossy()).collect();
+    ensure!(status.success(), "{name} {} failed ({status})", words.join(" "));
     Ok(())
 }
 
