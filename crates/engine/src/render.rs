@@ -363,7 +363,7 @@ fn notes(
 }
 
 fn report(picture: &Picture, scene: &Scene) -> Value {
-    let (stats, stages) = (&picture.stats, &picture.stats.stages);
+    let stats = &picture.stats;
     let (view, counters) = (scene.view.with_margin(0), &scene.selection.counters);
     json!({
         "points_drawn": stats.points_drawn,
@@ -385,23 +385,40 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
         "nodes_visited": counters.visited,
         "nodes_filtered": counters.filtered,
         "nodes_culled": counters.culled + counters.contour_culled,
-        "stages_ms": {
-            "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
-            "blend": stages.blend_ms, "slant": stages.slant_ms, "gather": stages.gather_ms, "average": stages.average_ms, "even": stages.even_ms,
-            "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms, "shade": stages.shade_ms,
-            "soften": stages.soften_ms, "draw": stages.total_ms,
-        },
+        "stages_ms": stages_ms(scene, picture),
     })
+}
+
+/// The stages of a picture, in their order; `draw` is all of those that draw.
+const STAGES: [&str; 15] = [
+    "select", "read", "project", "place", "blend", "slant", "gather", "average", "even", "pull",
+    "push", "mend", "shade", "soften", "draw",
+];
+
+fn stages_ms(scene: &Scene, picture: &Picture) -> Value {
+    let stages = &picture.stats.stages;
+    json!({
+        "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
+        "blend": stages.blend_ms, "slant": stages.slant_ms, "gather": stages.gather_ms, "average": stages.average_ms,
+        "even": stages.even_ms, "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms,
+        "shade": stages.shade_ms, "soften": stages.soften_ms, "draw": stages.total_ms,
+    })
+}
+
+/// What each stage took, a line: those that took a twentieth of a millisecond, as others are most often left out.
+fn stages_line(report: &Value) -> String {
+    let ms = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
+    let taken = STAGES.iter().map(|name| (name, ms(name))).filter(|(_, ms)| *ms >= 0.05);
+    let taken: Vec<String> = taken.map(|(name, ms)| format!("{name} {ms:.1}")).collect();
+    format!("ms: {}", taken.join(", "))
 }
 
 /// [`render`]'s report for people.
 pub fn text(report: &Value) -> String {
-    let stage = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     let mut lines = vec![format!(
         "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
-         choose {:.1} ms, read {:.1}, project {:.1}, place {:.1}, blend {:.1}, gather {:.1}, pull {:.1}, push {:.1}, mend {:.1}, \
-         shade {:.1}, soften {:.1}",
+         {}",
         report["picture"].as_str().unwrap_or("?"),
         n("points_drawn"),
         n("nodes_drawn"),
@@ -411,17 +428,7 @@ pub fn text(report: &Value) -> String {
         ),
         report["drawn_by"]["adapter"].as_str().map_or(String::new(), |name| format!(", by {name}")),
         legend_line(report),
-        stage("select"),
-        stage("read"),
-        stage("project"),
-        stage("place"),
-        stage("blend"),
-        stage("gather"),
-        stage("pull"),
-        stage("push"),
-        stage("mend"),
-        stage("shade"),
-        stage("soften"),
+        stages_line(report),
     )];
     let notes = report["notes"].as_array().into_iter().flatten();
     lines.extend(notes.filter_map(Value::as_str).map(|note| format!("note: {note}")));
@@ -435,4 +442,17 @@ fn legend_line(report: &Value) -> String {
 
 fn ms(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_are_told_the_stages_that_took_time_in_their_order() {
+        let stages =
+            json!({ "soften": 0.1, "slant": 1.25, "blend": 0.0, "select": 0.2, "draw": 3.0 });
+        let line = stages_line(&json!({ "stages_ms": stages }));
+        assert_eq!(line, "ms: select 0.2, slant 1.2, soften 0.1, draw 3.0");
+    }
 }
