@@ -27,6 +27,7 @@ pub mod render;
 pub mod seen;
 pub mod session;
 pub mod slots;
+mod stages;
 pub mod staging;
 pub mod system;
 pub mod verify;

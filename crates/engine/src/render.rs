@@ -5,6 +5,7 @@ use crate::backend::{Backend, DrawWith, Drawer};
 use crate::camera::Camera;
 use crate::drawing::{Look, draw_node};
 use crate::explain;
+use crate::stages::taken;
 use crate::{info, output, picture, pool, seen, whole};
 use anyhow::{Context, Result};
 use esker_format::footer::HEADER_MAGIC;
@@ -13,7 +14,7 @@ use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residu
 use esker_points::place::no_file_at;
 use esker_points::{Filter, Task};
 use esker_render::density::{is_crowded, is_dense};
-use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer};
+use esker_render::{DrawNode, FramePlan, Method, Picture, Renderer, Stages};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -389,28 +390,15 @@ fn report(picture: &Picture, scene: &Scene) -> Value {
     })
 }
 
-/// The stages of a picture, in their order; `draw` is all of those that draw.
-const STAGES: [&str; 15] = [
-    "select", "read", "project", "place", "blend", "slant", "gather", "average", "even", "pull",
-    "push", "mend", "shade", "soften", "draw",
-];
-
+/// What each stage of a picture took, by its name.
 fn stages_ms(scene: &Scene, picture: &Picture) -> Value {
     let stages = &picture.stats.stages;
-    json!({
-        "select": scene.select_ms, "read": scene.read_ms, "project": stages.project_ms, "place": stages.place_ms,
-        "blend": stages.blend_ms, "slant": stages.slant_ms, "gather": stages.gather_ms, "average": stages.average_ms,
-        "even": stages.even_ms, "pull": stages.pull_ms, "push": stages.push_ms, "mend": stages.mend_ms,
-        "shade": stages.shade_ms, "soften": stages.soften_ms, "draw": stages.total_ms,
-    })
-}
-
-/// What each stage took, a line: those that took a twentieth of a millisecond, as others are most often left out.
-fn stages_line(report: &Value) -> String {
-    let ms = |name: &str| report["stages_ms"][name].as_f64().unwrap_or(0.0);
-    let taken = STAGES.iter().map(|name| (name, ms(name))).filter(|(_, ms)| *ms >= 0.05);
-    let taken: Vec<String> = taken.map(|(name, ms)| format!("{name} {ms:.1}")).collect();
-    format!("ms: {}", taken.join(", "))
+    let mut all =
+        json!({ "select": scene.select_ms, "read": scene.read_ms, "draw": stages.total_ms });
+    for (name, ms) in Stages::NAMED {
+        all[name] = json!(ms(stages));
+    }
+    all
 }
 
 /// [`render`]'s report for people.
@@ -418,7 +406,7 @@ pub fn text(report: &Value) -> String {
     let n = |name: &str| crate::quantity::grouped(report[name].as_u64().unwrap_or(0));
     let mut lines = vec![format!(
         "{}: {} points of {} nodes, {} of {} pixels covered{}\n{}\
-         {}",
+         ms: {}",
         report["picture"].as_str().unwrap_or("?"),
         n("points_drawn"),
         n("nodes_drawn"),
@@ -428,7 +416,7 @@ pub fn text(report: &Value) -> String {
         ),
         report["drawn_by"]["adapter"].as_str().map_or(String::new(), |name| format!(", by {name}")),
         legend_line(report),
-        stages_line(report),
+        taken(&report["stages_ms"], &["select", "read"], "draw"),
     )];
     let notes = report["notes"].as_array().into_iter().flatten();
     lines.extend(notes.filter_map(Value::as_str).map(|note| format!("note: {note}")));
@@ -442,17 +430,4 @@ fn legend_line(report: &Value) -> String {
 
 fn ms(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn people_are_told_the_stages_that_took_time_in_their_order() {
-        let stages =
-            json!({ "soften": 0.1, "slant": 1.25, "blend": 0.0, "select": 0.2, "draw": 3.0 });
-        let line = stages_line(&json!({ "stages_ms": stages }));
-        assert_eq!(line, "ms: select 0.2, slant 1.2, soften 0.1, draw 3.0");
-    }
 }

@@ -187,7 +187,54 @@ pub struct Stages {
     pub total_ms: f64,
 }
 
+/// A stage's name, and its time of [`Stages`].
+pub type Stage = (&'static str, fn(&Stages) -> f64);
+
+impl Stages {
+    /// The stages, in the order in which a frame runs them; without the total.
+    pub const NAMED: [Stage; 12] = [
+        ("project", |s| s.project_ms),
+        ("place", |s| s.place_ms),
+        ("blend", |s| s.blend_ms),
+        ("slant", |s| s.slant_ms),
+        ("gather", |s| s.gather_ms),
+        ("average", |s| s.average_ms),
+        ("even", |s| s.even_ms),
+        ("pull", |s| s.pull_ms),
+        ("push", |s| s.push_ms),
+        ("mend", |s| s.mend_ms),
+        ("shade", |s| s.shade_ms),
+        ("soften", |s| s.soften_ms),
+    ];
+}
+
 /// Milliseconds of a duration.
 pub(crate) fn ms(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_stage_has_one_name() {
+        let stages = Stages {
+            project_ms: 1.0,
+            place_ms: 2.0,
+            blend_ms: 4.0,
+            slant_ms: 8.0,
+            gather_ms: 16.0,
+            average_ms: 32.0,
+            even_ms: 64.0,
+            pull_ms: 128.0,
+            push_ms: 256.0,
+            mend_ms: 512.0,
+            shade_ms: 1024.0,
+            soften_ms: 2048.0,
+            total_ms: 0.0,
+        };
+        let sum: f64 = Stages::NAMED.iter().map(|(_, ms)| ms(&stages)).sum();
+        assert_eq!(sum, 4095.0);
+    }
 }

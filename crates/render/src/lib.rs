@@ -46,6 +46,6 @@ mod windows;
 
 pub use colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use error::RenderError;
-pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stages, Stats};
+pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stage, Stages, Stats};
 pub use plan::{Asked, FramePlan, Pass, SceneHas, Variant};
 pub use renderer::{Renderer, render};

@@ -6,7 +6,7 @@ use crate::bench::path::{Path, Stop};
 use crate::session::{Frame, GpuBytes, Session};
 use anyhow::Result;
 use esker_points::Task;
-use esker_render::Stages;
+use esker_render::{Stage, Stages};
 use esker_stream::Status;
 use std::time::{Duration, Instant};
 
@@ -193,25 +193,11 @@ pub type Passes = Vec<(&'static str, f64)>;
 
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
-    type Pass = (&'static str, fn(&Stages) -> f64);
-    const PASSES: [Pass; 13] = [
-        ("project", |s| s.project_ms),
-        ("slant", |s| s.slant_ms),
-        ("gather", |s| s.gather_ms),
-        ("average", |s| s.average_ms),
-        ("even", |s| s.even_ms),
-        ("pull", |s| s.pull_ms),
-        ("push", |s| s.push_ms),
-        ("mend", |s| s.mend_ms),
-        ("shade", |s| s.shade_ms),
-        ("place", |s| s.place_ms),
-        ("blend", |s| s.blend_ms),
-        ("soften", |s| s.soften_ms),
-        ("all", |s| s.total_ms),
-    ];
     let median =
         |time: fn(&Stages) -> f64| quantile(&stages.iter().map(time).collect::<Vec<_>>(), 0.5);
-    PASSES.map(|(name, time)| (name, median(time))).to_vec()
+    let total: Stage = ("all", |s| s.total_ms);
+    let all = Stages::NAMED.into_iter().chain([total]);
+    all.map(|(name, time)| (name, median(time))).collect()
 }
 
 /// The value that a share, 0 to 1, of the values does not pass; 0 of none.

@@ -3,6 +3,7 @@
 //! say.
 
 use crate::quantity::{grouped, readable_bytes};
+use crate::stages::taken;
 use serde_json::Value;
 
 /// The report of one run, or of several (`runs`).
@@ -185,9 +186,7 @@ fn drawn_by(run: &Value) -> String {
 /// Times of the passes of the last view.
 fn passes(run: &Value) -> String {
     let last = list(&run["views"]).last().map_or(&Value::Null, |v| &v["passes_ms"]);
-    let passes = ["project", "slant", "gather", "pull", "push", "mend", "shade", "soften", "all"];
-    let times = passes.map(|name| format!("{name} {:.1}", number(&last[name])));
-    format!("last view, ms: {}", times.join(" "))
+    format!("last view, ms: {}", taken(last, &[], "all"))
 }
 
 #[cfg(test)]
