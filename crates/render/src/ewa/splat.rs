@@ -5,7 +5,7 @@
 //! for behind the eye a projection passes the test for an ellipse too.
 
 use super::mapping::{Conic, Mapping, amplitude, inverse, mapping};
-use crate::values::Values;
+use crate::values::{Values, WHOLE};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
@@ -275,17 +275,21 @@ pub const WIDENED: f32 = 0.875;
 const AMPLITUDE_MIN: f32 = 1e-12;
 
 /// Rounding of places in the picture.
-pub(super) const MARGIN: f32 = 0.01;
+const MARGIN: f32 = 0.01;
+
+/// First pixels whose middles are past the least and the greatest of places, in a picture of so many pixels, with
+/// [`WHOLE`] added; a middle that is the place itself may be either's. What is not a number is 0.
+#[inline(always)]
+pub(super) fn edges<V: Values>(low: V, high: V, size: f32) -> [V; 2] {
+    [low - MARGIN, high + MARGIN].map(|at| at.max(at.like(0.0)).min(at.like(size)) + WHOLE)
+}
 
 impl Lens {
     /// The pixels whose centres lie in a box; `None` where none does.
     #[inline(always)]
     fn clip(&self, low: Vec2, high: Vec2) -> Option<Box4> {
-        // Pixels from the first whose middle is right of `low`; `as` rounds down and takes what is not a number
-        // for 0, where nothing is inside.
-        let past = |place: f32, size: f32| (place + 0.5).clamp(0.0, size) as u32;
-        let (left, right) = (past(low.x - MARGIN, self.size.x), past(high.x + MARGIN, self.size.x));
-        let (top, bottom) = (past(low.y - MARGIN, self.size.y), past(high.y + MARGIN, self.size.y));
+        let [[left, right], [top, bottom]] =
+            [0, 1].map(|i| edges(low[i], high[i], self.size[i]).map(|at| (at - WHOLE) as u32));
         (left < right && top < bottom).then_some([left, right, top, bottom])
     }
 }
