@@ -1,7 +1,7 @@
 //! Building, appending and merging as calls, and their report as JSON and as text.
 
 use crate::quantity::{grouped, readable_bytes};
-use crate::{inputs, output, pool};
+use crate::{inputs, output, pool, system};
 use anyhow::Result;
 use esker_build::{Options, Report};
 use esker_format::{EskerFile, Normals};
@@ -27,8 +27,14 @@ pub fn build(
     let inputs = &inputs::scans(inputs)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
-    let report = pool::run(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
+    let report = within_memory(threads, || Ok(esker_build::build(inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
+}
+
+/// Runs what is to keep to `--memory` on so many threads: what is freed must not stay with the process.
+fn within_memory<R: Send>(threads: usize, work: impl FnOnce() -> Result<R> + Send) -> Result<R> {
+    system::give_back_freed_memory();
+    pool::run(threads, work)
 }
 
 /// Points that a node of a built file holds.
@@ -55,7 +61,8 @@ pub fn append(
     let inputs = &inputs::scans(inputs)?;
     output::may_build(out, inputs)?;
     inputs::note_repeated(inputs, task);
-    let report = pool::run(threads, || Ok(esker_build::append(old, inputs, out, options, task)?))?;
+    let report =
+        within_memory(threads, || Ok(esker_build::append(old, inputs, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
 
@@ -72,7 +79,7 @@ pub fn merge(
 ) -> Result<(Report, f64)> {
     let start = Instant::now();
     output::may_build(out, files)?;
-    let report = pool::run(threads, || Ok(esker_build::merge(files, out, options, task)?))?;
+    let report = within_memory(threads, || Ok(esker_build::merge(files, out, options, task)?))?;
     Ok((report, start.elapsed().as_secs_f64()))
 }
 

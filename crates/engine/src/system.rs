@@ -1,4 +1,4 @@
-//! What differs between systems: dropping a file from the system's cache, how often a thread gave up
+//! What differs between systems: dropping a file from the system's cache, giving memory back, how often a thread gave up
 //! the processor, and what a process used.
 
 use std::fs::File;
@@ -25,6 +25,21 @@ pub fn forget(file: &File) -> io::Result<()> {
 pub fn forget(_file: &File) -> io::Result<()> {
     Ok(())
 }
+
+/// Has this process give back from now on, as it is freed, what is allocated in runs of 4 MiB and more, and what is free at a
+/// heap's end beyond 8 MiB. Left to itself the allocator raises both marks with what is freed, to 32 and 64 MiB a heap, and
+/// what a process holds depends on how its threads took turns.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub fn give_back_freed_memory() {
+    for (mark, bytes) in [(libc::M_MMAP_THRESHOLD, 4 << 20), (libc::M_TRIM_THRESHOLD, 8 << 20)] {
+        // SAFETY: takes numbers only, and glibc's own lock around what it changes. Where it refuses all is as it was.
+        unsafe { libc::mallopt(mark, bytes) };
+    }
+}
+
+/// Does nothing: other systems' allocators have no such marks.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub fn give_back_freed_memory() {}
 
 /// How often this thread has waited of its own accord (for a lock, a channel, the disk); `None` where
 /// the system does not tell.
