@@ -1,5 +1,6 @@
 //! Gathering: a node's own rows, wherever they lie in a chunk, as the columns of its page, and their hash.
 
+use crate::fetch::fetch;
 use crate::row::{Rows, copy_row, position};
 use crate::tree::Context;
 use esker_format::PagePoints;
@@ -8,6 +9,8 @@ use std::ops::Range;
 
 /// Rows whose columns are filled together: they stay in the first-level cache meanwhile.
 const BLOCK_ROWS: usize = 256;
+/// So many rows before it is copied, a row is asked for.
+const AHEAD: usize = 24;
 
 impl Context {
     /// The columns of a page, and the hash of its points.
@@ -30,10 +33,15 @@ impl Context {
             columns: ranges.iter().map(|r| Vec::with_capacity(own.len() * r.len())).collect(),
         };
         let mut block = vec![0; BLOCK_ROWS * rows.stride];
-        for some in own.chunks(BLOCK_ROWS) {
+        for (start, some) in (0..).step_by(BLOCK_ROWS).zip(own.chunks(BLOCK_ROWS)) {
             let block = &mut block[..some.len() * rows.stride];
             // Copied before anything is made of them: so many far reads are under way at once.
-            for (row, &i) in block.chunks_exact_mut(rows.stride).zip(some) {
+            for ((row, &i), at) in block.chunks_exact_mut(rows.stride).zip(some).zip(start..) {
+                if let Some(&ahead) = own.get(at + AHEAD) {
+                    let ahead = rows.row(ahead);
+                    fetch(ahead, 0);
+                    fetch(ahead, ahead.len() - 1);
+                }
                 copy_row(row, rows.row(i));
             }
             let block = Rows { bytes: block, stride: rows.stride };

@@ -17,6 +17,7 @@ pub mod density;
 mod eigen;
 pub mod error;
 pub mod export;
+mod fetch;
 mod finishing;
 mod gather;
 mod identity;

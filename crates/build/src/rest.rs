@@ -2,6 +2,7 @@
 //! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
 //! neighbours; distances are in space.
 
+use crate::fetch::fetch;
 use crate::tiles::{Cells, Filling, TILE_LOG2, Tile, between};
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
 use std::ops::Range;
@@ -14,6 +15,8 @@ const EDGE_RADII: f64 = 1.5;
 const FEW: u32 = 12;
 /// Blocks before and behind that of a place whose points stand beside it.
 const BESIDE_BLOCKS: usize = 2;
+/// So many blocks before it is looked at, a block is asked for.
+const AHEAD: usize = 12;
 /// Instead of a candidate, where a block has room left.
 pub const NONE: u32 = u32::MAX;
 
@@ -176,7 +179,7 @@ impl Rest {
     pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
         let least2 = wide::f32x8::from(least2);
         let nearest2 = self.nearest2[i / LANES..].iter();
-        next_from(i, nearest2.map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
+        self.next(i, nearest2.map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
     }
 
     /// The same among those due by a turn, where that was told.
@@ -185,7 +188,34 @@ impl Rest {
         let (turn, least2) = (wide::f32x8::from(f32::from(turn)), wide::f32x8::from(least2));
         let blocks = self.due[i / LANES..].iter().zip(&self.nearest2[i / LANES..]);
         let is_far = |n: &Numbers| wide::f32x8::from(n.0).simd_ge(least2);
-        next_from(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
+        self.next(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
+    }
+
+    /// The first place from `i` on which is wanted, of the blocks from its own on. (Skipping to it in an iterator that computes
+    /// walks there, unless a compiler sees that it need not.)
+    #[inline(always)]
+    fn next(&self, i: usize, blocks: impl Iterator<Item = wide::f32x8>) -> Option<usize> {
+        let mut wanted = !0 << (i % LANES);
+        for (block, is_wanted) in (i / LANES..).zip(blocks) {
+            self.fetch(block + AHEAD);
+            wanted &= is_wanted.to_bitmask();
+            if wanted != 0 {
+                return Some(block * LANES + wanted.trailing_zeros() as usize);
+            }
+            wanted = !0;
+        }
+        None
+    }
+
+    /// Asks for what is read of a block in which something is picked.
+    #[inline(always)]
+    fn fetch(&self, block: usize) {
+        if let Some(Places([x, _, z])) = self.q.get(block) {
+            fetch(x, 0);
+            fetch(z, LANES - 1);
+            fetch(&self.candidate, block * LANES);
+            fetch(&self.tile_of, block * LANES);
+        }
     }
 
     /// Tells all points within a radius of a place, itself among them, that it is picked.
@@ -300,21 +330,6 @@ impl Rest {
             nearer2.store_array(nearest2);
         }
     }
-}
-
-/// The first place from `i` on which is wanted, of the blocks from its own on. (Skipping to it in an iterator that computes
-/// walks there, unless a compiler sees that it need not.)
-#[inline(always)]
-fn next_from(i: usize, blocks: impl Iterator<Item = wide::f32x8>) -> Option<usize> {
-    let mut wanted = !0 << (i % LANES);
-    for (block, is_wanted) in (i / LANES..).zip(blocks) {
-        wanted &= is_wanted.to_bitmask();
-        if wanted != 0 {
-            return Some(block * LANES + wanted.trailing_zeros() as usize);
-        }
-        wanted = !0;
-    }
-    None
 }
 
 impl Places {
