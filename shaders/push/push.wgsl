@@ -25,6 +25,8 @@ override SMOOTHS: bool;
 
 // Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels.
 const HIDING_PX: f32 = 24.0;
+// So many of its radii a pixel may be from the centre of each of four ellipses that enclose it.
+const ENCLOSING: f32 = 1.15;
 // How much of a pixel that stays is what is interpolated there, where all four coarser ones have a part in it.
 const SMOOTH: f32 = 0.5;
 // Square of the cosine from which on normals are near each other (15 degrees).
@@ -83,10 +85,36 @@ fn is_behind(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     return false;
 }
 
+// Whether a pixel lies behind all four coarser ones, and between the centres of their ellipses.
+fn is_enclosed(own: f32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> bool {
+    if !all(has) {
+        return false;
+    }
+    // How far the centres are at most along four lines, one way and the other.
+    var low = vec4<f32>(0.0);
+    var high = vec4<f32>(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        let source = near(k, above, odd);
+        let front = coarse_front[source.pixel];
+        let by = source.to_finer + front.zw;
+        let reach = ENCLOSING * coarse_tint[source.pixel].w;
+        if !is_valid(front)
+            || dot(by, by) > reach * reach
+            || own <= front.y * factor(source.pixel, centre - source.to_finer, place)
+        {
+            return false;
+        }
+        let along = vec4<f32>(by, by.x + by.y, by.x - by.y);
+        low = min(low, along);
+        high = max(high, along);
+    }
+    return all(low < vec4<f32>(0.0)) && all(high > vec4<f32>(0.0));
+}
+
 // What a coarser pixel has at a finer one.
 struct Cover {
     near: Near,
-    // Whether it is there and its ellipse covers the finer pixel.
+    // Whether it is there, and its ellipse covers the finer pixel or is one of four that enclose it.
     covers: bool,
     // Its depth interval where depths are compared.
     depths: vec2<f32>,
@@ -94,7 +122,7 @@ struct Cover {
 }
 
 // The same of one of the four; `place` is where depths are compared.
-fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>) -> Cover {
+fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<bool>, has: vec2<bool>, encloses: bool) -> Cover {
     var seen = Cover(near(k, above, odd), false, vec2<f32>(0.0), FACING);
     if ((k & 1u) != 0u && !has.x) || ((k & 2u) != 0u && !has.y) {
         return seen;
@@ -107,7 +135,7 @@ fn see(k: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, odd: vec2<
     if PLANE == NORMAL {
         seen.normal = plane_of(source.pixel);
     }
-    seen.covers = covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, seen.normal);
+    seen.covers = encloses || covers(source.to_finer + front.zw, coarse_tint[source.pixel].w, seen.normal);
     if seen.covers {
         seen.depths = front.xy * factor(source.pixel, centre - source.to_finer, place);
     }
@@ -131,7 +159,7 @@ fn smoothe(pixel: u32, place: vec2<f32>, centre: vec2<f32>, above: vec2<u32>, od
     }
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
-        let seen = see(k, place, centre, above, odd, has);
+        let seen = see(k, place, centre, above, odd, has, false);
         var takes_part = seen.covers && seen.depths.x <= own.y && own.x <= seen.depths.y;
         if PLANE == NORMAL {
             takes_part = takes_part && are_near(own_normal.xyz, seen.normal.xyz);
@@ -183,12 +211,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
 
+    let encloses = PLANE == NORMAL && is_filled && is_enclosed(own, place, centre, above, odd, has);
+
     // Those that cover the finer pixel, a bit each, and the depths of the frontmost of them.
     var taken = 0u;
     var nearest = vec2<f32>(0.0);
     var least = array<f32, 4>();
     for (var k = 0u; k < 4u; k++) {
-        let seen = see(k, place, centre, above, odd, has);
+        let seen = see(k, place, centre, above, odd, has, encloses);
         if seen.covers {
             least[k] = seen.depths.x;
             if taken == 0u || seen.depths.x < nearest.x {

@@ -253,6 +253,29 @@ type Weighted = (Pixel, [f64; 2], f64);
 /// As in the pass.
 const HIDING_PX: f64 = 24.0;
 
+/// Not published: whether a pixel with a normal lies behind all four coarser ones, and between the centres of their ellipses.
+fn is_enclosed(
+    own: &Pixel,
+    place: [f64; 2],
+    beside: &[(Pixel, (Pixel, [f64; 2], f64))],
+    near_ties: &mut usize,
+) -> bool {
+    let mut is_enclosed = beside.len() == 4;
+    let mut along: [Vec<f64>; 4] = Default::default();
+    for (moved, (p, centre, _)) in beside {
+        let [x, y] = [0, 1].map(|i| place[i] - (centre[i] - p.displacement[i]));
+        let (away, reach) = (x.hypot(y), 1.15 * p.radius);
+        *near_ties += usize::from(near(own.depth[0], moved.depth[1]) || near(away, reach));
+        is_enclosed &= moved.depth[1] < own.depth[0] && away <= reach;
+        along.iter_mut().zip([x, y, x + y, x - y]).for_each(|(all, one)| all.push(one));
+    }
+    for along in along {
+        *near_ties += usize::from(along.iter().any(|a| a.abs() < 1e-4));
+        is_enclosed &= along.iter().any(|&a| a < 0.0) && along.iter().any(|&a| a > 0.0);
+    }
+    is_enclosed
+}
+
 /// Section 3.3: the finer level with its invalid and occluded pixels interpolated.
 fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
     let mut out = Image { near_ties: 0, ..finer.clone() };
@@ -285,16 +308,22 @@ fn push(coarser: &Image, finer: &Image, smooths: bool) -> Image {
                 }
                 stays = !is_hidden;
             }
-            let mut covering = Vec::new();
-            for (dx, dy, weight) in
-                [(0, 0, 9.0), (side[0], 0, 3.0), (0, side[1], 3.0), (side[0], side[1], 1.0)]
-            {
+            let beside =
+                [(0, 0, 9.0), (side[0], 0, 3.0), (0, side[1], 3.0), (side[0], side[1], 1.0)];
+            let beside = beside.into_iter().filter_map(|(dx, dy, weight)| {
                 let at = (x / 2 + dx, y / 2 + dy);
-                let Some(p) = coarser.get(at.0, at.1) else { continue };
-                let centre = coarser.centre(at.0, at.1);
-                if covers(&p, centre, place, &mut out.near_ties) {
-                    let moved = p.moved(p.factor(finer.lens, centre, compare_at));
-                    covering.push((moved, (p, centre, weight / 16.0)));
+                let (p, centre) = (coarser.get(at.0, at.1)?, coarser.centre(at.0, at.1));
+                let moved = p.moved(p.factor(finer.lens, centre, compare_at));
+                Some((moved, (p, centre, weight / 16.0)))
+            });
+            let beside: Vec<_> = beside.collect();
+            let of = own.filter(|own| finer.lens.is_some() && own.tilt.is_none());
+            let is_enclosed =
+                of.is_some_and(|own| is_enclosed(&own, place, &beside, &mut out.near_ties));
+            let mut covering = Vec::new();
+            for (moved, (p, centre, weight)) in beside {
+                if covers(&p, centre, place, &mut out.near_ties) || is_enclosed {
+                    covering.push((moved, (p, centre, weight)));
                 }
             }
             let kept = if stays { Vec::new() } else { frontmost(&covering, &mut out.near_ties) };
