@@ -1,10 +1,10 @@
 //! Gathering: a node's own rows, wherever they lie in a chunk, as the columns of its page, and their hash.
 
-use crate::fetch::fetch;
 use crate::row::{Rows, copy_row, position};
 use crate::tree::Context;
 use esker_format::PagePoints;
 use esker_points::MultisetHash;
+use esker_points::fetch::fetch;
 use std::ops::Range;
 
 /// Rows whose columns are filled together: they stay in the first-level cache meanwhile.

@@ -17,7 +17,6 @@ pub mod density;
 mod eigen;
 pub mod error;
 pub mod export;
-mod fetch;
 mod finishing;
 mod gather;
 mod identity;

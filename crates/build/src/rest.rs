@@ -2,8 +2,8 @@
 //! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
 //! neighbours; distances are in space.
 
-use crate::fetch::fetch;
 use crate::tiles::{Cells, Filling, TILE_LOG2, Tile, between};
+use esker_points::fetch::fetch;
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
 use std::ops::Range;
 

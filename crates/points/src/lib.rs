@@ -7,6 +7,7 @@ pub mod batch;
 pub mod cell;
 pub mod clip;
 pub mod codes;
+pub mod fetch;
 pub mod filter;
 pub mod hash;
 pub mod lattice;

@@ -9,6 +9,7 @@ use crate::error::RenderError;
 use crate::frame::{DrawNode, PIXELS_MAX, SIDE_MAX};
 use crate::values::{Values, load};
 use esker_lod::View;
+use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, read_residual, residual_bytes};
 use esker_points::{Lattice, Node};
 use fearless_simd::{Simd, f32x8};
@@ -249,6 +250,12 @@ impl<'a> Positions<'a> {
             (None, _) => {}
         }
         count
+    }
+
+    /// Says ahead that a point's offset will be asked for.
+    #[inline(always)]
+    pub fn fetch(&self, index: usize) {
+        fetch(self.hot, index * HOT_POSITION_BYTES);
     }
 
     /// Offset of a point in its node's box, in steps, without the dropped bits where these are not

@@ -14,6 +14,7 @@ use crate::slant::{BARE_REACH, Slant, Slants};
 use crate::tangent::{Lens, SLOPE_MAX};
 use crate::values::directions;
 use esker_points::Node;
+use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
@@ -155,6 +156,27 @@ impl<'a> Lookup<'a> {
         is_one.then_some(self.draws[draw].colour)
     }
 
+    /// Says ahead that a point will be fetched, if there is one.
+    #[inline(always)]
+    fn ask<const PLANE: usize>(&self, value: u64) {
+        if value == EMPTY {
+            return;
+        }
+        let (d, index) = self.list.find(unpack(value).1);
+        self.draws[d].positions.fetch(index);
+        let draw = &self.frame.draws[d];
+        match draw.colour {
+            ColourPlane::Rgba(plane) => fetch(plane, index * 4),
+            ColourPlane::Scalar { bytes, ty } => fetch(bytes, index * ty.size()),
+            _ => (),
+        }
+        if PLANE == NORMALS
+            && let Some(plane) = draw.normal
+        {
+            fetch(plane, index * 4);
+        }
+    }
+
     /// Colour of a point, linear light.
     pub(crate) fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
         let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);
@@ -247,6 +269,9 @@ fn gather_row<const PLANE: usize>(
     let (mut hits, mut count) = (Hits::NONE, 0);
     for (x, value) in values.iter().enumerate() {
         let value = value.load(Relaxed);
+        if let Some(ahead) = values.get(x + AHEAD) {
+            pass.lookup.ask::<PLANE>(ahead.load(Relaxed));
+        }
         if value == EMPTY {
             row.front[x] = INVALID;
             continue;
@@ -263,6 +288,8 @@ fn gather_row<const PLANE: usize>(
 
 /// Points that are fetched before anything is computed of them: memory is waited for once, not once each.
 const HITS: usize = 32;
+/// So many pixels before it is fetched, a point is asked for.
+const AHEAD: usize = 24;
 
 /// Points of a row that won a pixel, attribute by attribute.
 struct Hits {

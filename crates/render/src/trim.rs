@@ -21,6 +21,7 @@
 use crate::marks::Marks;
 use crate::pyramid::Level;
 use crate::rim::{Grid, Place, Rims, Shown};
+use esker_points::fetch::fetch;
 use rayon::prelude::*;
 
 /// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
@@ -31,6 +32,8 @@ const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 pub(crate) const WAVES: u32 = 256;
 /// Pixels of a wave that a job takes: fewer take less time than waking another thread.
 const JOB: usize = 256;
+/// So many pixels before it is looked at, what lies around a pixel is asked for.
+const AHEAD: usize = 8;
 /// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many pixels: a
 /// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it. Where radii are
 /// smaller, rims need theirs.
@@ -132,11 +135,23 @@ impl Waves<'_> {
     /// Those beside these.
     fn followers(&self, wave: u32, last: &[Place]) -> Vec<Step> {
         let mut asked = Vec::with_capacity(2 * last.len());
-        for &gone in last {
+        let width = self.base.width;
+        for (i, &gone) in last.iter().enumerate() {
+            if let Some(ahead) = last.get(i + AHEAD) {
+                // The rows that its neighbours and theirs lie in.
+                for row in 0..5 {
+                    let pixel = (ahead.index + row * width).wrapping_sub(2 * width);
+                    fetch(self.depth, pixel);
+                    fetch(&self.source, pixel);
+                }
+            }
             for place in self.grid().beside(gone) {
                 // A pixel beside several goes with the one that it has chosen.
                 let is_behind = self.depth[gone.index] > self.depth[place.index];
                 if is_behind && self.farthest(place) == Some(gone.index) {
+                    let shown = self.source_of(place.index);
+                    fetch(&self.base.tint, shown);
+                    fetch(&self.base.front, shown);
                     asked.push((place, gone.index));
                 }
             }

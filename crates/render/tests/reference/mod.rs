@@ -253,13 +253,11 @@ type Weighted = (Pixel, [f64; 2], f64);
 /// As in the pass.
 const HIDING_PX: f64 = 24.0;
 
+/// A coarser pixel moved to where depths are compared; itself, its centre and its weight.
+type Beside = (Pixel, (Pixel, [f64; 2], f64));
+
 /// Not published: whether a pixel with a normal lies behind all four coarser ones, and between the centres of their ellipses.
-fn is_enclosed(
-    own: &Pixel,
-    place: [f64; 2],
-    beside: &[(Pixel, (Pixel, [f64; 2], f64))],
-    near_ties: &mut usize,
-) -> bool {
+fn is_enclosed(own: &Pixel, place: [f64; 2], beside: &[Beside], near_ties: &mut usize) -> bool {
     let mut is_enclosed = beside.len() == 4;
     let mut along: [Vec<f64>; 4] = Default::default();
     for (moved, (p, centre, _)) in beside {
