@@ -12,6 +12,7 @@ use crate::camera::{Camera, Positions};
 use crate::frame::{DrawNode, Frame};
 use crate::gpu::table::CHUNK_POINTS;
 use crate::lanes::LANES;
+use esker_points::fetch::fetch;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
@@ -125,7 +126,9 @@ fn project_run(
     let near = place.near();
     let mut offsets = [[0; BLOCK]; 3];
     let zero = [0.0; BLOCK];
-    let mut block = Block { pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    let block = Block { start: 0, shown: 0, pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    // A block's pixels are asked for while the one before is drawn.
+    let (mut block, mut before) = (block, block);
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
         match near {
@@ -137,24 +140,12 @@ fn project_run(
         if let Some(plane) = normals {
             block.drop_back_faces(plane, start, count);
         }
-        let value = |k: usize| {
-            let point = base + (start + k) as u32;
-            u64::from(block.depths[k].to_bits()) << 32 | u64::from(point)
-        };
-        // Without a branch: which points lose against what is there is hard to guess.
-        let mut winning = 0;
-        for k in ones(block.on_picture(count)) {
-            let Some(slot) = target.get(block.pixels[k] as usize) else { continue };
-            winning |= u64::from(value(k) < slot.load(Relaxed)) << k;
-        }
-        for k in ones(winning) {
-            let Some(slot) = target.get(block.pixels[k] as usize) else { continue };
-            if hides && is_hidden(draw.position, start + k) {
-                continue;
-            }
-            slot.fetch_min(value(k), Relaxed);
-        }
+        (block.start, block.shown) = (start, block.on_picture(count));
+        ones(block.shown).for_each(|k| fetch(target, block.pixels[k] as usize));
+        before.draw(base, target, |point| hides && is_hidden(draw.position, point));
+        std::mem::swap(&mut block, &mut before);
     }
+    before.draw(base, target, |point| hides && is_hidden(draw.position, point));
 }
 
 /// The places of the ones among bits, from the lowest.
@@ -169,7 +160,12 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
 }
 
 /// Where a block of points is on the picture.
+#[derive(Clone, Copy)]
 struct Block {
+    /// The first of its points in its node.
+    start: usize,
+    /// Those on the picture, a bit each.
+    shown: u64,
     /// Pixels, row by row; what is outside has the highest bit.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
@@ -195,7 +191,7 @@ impl Block {
         let [cx, cy] = camera.centre_px;
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
-        let Self { pixels, depths, from_eye } = self;
+        let Self { pixels, depths, from_eye, .. } = self;
         for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
             let x = steps(0, offsets[0][k]) * step.x;
             let y = steps(1, offsets[1][k]) * step.y;
@@ -236,6 +232,27 @@ impl Block {
             let along = fx as f32 * xs[k] + fy as f32 * ys[k] + z as f32 * zs[k];
             let is_away = (along > 0.0) & (codes[k] != NO_NORMAL_BITS);
             *pixel |= u32::from(is_away) << 31;
+        }
+    }
+
+    /// Draws those that are on the picture and not hidden; `base` is the number of the node's first point.
+    #[inline(always)]
+    fn draw(&self, base: u32, target: &[AtomicU64], is_hidden: impl Fn(usize) -> bool) {
+        let value = |k: usize| {
+            let point = base + (self.start + k) as u32;
+            u64::from(self.depths[k].to_bits()) << 32 | u64::from(point)
+        };
+        // Without a branch: which points lose against what is there is hard to guess.
+        let mut winning = 0;
+        for k in ones(self.shown) {
+            let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
+            winning |= u64::from(value(k) < slot.load(Relaxed)) << k;
+        }
+        for k in ones(winning) {
+            let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
+            if !is_hidden(self.start + k) {
+                slot.fetch_min(value(k), Relaxed);
+            }
         }
     }
 
