@@ -152,15 +152,14 @@ impl Waves<'_> {
                     let shown = self.source_of(place.index);
                     fetch(&self.base.tint, shown);
                     fetch(&self.base.front, shown);
-                    asked.push((place, gone.index));
+                    asked.push((place, gone.index, shown));
                 }
             }
         }
         // Read before any is judged, so that reads do not wait for each other.
-        let shown = |&(place, _): &(Place, _)| Shown::by(self.base, self.source_of(place.index));
-        let shown: Vec<_> = asked.iter().map(shown).collect();
+        let shown: Vec<_> = asked.iter().map(|&(.., by)| Shown::by(self.base, by)).collect();
         let mut steps = Vec::with_capacity(asked.len());
-        for (&(place, gone), shown) in asked.iter().zip(&shown) {
+        for (&(place, gone, _), shown) in asked.iter().zip(&shown) {
             let line = self.source[gone] >> PIXEL_BITS;
             let limit = self.picture().limit(place.index, shown.radius);
             if self.depth[gone] > limit && wave <= shown.radius as u32 && shown.sticks_out(line) {
