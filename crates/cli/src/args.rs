@@ -144,7 +144,7 @@ pub struct Render {
     #[arg(long)]
     pub fit: bool,
     /// Points drawn at most.
-    #[arg(long, value_name = "N", default_value_t = 10_000_000)]
+    #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = quantity::points_budget)]
     pub budget_points: u64,
     /// Distance of neighbouring points on the picture that is fine enough, in pixels; 0 draws all.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]

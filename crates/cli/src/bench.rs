@@ -5,7 +5,6 @@ use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, parse_camera};
 use anyhow::{Context, Result, bail};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_engine::bench::build::Against;
-use esker_engine::bench::draw::POINTS_MAX;
 use esker_engine::bench::stream::Settings;
 use esker_engine::bench::{build, draw, leave_out, process, render, report, size, splats, stream};
 use esker_engine::camera::Camera;
@@ -58,7 +57,7 @@ pub struct BenchRender {
     #[arg(value_name = "MODEL", conflicts_with = "points")]
     pub models: Vec<PathBuf>,
     /// Numbers of points of generated models, such as 25k,5M.
-    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = parse_points)]
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = quantity::points)]
     pub points: Vec<u64>,
     /// Widths and heights in pixels.
     #[arg(
@@ -196,7 +195,7 @@ pub struct Draw {
     pub file: Option<PathBuf>,
     /// Numbers of generated points, such as 1M,20M; where not said 1, 5 and 20 million, on a GPU from 1 million
     /// to as many as fit.
-    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = parse_points)]
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = quantity::points)]
     pub points: Vec<u64>,
     /// Widths and heights in pixels.
     #[arg(
@@ -373,17 +372,4 @@ fn run_decode(args: Decode, stop: Arc<AtomicBool>) -> Result<()> {
 
 fn parse_against(text: &str) -> Result<Against, String> {
     Against::parse(text).map_err(|e| format!("{e:#}"))
-}
-
-pub fn parse_points(text: &str) -> Result<u64, String> {
-    let (digits, unit) = match text.as_bytes().last() {
-        Some(b'k') => (&text[..text.len() - 1], 1_000),
-        Some(b'M') => (&text[..text.len() - 1], 1_000_000),
-        Some(b'G') => (&text[..text.len() - 1], 1_000_000_000),
-        _ => (text, 1),
-    };
-    let points = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
-    points.filter(|points| (1..=POINTS_MAX).contains(points)).ok_or_else(|| {
-        format!("`{text}` is no number of points from 1 to {POINTS_MAX}, such as 20M")
-    })
 }

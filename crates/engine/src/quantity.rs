@@ -1,6 +1,8 @@
 //! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read them.
 
+use crate::bench::draw::POINTS_MAX;
 use anyhow::{Context, Result, bail, ensure};
+use esker_scan::synthetic::parse_points;
 
 /// Parses `4GiB`, `512M`, `1.5 GB` or plain bytes. Binary units (KiB, K) are powers of 1024, decimal ones
 /// (KB) of 1000.
@@ -28,10 +30,34 @@ pub fn bytes(text: &str) -> Result<u64> {
     Ok((number * factor as f64) as u64)
 }
 
+/// Parses a number of points, `250000`, `25k` or `20M`, of a generated model.
+///
+/// # Errors
+/// Where it is none, or not from 1 to [`POINTS_MAX`].
+pub fn points(text: &str) -> Result<u64> {
+    let points = parse_points(text).map_err(anyhow::Error::msg)?;
+    ensure!(
+        (1..=POINTS_MAX).contains(&points),
+        "`{text}` is no number of points from 1 to {POINTS_MAX}, such as 20M"
+    );
+    Ok(points)
+}
+
+/// Pixels that a picture has at most: passes number them, also those of its margins, by 28 bits.
+const PIXELS_MAX: u64 = 250_000_000;
+
+/// Parses a number of points that are drawn at most, such as `500000` or `20M`; 0 draws none.
+///
+/// # Errors
+/// Where it is none.
+pub fn points_budget(text: &str) -> Result<u64> {
+    text.parse().or_else(|_| parse_points(text)).map_err(anyhow::Error::msg)
+}
+
 /// Parses `1920x1080`.
 ///
 /// # Errors
-/// Where it is no size, or a side is 0 or over 16,384.
+/// Where it is no size, a side is 0 or over 16,384, or there are more than 250 million pixels.
 pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     let parse = |side: &str| side.trim().parse::<u32>().ok();
     let (width, height) = text
@@ -41,6 +67,10 @@ pub fn picture_size(text: &str) -> Result<[u32; 2]> {
     ensure!(
         (1..=16_384).contains(&width) && (1..=16_384).contains(&height),
         "a picture's sides are 1 to 16384 pixels, not {text}"
+    );
+    ensure!(
+        u64::from(width) * u64::from(height) <= PIXELS_MAX,
+        "a picture has 250 million pixels at most, {text} has more"
     );
     Ok([width, height])
 }
@@ -121,6 +151,12 @@ mod tests {
         assert_eq!(bytes("1.5 GB").unwrap(), 1_500_000_000);
         assert_eq!(bytes("123").unwrap(), 123);
         assert!(bytes("GiB").is_err() && bytes("4 parsecs").is_err() && bytes("-1").is_err());
+        assert_eq!([points("25k").unwrap(), points("25K").unwrap()], [25_000; 2]);
+        assert_eq!([points("20M").unwrap(), points("250000").unwrap()], [20_000_000, 250_000]);
+        assert!(["0", "k", "1.5M", "9G", "many"].iter().all(|text| points(text).is_err()));
+        assert_eq!(points_budget(&u64::MAX.to_string()).unwrap(), u64::MAX);
+        assert_eq!([points_budget("1M").unwrap(), points_budget("0").unwrap()], [1_000_000, 0]);
+        assert!(points_budget("-1").is_err() && points_budget("all").is_err());
         assert_eq!(threads("3").unwrap(), 3);
         assert!(threads("100000").is_err() && threads("-1").is_err());
         assert_eq!(length("0.05").unwrap(), 0.05);
@@ -129,6 +165,7 @@ mod tests {
         assert!(
             picture_size("0x480").is_err()
                 && picture_size("99999x1").is_err()
+                && picture_size("16384x16384").is_err()
                 && picture_size("big").is_err()
         );
     }

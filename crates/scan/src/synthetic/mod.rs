@@ -39,7 +39,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-pub use spec::{POINTS_MAX, is_spec};
+pub use spec::{POINTS_MAX, is_spec, parse_points};
 
 /// Points that are made together; a batch.
 const BLOCK_POINTS: u64 = 1 << 14;

@@ -71,15 +71,19 @@ fn all() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|s| s.name).chain(MODELS.iter().map(|m| m.name))
 }
 
-fn parse_points(text: &str) -> Result<u64, String> {
+/// Reads a number of points, such as 250000, 100k, 10M or 1G; the unit's letter may be large or small.
+///
+/// # Errors
+/// Where it is none, or more than [`POINTS_MAX`].
+pub fn parse_points(text: &str) -> Result<u64, String> {
     let (digits, unit) = match text.as_bytes().last() {
-        Some(b'k') => (&text[..text.len() - 1], 1_000),
-        Some(b'M') => (&text[..text.len() - 1], 1_000_000),
-        Some(b'G') => (&text[..text.len() - 1], 1_000_000_000),
+        Some(b'k' | b'K') => (&text[..text.len() - 1], 1_000),
+        Some(b'm' | b'M') => (&text[..text.len() - 1], 1_000_000),
+        Some(b'g' | b'G') => (&text[..text.len() - 1], 1_000_000_000),
         _ => (text, 1),
     };
     if digits.is_empty() || !digits.bytes().all(|b| b.is_ascii_digit()) {
-        return Err(format!("`{text}` is no number of points"));
+        return Err(format!("`{text}` is no number of points, such as 20M"));
     }
     let points = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
     points.filter(|&n| n <= POINTS_MAX).ok_or_else(|| {
@@ -100,6 +104,7 @@ mod tests {
         for (text, points, seed) in [
             ("synthetic:office:1000000:7", 1_000_000, 7),
             ("synthetic:office:100k", 100_000, 1),
+            ("synthetic:office:100K", 100_000, 1),
             ("synthetic:office:10M:0", 10_000_000, 0),
             ("synthetic:office:1G:18446744073709551615", 1_000_000_000, u64::MAX),
             ("synthetic:office:0", 0, 1),
