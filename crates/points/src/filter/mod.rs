@@ -7,7 +7,7 @@ mod classes;
 mod polygon;
 
 pub use classes::Classes;
-pub use polygon::{LatticePolygon, Polygon};
+pub use polygon::{LatticePolygon, Polygon, Ring};
 
 use crate::lattice::Lattice;
 use crate::node::Node;

@@ -1,6 +1,6 @@
-//! Polygons seen from above: rings in world units in, exact tests on the lattice out. A point is inside where a
-//! ray from it crosses the rings an odd number of times (even-odd: holes and islands need no order), or where
-//! it lies on an edge. Corners are rounded to 1/256 of a step, once; from there on all is integers, so that
+//! Polygons seen from above: rings in world units in, exact tests on the lattice out. A point is inside a polygon where a
+//! ray from it crosses its rings an odd number of times (even-odd: holes and islands need no order), or where
+//! it lies on an edge; and inside several where it is inside one of them, however they overlap. Corners are rounded to 1/256 of a step, once; from there on all is integers, so that
 //! no point is lost or doubled by rounding.
 
 use super::{FilterError, PARTS, Side, in_parts};
@@ -10,10 +10,13 @@ use std::str::FromStr;
 /// Steps from the lattice's own at which a corner may lie: products of differences then fit `i128`.
 const STEPS_MAX: f64 = (1u64 << 52) as f64;
 
-/// Rings in world units, each at least three corners; the last is joined to the first.
+/// Corners in world units, at least three; the last is joined to the first.
+pub type Ring = Vec<[f64; 2]>;
+
+/// One polygon or several, each of rings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Polygon {
-    rings: Vec<Vec<[f64; 2]>>,
+    polygons: Vec<Vec<Ring>>,
 }
 
 impl Polygon {
@@ -21,15 +24,24 @@ impl Polygon {
     ///
     /// # Errors
     /// Where there is none, one has fewer than three corners, or a coordinate is no finite number.
-    pub fn new(rings: Vec<Vec<[f64; 2]>>) -> Result<Self, FilterError> {
+    pub fn new(rings: Vec<Ring>) -> Result<Self, FilterError> {
+        Self::any_of(vec![rings])
+    }
+
+    /// All that is in one of several polygons, each of rings.
+    ///
+    /// # Errors
+    /// As [`Polygon::new`], of any of them.
+    pub fn any_of(polygons: Vec<Vec<Ring>>) -> Result<Self, FilterError> {
         let fault = |what: &str| Err(FilterError(format!("the polygon {what}")));
-        if rings.is_empty() || rings.iter().any(|ring| ring.len() < 3) {
+        let is_none = |rings: &Vec<Ring>| rings.is_empty() || rings.iter().any(|r| r.len() < 3);
+        if polygons.is_empty() || polygons.iter().any(is_none) {
             return fault("needs at least three corners, as `x,y x,y x,y`");
         }
-        if rings.iter().flatten().flatten().any(|c| !c.is_finite()) {
+        if polygons.iter().flatten().flatten().flatten().any(|c| !c.is_finite()) {
             return fault("has a coordinate that is no finite number");
         }
-        Ok(Self { rings })
+        Ok(Self { polygons })
     }
 
     /// The polygon on a lattice.
@@ -47,13 +59,18 @@ impl Polygon {
             }
             Ok([0, 1].map(|axis| in_parts(lattice, axis, c[axis])))
         };
-        let mut edges = Vec::new();
-        for ring in &self.rings {
-            let corners = ring.iter().map(corner).collect::<Result<Vec<_>, _>>()?;
-            let next = corners.iter().cycle().skip(1);
-            edges.extend(corners.iter().zip(next).filter(|(a, b)| a != b).map(|(&a, &b)| [a, b]));
-        }
-        Ok(LatticePolygon { edges })
+        let of_rings = |rings: &Vec<Ring>| {
+            let mut edges = Vec::new();
+            for ring in rings {
+                let corners = ring.iter().map(corner).collect::<Result<Vec<_>, _>>()?;
+                let next = corners.iter().cycle().skip(1);
+                let apart = corners.iter().zip(next).filter(|(a, b)| a != b);
+                edges.extend(apart.map(|(&a, &b)| [a, b]));
+            }
+            Ok(Edges(edges))
+        };
+        let polygons = self.polygons.iter().map(of_rings).collect::<Result<_, _>>()?;
+        Ok(LatticePolygon { polygons })
     }
 }
 
@@ -77,11 +94,15 @@ impl FromStr for Polygon {
     }
 }
 
-/// A polygon's edges on a lattice, in parts of a step.
+/// Polygons on a lattice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LatticePolygon {
-    edges: Vec<[[i64; 2]; 2]>,
+    polygons: Vec<Edges>,
 }
+
+/// A polygon's edges on a lattice, in parts of a step.
+#[derive(Clone, Debug, PartialEq)]
+struct Edges(Vec<[[i64; 2]; 2]>);
 
 /// On which side of the line from `a` to `b` a point lies: positive to the left.
 fn turn([a, b]: [[i64; 2]; 2], p: [i64; 2]) -> i128 {
@@ -98,9 +119,34 @@ fn scaled(p: [u32; 2]) -> [i64; 2] {
 impl LatticePolygon {
     /// Whether a lattice point is inside or on an edge.
     pub fn contains(&self, p: [u32; 2]) -> bool {
+        self.polygons.iter().any(|polygon| polygon.contains(p))
+    }
+
+    /// Where the points of a box, both corners included, lie.
+    pub(super) fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
+        let mut side = Side::Outside;
+        for polygon in &self.polygons {
+            match polygon.side_of_box(min, max) {
+                Side::Inside => return Side::Inside,
+                Side::Across => side = Side::Across,
+                Side::Outside => {}
+            }
+        }
+        side
+    }
+
+    /// The edges that decide for points of a box: those beside it, to the right or through it.
+    pub(super) fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> Self {
+        let near = self.polygons.iter().map(|polygon| polygon.in_box(min, max));
+        Self { polygons: near.filter(|near| !near.0.is_empty()).collect() }
+    }
+}
+
+impl Edges {
+    fn contains(&self, p: [u32; 2]) -> bool {
         let p = scaled(p);
         let mut inside = false;
-        for &edge in &self.edges {
+        for &edge in &self.0 {
             let [a, b] = edge;
             if p[1] < a[1].min(b[1]) || p[1] > a[1].max(b[1]) || p[0] > a[0].max(b[0]) {
                 continue;
@@ -121,8 +167,7 @@ impl LatticePolygon {
         inside
     }
 
-    /// Where the points of a box, both corners included, lie.
-    pub(super) fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
+    fn side_of_box(&self, min: [u32; 3], max: [u32; 3]) -> Side {
         let (low, high) = (scaled([min[0], min[1]]), scaled([max[0], max[1]]));
         let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
         let touches = |&edge: &[[i64; 2]; 2]| {
@@ -131,7 +176,7 @@ impl LatticePolygon {
             let sides = corners.map(|c| turn(edge, c));
             !apart && !sides.iter().all(|&s| s > 0) && !sides.iter().all(|&s| s < 0)
         };
-        if self.edges.iter().any(touches) {
+        if self.0.iter().any(touches) {
             Side::Across
         } else if self.contains([min[0], min[1]]) {
             Side::Inside
@@ -140,13 +185,12 @@ impl LatticePolygon {
         }
     }
 
-    /// The edges that decide for points of a box: those beside it, to the right or through it.
-    pub(super) fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> Self {
+    fn in_box(&self, min: [u32; 3], max: [u32; 3]) -> Self {
         let (low, high) = (scaled([min[0], min[1]]), scaled([max[0], max[1]]));
         let decides = |[a, b]: &&[[i64; 2]; 2]| {
             a[1].max(b[1]) >= low[1] && a[1].min(b[1]) <= high[1] && a[0].max(b[0]) >= low[0]
         };
-        Self { edges: self.edges.iter().filter(decides).copied().collect() }
+        Self(self.0.iter().filter(decides).copied().collect())
     }
 }
 
@@ -233,11 +277,12 @@ mod tests {
     proptest! {
         #[test]
         fn points_are_inside_as_the_reference_says_and_nodes_as_their_points(
-            ring in prop::collection::vec([-12i64..12, -12i64..12], 3..8),
+            rings in prop::collection::vec(prop::collection::vec([-12i64..12, -12i64..12], 3..8), 1..4),
             low in [-14i64..14, -14i64..14], extent in [0i64..6, 0i64..6],
         ) {
-            let corners = ring.iter().map(|c| c.map(|v| v as f64)).collect();
-            let polygon = Polygon::new(vec![corners]).unwrap().on(&Lattice::default()).unwrap();
+            let corners = |ring: &Vec<[i64; 2]>| vec![ring.iter().map(|c| c.map(|v| v as f64)).collect()];
+            let polygons = rings.iter().map(corners).collect();
+            let polygon = Polygon::any_of(polygons).unwrap().on(&Lattice::default()).unwrap();
             let high = [low[0] + extent[0], low[1] + extent[1]];
             let corner = |c: [i64; 2]| [at(c[0]), at(c[1]), 5];
             let (min, max) = (corner(low), corner(high));
@@ -249,11 +294,11 @@ mod tests {
                     prop_assert_eq!(inside, contains(&near, x, y));
                     prop_assert!(inside || side != Side::Inside);
                     prop_assert!(!inside || side != Side::Outside);
-                    match reference(&ring, [x, y]) {
-                        Some(want) => prop_assert_eq!(inside, want),
-                        // On an edge, unless the ring is a single corner.
-                        None => prop_assert!(inside || ring.iter().all(|c| *c == ring[0])),
-                    }
+                    // On an edge, unless the ring is a single corner.
+                    let is_in = |ring: &Vec<[i64; 2]>| {
+                        reference(ring, [x, y]).unwrap_or_else(|| ring.iter().any(|c| *c != ring[0]))
+                    };
+                    prop_assert_eq!(inside, rings.iter().any(is_in));
                 }
             }
         }
