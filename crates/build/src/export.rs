@@ -160,6 +160,7 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildError> {
     let nodes = &tree.table().nodes;
     let statistics = filter.asks_classes().then(|| tree.statistics()).transpose()?;
+    let all_have_one = tree.layout().all_have(names::CLASSIFICATION, AttrType::U8);
     let mut takes = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
@@ -167,7 +168,7 @@ fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildErro
         let by_box = if prefix == 0 { Side::Outside } else { filter.side_of_box(min, max) };
         let by_class = match &statistics {
             _ if by_box == Side::Outside => Side::Outside,
-            Some(statistics) => filter.side_of_classes(statistics.own_classes(index)),
+            Some(statistics) => filter.side_of_classes(statistics.own_classes(index), all_have_one),
             None => Side::Inside,
         };
         if by_class == Side::Outside {

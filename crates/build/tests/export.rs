@@ -8,7 +8,8 @@ mod given;
 
 use cloud::below;
 use esker_build::{BuildError, Options, build_sources, export};
-use esker_format::{Footer, Forest};
+use esker_format::{Footer, Forest, PlaneKind, Shown};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
 use esker_points::{AttrType, Filter, Task};
 use given::{Given, boxed, given, names_in};
@@ -76,10 +77,20 @@ fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
 fn classes_are_only_of_points_that_have_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
-    let ground = filter(|f| f.classes = Some("0".parse().unwrap()));
-    let lines = lines(&file, folder.path(), &ground);
-    // The bare points have zeros there, and no class.
-    assert_eq!(lines.len(), 4_000);
+    // The bare points have zeros there, and no class; also where all classes that there are are wanted.
+    for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
+        let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
+        assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
+        let shown = Shown::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
+        let nodes = 0..file.table().nodes.len() as u32;
+        let drawn = nodes.map(|node| {
+            let planes = shown.read(&file, node, &[PlaneKind::Position]).unwrap();
+            let positions = planes.get(PlaneKind::Position).unwrap_or_default();
+            let positions = positions.as_chunks::<HOT_POSITION_BYTES>().0.iter();
+            positions.take(shown.points_max(node)).filter(|p| p[HIDDEN_AT] == 0).count()
+        });
+        assert_eq!(drawn.sum::<usize>(), points, "{classes}");
+    }
 }
 
 #[test]

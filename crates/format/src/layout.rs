@@ -278,6 +278,13 @@ impl PageLayout {
         self.present.get(class * attributes + attribute).copied().unwrap_or(false)
     }
 
+    /// Whether points of all classes have an attribute of this name and type.
+    pub fn all_have(&self, name: &str, ty: AttrType) -> bool {
+        let attribute = self.schema.find_typed(name, ty);
+        let mut classes = 0..self.classes.len();
+        attribute.is_some_and(|a| classes.all(|class| self.has_attribute(class, a)))
+    }
+
     /// Bytes of the directory of every page.
     pub fn directory_bytes(&self) -> usize {
         DIRECTORY_HEAD_BYTES + self.planes.len() * DIRECTORY_ENTRY_BYTES + 4

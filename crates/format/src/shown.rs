@@ -155,11 +155,12 @@ impl Filtered {
         let mut verdicts = Vec::with_capacity(nodes.len());
         for file in forest.files() {
             let statistics = filter.asks_classes().then(|| file.statistics()).transpose()?;
+            let all_have_one = file.layout().all_have(names::CLASSIFICATION, AttrType::U8);
             let first = verdicts.len();
             for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
                 let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
                     let bits = statistics.as_ref().map(|s| of(s, index));
-                    bits.map_or(Side::Inside, |bits| filter.side_of_classes(bits))
+                    bits.map_or(Side::Inside, |bits| filter.side_of_classes(bits, all_have_one))
                 };
                 let own = classes(crate::Statistics::own_classes);
                 let below = classes(crate::Statistics::subtree_classes);

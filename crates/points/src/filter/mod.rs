@@ -153,12 +153,15 @@ impl LatticeFilter {
     }
 
     /// Where points of these classes (a bit each, as the statistics have them) lie; `None` where points have no
-    /// class, and none is wanted if classes are.
-    pub fn side_of_classes(&self, bits: Option<[u64; 4]>) -> Side {
+    /// class, and none is wanted if classes are. Where not all have one, those without are among them.
+    pub fn side_of_classes(&self, bits: Option<[u64; 4]>, all_have_one: bool) -> Side {
         match (self.classes, bits) {
             (None, _) => Side::Inside,
             (Some(_), None) => Side::Outside,
-            (Some(wanted), Some(bits)) => wanted.side_of(bits),
+            (Some(wanted), Some(bits)) => match wanted.side_of(bits) {
+                Side::Inside if !all_have_one => Side::Across,
+                side => side,
+            },
         }
     }
 
