@@ -139,21 +139,29 @@ impl Lattice {
             return Ok(lattice);
         }
         for axis in 0..3 {
-            lattice.choose_axis(inputs, axis);
+            lattice.choose_axis(inputs, axis)?;
         }
         Ok(lattice)
     }
 
-    fn choose_axis(&mut self, inputs: &[InputGrid], axis: usize) {
+    fn choose_axis(&mut self, inputs: &[InputGrid], axis: usize) -> Result<(), LatticeError> {
+        // Farther from the offset than numbers go: no scale makes steps of that.
+        let offset = self.offset[axis];
+        for input in inputs {
+            let bounds = input.axis_bounds(axis).map(|(lo, hi)| [lo, hi]);
+            let far = bounds.into_iter().flatten().find(|bound| !(bound - offset).is_finite());
+            if let Some(value) = far {
+                return Err(input.unusable("a bound", axis, value));
+            }
+        }
         let mut scale = inputs.iter().map(|i| i.grid.scale[axis]).fold(f64::INFINITY, f64::min);
         let bounds = inputs.iter().filter_map(|i| i.axis_bounds(axis));
         let (lo, hi) = bounds
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (a, b)| (lo.min(a), hi.max(b)));
         self.scale[axis] = scale;
         if lo > hi {
-            return;
+            return Ok(());
         }
-        let offset = self.offset[axis];
         let steps = |scale: f64| (((lo - offset) / scale).floor(), ((hi - offset) / scale).ceil());
         let fits = |(lo, hi): (f64, f64)| {
             hi - lo <= u32::MAX as f64 - 2.0 && lo.abs().max(hi.abs()) < STEPS_MAX
@@ -166,6 +174,7 @@ impl Lattice {
         if lo < -(ORIGIN as f64) || hi >= ORIGIN as f64 {
             self.shift[axis] = ((lo + hi) / 2.0).floor() as i64;
         }
+        Ok(())
     }
 
     /// World coordinates of a lattice point.
@@ -210,10 +219,7 @@ impl Lattice {
 
 impl InputGrid {
     fn check(&self) -> Result<(), LatticeError> {
-        let fail = |what, axis: usize, value| {
-            let axis = ['x', 'y', 'z'][axis];
-            Err(LatticeError::Unusable { name: self.name.clone(), what, axis, value })
-        };
+        let fail = |what, axis, value| Err(self.unusable(what, axis, value));
         for axis in 0..3 {
             let scale = self.grid.scale[axis];
             if !scale.is_normal() || scale < 0.0 {
@@ -224,6 +230,11 @@ impl InputGrid {
             }
         }
         Ok(())
+    }
+
+    fn unusable(&self, what: &'static str, axis: usize, value: f64) -> LatticeError {
+        let axis = ['x', 'y', 'z'][axis];
+        LatticeError::Unusable { name: self.name.clone(), what, axis, value }
     }
 
     /// Bounds of one axis where they are numbers, for integers clamped to what `i32` can hold.
@@ -409,6 +420,17 @@ mod tests {
         let p = coarse.placement(&very_far).integer([4567; 3], &very_far.grid, &mut error).unwrap();
         assert!((coarse.world(p)[0] - 30_000_004.57).abs() < 1e-6);
         assert!((error - 0.003).abs() < 1e-8, "{error}");
+    }
+
+    #[test]
+    fn inputs_farther_apart_than_numbers_go_are_told() {
+        let a = input("a", 0.001, 1.7e308, (1.7e308, 1.7e308));
+        let b = input("b", 0.001, -1.7e308, (-1.7e308, -1.7e308));
+        let error = Lattice::choose(&[a.clone(), b.clone()]).unwrap_err().to_string();
+        assert!(error.starts_with("b: a bound of axis x is -"), "{error}");
+        // As far as they go there is a lattice.
+        let half = input("c", 0.001, -1.0, (-1.0, 1.0));
+        assert!(Lattice::choose(&[a, half]).unwrap().scale[0] > 1e290);
     }
 
     #[test]
