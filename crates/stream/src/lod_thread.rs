@@ -51,6 +51,11 @@ struct Past {
 }
 
 impl Past {
+    /// When it began: nodes that were to be tried again by then were asked for in it.
+    fn began(&self) -> Instant {
+        self.ended - self.took
+    }
+
     /// When the next pass may begin: at most half of a core is spent on looking around, a third while
     /// loading goes on.
     fn rested(&self, cause: Cause) -> Instant {
@@ -72,7 +77,7 @@ impl LodThread {
                 following = 0;
             }
             let due = match cause {
-                Cause::None => self.chooser.retries.next_due(past.ended),
+                Cause::None => self.chooser.retries.next_due(past.began()),
                 _ => Some(past.rested(cause)),
             };
             let began = Instant::now();
