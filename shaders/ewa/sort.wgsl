@@ -19,26 +19,28 @@ var<workgroup> sums: array<u32, 256>;
 
 @compute @workgroup_size(256)
 fn begin(@builtin(local_invocation_index) thread: u32) {
-    // Each thread a run of tiles: their sum, the sums before it, then the tiles one by one.
+    // Each thread a run of tiles: their sum, the sums before it, then the tiles one by one. All that is more than there is
+    // room for is alike: sums end there, before they wrap.
+    let most = batch.entries + 1u;
     let tiles = batch.tiles.x * batch.tiles.y;
     let run = (tiles + THREADS - 1u) / THREADS;
     let first = min(thread * run, tiles);
     let last = min(first + run, tiles);
     var sum = 0u;
     for (var i = first; i < last; i += 1u) {
-        sum += atomicLoad(&cursors[i]);
+        sum = min(sum + atomicLoad(&cursors[i]), most);
     }
     sums[thread] = sum;
     workgroupBarrier();
     var start = 0u;
     for (var i = 0u; i < thread; i += 1u) {
-        start += sums[i];
+        start = min(start + sums[i], most);
     }
     for (var i = first; i < last; i += 1u) {
         let count = atomicLoad(&cursors[i]);
         starts[i] = start;
         atomicStore(&cursors[i], start);
-        start += count;
+        start = min(start + count, most);
     }
     if thread == THREADS - 1u {
         starts[tiles] = start;
