@@ -2,7 +2,7 @@
 //! needs and a legend, with the range of values from the user or from the statistics ([`crate::ranges`]).
 
 use crate::ranges;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
@@ -130,7 +130,16 @@ impl<'a> Wish<'a> {
             return Ok([low, high]);
         }
         let (low, high) = find()?;
-        Ok([self.range[0].unwrap_or(low), self.range[1].unwrap_or(high)])
+        let range = [self.range[0].unwrap_or(low), self.range[1].unwrap_or(high)];
+        let is_beyond = self.has_range() && range[0] > range[1];
+        ensure!(
+            !is_beyond,
+            "all values of `{}` lie beyond that end of the range: they are {} .. {}; give both ends",
+            self.name,
+            short(low),
+            short(high)
+        );
+        Ok(range)
     }
 
     fn has_range(&self) -> bool {
@@ -294,6 +303,9 @@ pub fn scans(file: &Forest) -> Result<(PlaneKind, Codes)> {
 pub const SCANS: [&str; 3] = [names::POINT_SOURCE_ID, "scan", "scan_id"];
 /// The number of a return, which shares its byte with the number of returns.
 const RETURN_NUMBER: &str = "return_number";
+const RETURN_NUMBER_MASK: u8 = 15;
+/// Those that most scanners tell.
+const RETURN_NUMBERS: (f64, f64) = (1.0, 5.0);
 /// Short names of attributes.
 const SHORT: [(&str, &str); 4] = [
     ("class", names::CLASSIFICATION),
@@ -352,7 +364,7 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
             let entry = |n: u8| (n, "return".to_owned(), bytes(hue(u32::from(n))));
             return coded(
                 Codebook::Labels,
-                Coding::Bits { shift: 0, mask: 15 },
+                Coding::Bits { shift: 0, mask: RETURN_NUMBER_MASK },
                 (1..=5).map(entry).collect(),
             );
         }
@@ -360,6 +372,16 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
     if name == names::POINT_SOURCE_ID && !wish.has_range() {
         let colouring = coded(Codebook::Labels, Coding::Labels, Vec::new())?;
         let legend = Legend { range: Some([whole.0, whole.1]), ..colouring.legend };
+        return Ok(Colouring { legend, ..colouring });
+    }
+    if is_number && ty == AttrType::U8 {
+        let range = wish.range(|| Ok(RETURN_NUMBERS))?;
+        let [low, high] = range;
+        let palette = Palette::Viridis;
+        let coding = Coding::BitsAlong { mask: RETURN_NUMBER_MASK, low, high };
+        let colouring = coded(Codebook::Along(palette), coding, Vec::new())?;
+        let palette = Some(palette);
+        let legend = Legend { range: Some(range), palette, note, ..Legend::named(RETURN_NUMBER) };
         return Ok(Colouring { legend, ..colouring });
     }
     // Extra bytes are shown scaled; the plane has what is stored.

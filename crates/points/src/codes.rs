@@ -28,6 +28,15 @@ pub enum Coding {
         /// Those that are kept after that.
         mask: u8,
     },
+    /// The lowest bits of a whole number, along a range as in `Along`.
+    BitsAlong {
+        /// Those that are kept.
+        mask: u8,
+        /// Value of code 0.
+        low: f64,
+        /// Value of code [`LAST`].
+        high: f64,
+    },
     /// Whole numbers that name something: modulo [`LABELS`].
     Labels,
 }
@@ -45,11 +54,10 @@ impl Codes {
     /// A code for each little-endian value.
     pub fn of(&self, values: &[u8]) -> Vec<u8> {
         match self.coding {
-            Coding::Along { low, high } => {
-                // A range without extent maps to its first code.
-                let per_unit = f64::from(LAST) / (high - low);
-                let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
-                self.each(values, |value| along((value - low) * per_unit))
+            Coding::Along { low, high } => self.each(values, along(low, high)),
+            Coding::BitsAlong { mask, low, high } => {
+                let code = along(low, high);
+                self.each(values, |value| code(f64::from(value as u64 as u8 & mask)))
             }
             Coding::Bits { shift, mask } => {
                 self.each(values, |value| (value as u64 >> (shift & 63)) as u8 & mask)
@@ -63,8 +71,14 @@ impl Codes {
     }
 }
 
-fn along(at: f64) -> u8 {
-    if at.is_nan() { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
+/// The codes of values along a range; one without extent has its first code alone.
+fn along(low: f64, high: f64) -> impl Fn(f64) -> u8 {
+    let per_unit = f64::from(LAST) / (high - low);
+    let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
+    move |value| {
+        let at = (value - low) * per_unit;
+        if at.is_nan() { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
+    }
 }
 
 #[cfg(test)]
@@ -95,6 +109,8 @@ mod tests {
         let count = Coding::Bits { shift: 4, mask: 15 };
         assert_eq!(codes(AttrType::U8, number, &[0x21, 0x53]), [1, 3]);
         assert_eq!(codes(AttrType::U8, count, &[0x21, 0x53]), [2, 5]);
+        let along = Coding::BitsAlong { mask: 15, low: 1.0, high: 3.0 };
+        assert_eq!(codes(AttrType::U8, along, &[0x21, 0x52, 0x33, 0x50]), [0, 127, LAST, 0]);
         assert_eq!(codes(AttrType::U16, Coding::Labels, &[7, 0, 252, 0]), [7, 1]);
     }
 
