@@ -2,7 +2,8 @@
 //! flag that Ctrl-C sets.
 
 use esker_points::Task;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -60,6 +61,14 @@ impl Progress {
         f(&mut self.phase.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
+    /// Shows how far a phase came.
+    fn end(&self, phase: &mut Phase) {
+        phase.bar.finish_and_clear();
+        if self.style == Style::Json && !phase.name.is_empty() {
+            self.line(phase);
+        }
+    }
+
     fn line(&self, phase: &mut Phase) {
         phase.line = Instant::now();
         let done = self.done.load(Ordering::Relaxed);
@@ -75,19 +84,16 @@ impl Progress {
 impl Task for Progress {
     fn phase(&self, name: &str, total: Option<u64>, unit: &'static str) {
         self.with(|phase| {
-            phase.bar.finish_and_clear();
-            if self.style == Style::Json && !phase.name.is_empty() {
-                self.line(phase);
-            }
+            self.end(phase);
             self.done.store(0, Ordering::Relaxed);
             let now = Instant::now();
             (phase.name, phase.total, phase.unit, phase.start) = (name.to_owned(), total, unit, now);
             if self.style == Style::Bar {
                 let target = ProgressDrawTarget::stderr_with_hz(5);
                 let bar = ProgressBar::with_draw_target(total, target).with_message(name.to_owned());
-                let template = format!("{{msg:16}} {{wide_bar}} {{percent:>3}} %  {{human_pos}} {unit}, {{per_sec}}, {{eta}} left");
+                let template = format!("{{msg:16}} {{wide_bar}} {{percent:>3}} %  {{human_pos}} {unit}, {{rate}}, {{eta}} left");
                 if let Ok(style) = ProgressStyle::with_template(&template) {
-                    bar.set_style(style);
+                    bar.set_style(style.with_key("rate", rate));
                 }
                 phase.bar = bar;
             }
@@ -122,6 +128,12 @@ impl Task for Progress {
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.with(|phase| phase.bar.finish_and_clear());
+        self.with(|phase| self.end(phase));
     }
+}
+
+/// So many a second, whole.
+fn rate(state: &ProgressState, out: &mut dyn Write) {
+    // A bar that cannot be written has no one to tell.
+    let _ = write!(out, "{}/s", HumanCount(state.per_sec() as u64));
 }
