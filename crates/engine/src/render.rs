@@ -357,9 +357,9 @@ fn notes(
     scene: &Scene,
     picture: &Picture,
 ) -> Result<Vec<&'static str>> {
-    let points = scene.selection.counters.points;
+    let counters = &scene.selection.counters;
     let is_empty = picture.stats.pixels_covered == 0;
-    let nothing = is_empty.then(|| seen::why_nothing(file, request.budget_points, points));
+    let nothing = is_empty.then(|| seen::why_nothing(file, request.budget_points, counters));
     Ok(nothing.into_iter().chain(explain::not_evened(file, scene)?).collect())
 }
 

@@ -4,6 +4,7 @@
 use crate::quantity::grouped;
 use anyhow::{Result, ensure};
 use esker_format::{Forest, PlaneKind, Shown};
+use esker_lod::Counters;
 use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::{AttrType, Filter};
@@ -57,10 +58,13 @@ fn has_wanted(file: &Forest, shown: &Shown, node: u32) -> Result<bool> {
 }
 
 /// Why a picture shows nothing that so many points were chosen for.
-pub fn why_nothing(file: &Forest, budget_points: u64, points: u64) -> &'static str {
-    match (file.points(), budget_points, points) {
+pub fn why_nothing(file: &Forest, budget_points: u64, counters: &Counters) -> &'static str {
+    match (file.points(), budget_points, counters.points) {
         (0, ..) => "nothing is seen: there are no points",
         (_, 0, _) => "nothing is seen: --budget-points 0 draws none",
+        (.., 0) if counters.withheld > 0 => {
+            "nothing is seen: --budget-points is too few for the first points of any node; give some hundreds more"
+        }
         (.., 0) => {
             "nothing is seen: the camera looks past all points; --fit shows all that there is"
         }
