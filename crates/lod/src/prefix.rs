@@ -44,8 +44,8 @@ pub struct Shown {
     pub spacing_px: f64,
     /// The share (0 to 1) of its greatest face that its silhouette has: fewer points fill that.
     pub facing: f64,
-    /// Area of its silhouette, pixels; infinite where that is not known.
-    pub area_px: f64,
+    /// Squares of the target spacing that its silhouette has; infinite where that is not known.
+    pub squares: f64,
     /// [`share_above`].
     pub above: f64,
 }
@@ -62,9 +62,8 @@ pub fn wanted(node: &Node, count: usize, shown: &Shown, target_spacing_px: f64) 
     // What the points above give already, its own need not.
     let share = if shown.above < 1.0 { (share - shown.above) / (1.0 - shown.above) } else { share };
     let by_spacing = count as f64 * share * shown.facing.clamp(0.0, 1.0);
-    let by_area = shown.area_px / target_spacing_px.powi(2);
     // A rounding error above a whole number must not cost a stratum.
-    let points = by_spacing.min(by_area) - 1e-6;
+    let points = by_spacing.min(shown.squares) - 1e-6;
     prefix_at_least(node.levels(), (points.ceil() as usize).clamp(1, count.max(1)))
 }
 
@@ -141,7 +140,7 @@ mod tests {
             let spacing = effective_spacing(&node, 256, prefix, 1.0, above);
             assert!((spacing - expect).abs() < 1e-6, "{prefix}: {spacing} {expect}");
             let shown =
-                Shown { spacing_px: 0.5f64.sqrt(), facing: 1.0, area_px: f64::INFINITY, above };
+                Shown { spacing_px: 0.5f64.sqrt(), facing: 1.0, squares: f64::INFINITY, above };
             let least = boundaries(&[16, 240]).into_iter().find(|&b| b >= prefix.max(1));
             assert_eq!(Some(wanted(&node, 256, &shown, expect * (1.0 + 1e-7))), least, "{prefix}");
         }
@@ -167,7 +166,7 @@ mod tests {
             let count = levels.iter().sum::<usize>();
             prop_assume!(count > 0);
             let node = node(&levels, dimension, 1.0);
-            let face_on = Shown { spacing_px, facing: 1.0, area_px: f64::INFINITY, above: 0.0 };
+            let face_on = Shown { spacing_px, facing: 1.0, squares: f64::INFINITY, above: 0.0 };
             let prefix = wanted(&node, count, &face_on, target);
             let distance_px = |prefix| spacing_px * effective_spacing(&node, count, prefix, 1.0, 0.0);
             let at = boundaries(&levels);
@@ -179,7 +178,7 @@ mod tests {
             prop_assert!(edge_on <= prefix && at.contains(&edge_on) && edge_on > 0);
             // A silhouette of half as many squares as points are wanted.
             let squares = prefix as f64 * 0.5;
-            let small = Shown { area_px: squares * target * target, ..face_on };
+            let small = Shown { squares, ..face_on };
             let few = wanted(&node, count, &small, target);
             prop_assert!(at.contains(&few) && few as f64 >= squares - 1e-3 && few <= prefix);
         }

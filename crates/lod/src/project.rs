@@ -155,6 +155,14 @@ impl Silhouette {
         doubled.abs() * 0.5
     }
 
+    /// How many squares with a side in pixels it has: by its area, and by its length where it is thinner than they are.
+    pub fn squares(&self, side_px: f64) -> f64 {
+        let corners = self.corners();
+        let next = corners.iter().cycle().skip(1);
+        let outline: f64 = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
+        (self.area_px() / (side_px * side_px)).max(outline / (2.0 * side_px))
+    }
+
     /// Lowest and highest x and y, pixels; `None` where it has no corner.
     pub fn bounds(&self) -> Option<[DVec2; 2]> {
         self.polygon.bounds()
@@ -252,6 +260,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_line_has_squares_along_it() {
+        let line = |half| OrientedBox { centre: DVec3::ZERO, half, axes: DMat3::IDENTITY };
+        let projection = Projection::of(&view(0.1));
+        let squares = |half, side| projection.silhouette(&line(half)).unwrap().squares(side);
+        let length_px = 2.0 * view(0.1).focal_px() / 4.0;
+        assert!((squares(DVec3::new(1.0, 0.0, 0.0), 0.5) - length_px / 0.5).abs() < 1e-9);
+        // A wall is filled as before.
+        let wall = squares(DVec3::new(1.0, 0.0, 1.0), 0.5);
+        assert!((wall - (length_px / 0.5).powi(2)).abs() < 1e-6);
     }
 
     #[test]

@@ -310,7 +310,10 @@ impl<R: Residency> Walk<'_, R> {
         let shown = Shown {
             spacing_px: self.spacing_px(spacing(node), distance),
             facing: contour.facing(eye).max(FACING_LEAST),
-            area_px: self.projection.silhouette(contour).map_or(f64::INFINITY, |s| s.area_px()),
+            squares: self
+                .projection
+                .silhouette(contour)
+                .map_or(f64::INFINITY, |s| s.squares(target_px)),
             above,
         };
         (wanted(node, count, &shown, target_px), shown.facing)
