@@ -6,6 +6,8 @@ use esker_points::Cell;
 
 /// Below this linearity, planarity or sphericity counts as nothing (kanzok2015, section 3.1).
 const THRESHOLD: f64 = 0.03;
+/// A line is at most so many times as wide as its points, one behind the other, stand apart: from three rows on it is a strip.
+const LINE_WIDTH: f64 = 8.0;
 
 /// Exact sums over lattice positions; merging is addition, in any order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -132,6 +134,20 @@ impl Shape {
         };
         Self { values, axes, dimension }
     }
+
+    /// The dimension in which so many points fill the shape evenly: what is much longer than wide is a line of few points, but
+    /// of many a surface (a road, a wall, a flight strip), or where it is as thick as wide a volume.
+    pub fn dimension_of(&self, points: usize) -> u32 {
+        let [along, across, thick] = self.values;
+        let is_line = across.sqrt() * points as f64 <= LINE_WIDTH * along.sqrt();
+        match self.dimension {
+            1 if is_line => 1,
+            // As if it were cut to a square.
+            1 if 3.0 * thick / (2.0 * across + thick) > THRESHOLD => 3,
+            1 => 2,
+            dimension => dimension,
+        }
+    }
 }
 
 /// Eigen-system of a symmetric 3 x 3 matrix by cyclic Jacobi rotations (Golub and Van Loan, Matrix
@@ -208,6 +224,27 @@ mod tests {
             let shape = Shape::of(moments(&[p; 1000]).covariance([0.001; 3]));
             assert_eq!((shape.dimension, shape.values), (0, [0.0; 3]));
         }
+    }
+
+    #[test]
+    fn what_is_long_is_a_line_of_few_points_and_a_surface_or_a_volume_of_many() {
+        let dimension = |along: u32, across: u32, thick: u32| {
+            let place = |i: u32| [i / across / thick, i / thick % across, i % thick];
+            let points: Vec<_> =
+                (0..along * across * thick).map(|i| place(i).map(|c| c * 50)).collect();
+            let shape = Shape::of(moments(&points).covariance([0.001; 3]));
+            (shape.dimension, shape.dimension_of(points.len()))
+        };
+        assert_eq!(dimension(1000, 1, 1), (1, 1));
+        assert_eq!(dimension(1000, 2, 1), (1, 1));
+        assert_eq!(dimension(1000, 3, 1), (1, 2));
+        assert_eq!(dimension(1000, 40, 1), (1, 2));
+        assert_eq!(dimension(200, 9, 9), (1, 3));
+        assert_eq!(dimension(100, 60, 1), (2, 2));
+        // A wire that sways by as much as its points stand apart.
+        let wire: Vec<_> = (0..1000u32).map(|i| [i * 50, i % 3 * 25 + 7, i * 7 % 5 * 12]).collect();
+        let wire = Shape::of(moments(&wire).covariance([0.001; 3]));
+        assert_eq!(wire.dimension_of(1000), 1);
     }
 
     #[test]

@@ -102,7 +102,6 @@ impl Context {
         children.iter().for_each(|c| moments.merge(&c.moments));
         let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
-        let dimension = Shape::of(moments.covariance(self.scale)).dimension;
         let candidates = Candidates::new(rows, &offered, &cell, self.scale);
         let placed = Pending::placed(&children, offered.len());
         // What is left of cells with few points has its place beside the sample.
@@ -110,6 +109,8 @@ impl Context {
         // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
         let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
+        let shape = Shape::of(moments.covariance(self.scale));
+        let dimension = shape.dimension_of(points.min(candidates.places()));
         let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
@@ -187,8 +188,8 @@ impl Context {
         above: f64,
         to: &mut Pending,
     ) {
-        let dimension = Shape::of(leaf.moments.covariance(self.scale)).dimension;
-        self.place(rows, &mut leaf, taken, Some(above), dimension);
+        let shape = Shape::of(leaf.moments.covariance(self.scale));
+        let dimension = self.place(rows, &mut leaf, taken, Some(above), &shape);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
         let spacing = self.spacing(&leaf.picked(), drawn, dimension, Some(above)) as f32;
         for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
@@ -198,18 +199,20 @@ impl Context {
         }
     }
 
-    /// Gives a leaf's points their turns and radii.
+    /// Gives a leaf's points their turns and radii. The dimension in which they stand.
     fn place(
         &self,
         rows: &Rows<'_>,
         leaf: &mut Pending,
         taken: &[u16],
         above: Option<f64>,
-        dimension: u32,
-    ) {
+        shape: &Shape,
+    ) -> u32 {
         let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale);
+        let dimension = shape.dimension_of(candidates.places());
         leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
         leaf.radii = self.radii(&candidates, &leaf.turns, dimension);
+        dimension
     }
 
     /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
@@ -225,9 +228,11 @@ impl Context {
     ) -> Option<Subtree> {
         let mut below = self.nodes_below(rows, &mut pending, counts);
         let shape = Shape::of(pending.moments.covariance(self.scale));
-        if pending.turns.is_empty() {
-            self.place(rows, &mut pending, taken, above, shape.dimension);
-        }
+        let dimension = if pending.turns.is_empty() {
+            self.place(rows, &mut pending, taken, above, &shape)
+        } else {
+            shape.dimension_of(pending.sampled)
+        };
         let mut own = places_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
         let is_given = |i: u32| i as usize >= pending.sampled;
@@ -241,7 +246,7 @@ impl Context {
         let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
         let mut drawn = pending.sampled;
         let (picked, total) = (pending.picked(), pending.moments.count as usize);
-        let spacing = |drawn| self.spacing(&picked, [drawn, total], shape.dimension, above);
+        let spacing = |drawn| self.spacing(&picked, [drawn, total], dimension, above);
         let full = spacing(drawn);
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
@@ -249,7 +254,7 @@ impl Context {
             let spacing = spacing(drawn);
             drawn -= points.iter().filter(|i| !is_given(**i)).count();
             let spacing = [spacing, full];
-            let mut tree = self.node(rows, &pending, &points, &shape, spacing, counts);
+            let mut tree = self.node(rows, &pending, &points, dimension, spacing, counts);
             tree.children = below;
             if part == 0 {
                 return Some(tree);
@@ -276,7 +281,7 @@ impl Context {
         rows: &Rows<'_>,
         pending: &Pending,
         points: &[u32],
-        shape: &Shape,
+        dimension: u32,
         [spacing, full]: [f64; 2],
         counts: &Counts,
     ) -> Subtree {
@@ -306,7 +311,7 @@ impl Context {
         let (mut points, hash) = self.page_points(rows, &own, codes);
         let mut node = Node::zeroed();
         (node.corner, node.cell_log2) = (pending.cell.corner, pending.cell.log2);
-        node.shape = shape.dimension as u8;
+        node.shape = dimension as u8;
         node.spacing = spacing as f32;
         node.set_levels(&order.levels);
         let bounds = set_box(&mut node, &points.positions);

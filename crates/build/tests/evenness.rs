@@ -8,7 +8,8 @@ mod cloud;
 mod poisson;
 
 use cloud::{below, built, cloud, random};
-use esker_format::EskerFile;
+use esker_format::{EskerFile, PlaneKind};
+use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT, radius_factor};
 use esker_points::strata::{STRATA, stratum_len};
 use poisson::{Growing, P, Poisson};
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ const POINTS_MIN: usize = 100;
 /// Positions of a cloud's points in millimetres, by a seed and an index.
 type Position = fn(u64, u64) -> [i32; 3];
 
-const CLOUDS: [(&str, Position); 5] = [
+const CLOUDS: [(&str, Position); 6] = [
     ("plane", |seed, i| {
         let (u, v) = (below(seed ^ (3 * i), 40_000), below(seed ^ (3 * i + 1), 30_000));
         [u, v, u / 3 + v / 5]
@@ -31,6 +32,10 @@ const CLOUDS: [(&str, Position); 5] = [
     ("line", |seed, i| {
         let t = below(seed ^ i, 4_000_000);
         [t, t / 2, t / 4]
+    }),
+    ("strip", |seed, i| {
+        let (t, u) = (below(seed ^ (2 * i), 400_000), below(seed ^ (2 * i + 1), 8_000));
+        [t + u / 5, t / 3 - u / 2, t / 9]
     }),
     ("ground", |seed, i| {
         let (x, y) = (below(seed ^ (3 * i), 50_000), below(seed ^ (3 * i + 1), 50_000));
@@ -152,4 +157,35 @@ fn prefixes_with_their_ancestors_are_as_even_as_poisson_disk_samples() {
     assert!(ratios.len() > 2000 * seeds.split(',').count());
     assert!(widest.gap <= 1.5, "{}", widest.what);
     assert!(nearest.nearest >= 0.7, "{}", nearest.what);
+}
+
+/// A road, a wall, a flight strip: however long it is, its points are those of a surface.
+#[test]
+fn radii_of_a_strip_are_those_of_a_square_as_dense() {
+    for (capacity, long, wide) in [(65_536, 200, 200), (65_536, 1000, 40), (1024, 2000, 20)] {
+        let position = move |i: u64| {
+            let (along, across) = ((i / wide) as i32, (i % wide) as i32);
+            let shaken = |k: u64| below(2 * i + k, 30);
+            [along * 50 + shaken(0), 0, across * 50 + shaken(1)]
+        };
+        let options = esker_build::Options { node_capacity: capacity, ..Default::default() };
+        let (_, file, _folder) =
+            built(vec![cloud("strip", 0.001, long * wide, position)], &options);
+        let nodes = &file.table().nodes;
+        assert!(nodes.iter().all(|node| node.dimension() == 2), "{long} x {wide}");
+        // Of leaves: their own points and their ancestors' are all that there are.
+        let mut radii = Vec::new();
+        for (i, node) in (0..).zip(nodes).filter(|(_, node)| node.child_count == 0) {
+            let planes = file.read_planes(i, &[PlaneKind::Position]).unwrap();
+            let points = planes.get(PlaneKind::Position).unwrap();
+            let points = points.as_chunks::<HOT_POSITION_BYTES>().0;
+            radii.extend(points.iter().map(|p| radius_factor(p[RADIUS_AT]) * node.spacing));
+        }
+        radii.sort_by(f32::total_cmp);
+        let median = radii[radii.len() / 2];
+        assert!(
+            (0.04..0.07).contains(&median),
+            "{long} x {wide}: {median} m where 0.05 lie between"
+        );
+    }
 }
