@@ -10,6 +10,7 @@
 // include common/octree.wgsl
 // include common/radius.wgsl
 // include common/tangent.wgsl
+// include common/seen.wgsl
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
@@ -80,19 +81,34 @@ fn gather(pixel: u32, depth_bits: u32) {
     let radius = radius_within(spacing_of(draw, p) * factor * stored);
     let depth = bitcast<f32>(depth_bits);
     let margin = select(RADIUS_MARGIN_PX_BARE, RADIUS_MARGIN_PX_NORMALS, NORMALS);
-    let radius_px = min(radius * frame.focal_px / depth + margin, RADIUS_MAX);
     // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
     let place = place_of(draw, offset, depth);
     let centre = vec2<f32>(vec2<u32>(pixel % frame.width, pixel / frame.width)) + 0.5;
     let within = vec2<f32>(select(0.0, 0.5, PLANES));
     let displaced = clamp(centre - place, -within, within);
     var reach = radius * BARE_REACH;
+    let seen = seen_at(centre);
+    var stretch = of_sphere(seen);
+    var minor = stretch;
+    var share = 1.0;
+    var n = vec3<f32>(0.0);
     if NORMALS {
-        let normal = normal_to_eye(paint.w, draw, offset, radius_px);
-        if any(normal.xyz != vec3<f32>(0.0)) {
-            reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(normal, place);
+        n = normal_to_eye(paint.w, draw, offset);
+        if any(n != vec3<f32>(0.0)) {
+            reach = radius * (THICKNESS / RADIUS_FACTOR_NORMALS) * thickness(vec4<f32>(n, 0.0), place);
+            let axes = of_disc(n, seen);
+            minor = axes.x;
+            stretch = axes.y;
+            share = abs(n.z);
         }
-        normals[pixel] = normal;
+    }
+    let in_middle = min(radius * frame.focal_px / depth, RADIUS_MAX);
+    let radius_px = min(max(in_middle * (stretch * STRETCHED), in_middle + margin), RADIUS_MAX);
+    if NORMALS {
+        // Never so small that the ellipse falls between pixels.
+        let minor_px = min(max(in_middle * (minor * STRETCHED), (in_middle + margin) * share), RADIUS_MAX);
+        let filtered = min(max(minor_px / radius_px * MINOR_FACTOR, MINOR_MIN_PX / radius_px), 1.0);
+        normals[pixel] = vec4<f32>(n, filtered);
     }
 
     // The carry of the height, which may need more than 32 bits.
@@ -112,11 +128,10 @@ fn place_of(draw: u32, offset: vec3<u32>, depth: f32) -> vec2<f32> {
     return frame.centre_px + flat * (frame.focal_px / depth);
 }
 
-// The normal in view space, and in w its ellipse's minor axis over the major one: never so small that the ellipse falls
-// between pixels.
-fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>, radius_px: f32) -> vec4<f32> {
+// The normal in view space; zero where there is none.
+fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>) -> vec3<f32> {
     if code == NO_NORMAL {
-        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
+        return vec3<f32>(0.0);
     }
     let world = normal_of(code);
     let n = vec3<f32>(dot(frame.right, world), dot(frame.up, world), dot(frame.back, world));
@@ -124,6 +139,5 @@ fn normal_to_eye(code: u32, draw: u32, offset: vec3<u32>, radius_px: f32) -> vec
     let d = &draws[draw];
     let steps = steps_from_eye((*d).base_high, (*d).base_low, (*d).bias_steps, offset);
     let away = dot(world, steps * frame.step) > 0.0 && frame.cull_back_faces == 0u;
-    let filter_z = min(max(abs(n.z) * MINOR_FACTOR, MINOR_MIN_PX / radius_px), 1.0);
-    return vec4<f32>(select(n, -n, away), filter_z);
+    return select(n, -n, away);
 }

@@ -4,12 +4,13 @@
 // include common/frame.wgsl
 // include common/tangent.wgsl
 // include common/squares.wgsl
+// include common/seen.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 // As `slant/tell` has them.
 @group(0) @binding(1) var<storage, read> slants: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> front: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> tilts: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> depths: array<f32>;
 
@@ -29,20 +30,30 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     let at = vec2<u32>(pixel % frame.width, pixel / frame.width);
-    let radius_px = tint[pixel].w;
+    let centre = vec2<f32>(at) + 0.5;
+    let seen = seen_at(centre);
+    // As gather has it of a sphere, and in the middle of the picture.
+    let of_sphere_px = tint[pixel].w;
+    let in_middle = min(of_sphere_px - RADIUS_MARGIN_PX, of_sphere_px / (of_sphere(seen) * STRETCHED));
+    let radius_px = in_middle + RADIUS_MARGIN_PX;
     var told = vec3<f32>(0.0, 0.0, BARE_REACH);
     if radius_px <= f32(SQUARE_PX) {
         let square = at / SQUARE_PX;
         told = slants[square.y * squares().x + square.x].xyz;
     }
-    let place = vec2<f32>(at) + 0.5 - own.zw;
+    let place = centre - own.zw;
     // The normal that is so long that q is -1 at the place (crates/render/src/tangent.rs), not steeper than can be followed.
     let back = (dot(told.xy, place - frame.centre_px) + 1.0) / frame.focal_px;
     let steepness = (abs(told.x) + abs(told.y)) * (frame.focal_px / SLOPE_MAX);
     let followed = 1.0 / max(steepness, 1.0);
     let tilt = vec2<f32>(told.x, -told.y) * followed;
-    let plate = length(vec3<f32>(told.xy, back)) * followed * frame.focal_px;
-    let radius = (radius_px - RADIUS_MARGIN_PX) * own.x / frame.focal_px;
+    let across = length(vec3<f32>(told.xy, back));
+    let plate = across * followed * frame.focal_px;
+    if any(told.xy != vec2<f32>(0.0)) {
+        let stretch = of_disc(vec3<f32>(told.x, -told.y, back) / across, seen).y;
+        tint[pixel].w = max(in_middle * (stretch * STRETCHED), radius_px);
+    }
+    let radius = in_middle * own.x / frame.focal_px;
     let reach = radius * min(plate * told.z, SLANT_REACH_MAX);
     // Discs stay where their pixels are; their depths are those that their planes have there.
     let to_centre = over_turn(-1.0, turn_of(tilt, own.zw));

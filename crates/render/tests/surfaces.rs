@@ -98,6 +98,25 @@ fn nothing_shows_through_a_sparse_wall() {
     }
 }
 
+/// From within a sphere each of its places is seen face on, and stretched the more the farther it is from the middle.
+#[test]
+fn what_surrounds_the_eye_is_closed_at_wide_angles() {
+    let mut dice = Dice(31);
+    for (fovy, most) in [(1.0, 20), (1.6, 4), (2.1, 4)] {
+        let view = View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, fovy, 240, 180);
+        for (count, normals) in [(20_000, false), (20_000, true), (4_000, false), (4_000, true)] {
+            let spacing = (4.0 * std::f64::consts::PI / f64::from(count)).sqrt();
+            let mut points = sphere(&mut dice, DVec3::ZERO, 1.0, count as usize, RED);
+            points.iter_mut().for_each(|point| point.normal = -point.normal);
+            // Wholly random points leave gaps of several spacings.
+            let scene = Scene::new(&points, 1e-6, spacing, spacing * 2.0, 10_000);
+            let picture = draw(&scene, &view, normals);
+            let open = picture.depth.iter().filter(|d| !d.is_finite()).count();
+            assert!(open <= most, "{open} open pixels of {count} points, {normals}, {fovy}");
+        }
+    }
+}
+
 #[test]
 fn a_sphere_with_normals_ends_at_its_silhouette() {
     let view = View::look_at(DVec3::NEG_Y * 20.0, DVec3::ZERO, DVec3::Z, 0.11, 300, 300);
