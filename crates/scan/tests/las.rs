@@ -427,6 +427,27 @@ fn header_and_records_are_kept_verbatim() {
 }
 
 #[test]
+fn keys_that_all_point_to_the_same_values_are_bounded() {
+    let file = |keys: u16, count: u16| {
+        let key = |i: u16| [2000 + i, 34736, count, 0];
+        let keys: Vec<u16> = [1, 1, 0, keys].into_iter().chain((0..keys).flat_map(key)).collect();
+        let mut file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(2, 0));
+        let bytes = |words: &[u16]| words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        file.vlrs.push(("LASF_Projection".into(), 34735, bytes(&keys)));
+        let doubles = 1e-300f64.to_le_bytes().repeat(8191);
+        file.vlrs.push(("LASF_Projection".into(), 34736, doubles));
+        on_disk(&file.las())
+    };
+    let few = open(&file(9, 7)).unwrap();
+    assert!(few.info().crs.as_ref().unwrap().text.contains("Key2000=0.000"));
+    let disk = file(8000, 8191);
+    let many = open(&disk).unwrap();
+    assert_eq!(many.info().crs, None);
+    assert!(many.info().notes[0].contains("more than 64 KiB as text"), "{:?}", many.info().notes);
+    assert_eq!(read(many.as_ref()).unwrap().1.points, 2);
+}
+
+#[test]
 fn points_outside_the_lattice_are_reported_and_surveyed() {
     let variant = Variant { format: 0, minor: 2, extra: 0 };
     let mut points = plain_points(3, 0);

@@ -17,6 +17,11 @@ const GEO_TEXT: u16 = 34737;
 const GEOGRAPHIC: u16 = 2;
 /// GeoTIFF's code for what has none.
 const USER_DEFINED: u32 = 32767;
+/// Bytes of GeoTIFF keys as text at most; those of real files take less than one thousand. Many keys may point to
+/// the same values, so that the size of the file bounds nothing.
+const KEYS_TEXT_BYTES_MAX: usize = 64 << 10;
+/// Bytes of a WKT in which numbers and units are looked for; those of real files have a few thousand.
+const WKT_BYTES_MAX: usize = 1 << 20;
 
 /// What a CRS is by its numbers in the EPSG register, however it is written down.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -82,11 +87,8 @@ fn unit_of_code(code: u32) -> Option<&'static str> {
 
 fn wkt_codes(wkt: &str) -> Option<Codes> {
     let nodes = &nodes(wkt)[..];
-    let is = |at: usize, names: &[&str]| {
-        names.iter().any(|name| nodes[at].keyword.eq_ignore_ascii_case(name))
-    };
-    let children =
-        |parent: usize| (0..nodes.len()).filter(move |&i| nodes[i].parent == Some(parent));
+    let is = |at: usize, names: &[&str]| nodes[at].is(names);
+    let children = |parent| children(nodes, parent);
     let code = |at: usize| {
         let id = children(at).find(|&i| is(i, &["AUTHORITY", "ID"]))?;
         let mut parts = nodes[id].rest.split([',', ']', ')']).map(|p| p.trim().trim_matches('"'));
@@ -102,7 +104,7 @@ fn wkt_codes(wkt: &str) -> Option<Codes> {
     let unit_of_heights = |at| {
         let axes = children(at).filter(|&i| is(i, &["AXIS"]));
         let units = std::iter::once(at).chain(axes).flat_map(children);
-        units.filter(|&i| is_unit(nodes[i].keyword)).find_map(|i| unit_name(nodes[i].rest))
+        units.filter(|&i| is(i, &UNITS)).find_map(|i| unit_name(nodes[i].rest))
     };
     Some(Codes {
         horizontal: code(horizontal)?,
@@ -192,6 +194,9 @@ fn geotiff(keys: &[u8], records: &Records, notes: &mut Vec<String>) -> Result<Op
             Some(name) => write!(text, " {name}={shown}"),
             None => write!(text, " Key{id}={shown}"),
         };
+        if text.len() > KEYS_TEXT_BYTES_MAX {
+            return Err(format!("more than {} KiB as text", KEYS_TEXT_BYTES_MAX >> 10));
+        }
     }
     if empty_keys > 0 {
         notes.push(format!(
@@ -236,27 +241,20 @@ fn key_name(id: u16) -> Option<&'static str> {
 /// The unit of the horizontal coordinates of a WKT (1 or 2): that of the projected system, else of the
 /// geocentric one, else degrees of a geographic one.
 fn wkt_unit(wkt: &str) -> Option<String> {
-    let nodes = nodes(wkt);
-    let child_unit = |parent: usize| {
-        nodes.iter().find(|n| n.parent == Some(parent) && is_unit(n.keyword)).map(|n| n.rest)
+    let nodes = &nodes(wkt)[..];
+    let system = |keywords: &[&str]| nodes.iter().position(|n| n.is(keywords));
+    let Some(at) = system(&["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS"]) else {
+        let geographic = system(&["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS"]);
+        return geographic.map(|_| "degree".to_owned());
     };
-    let system = |keywords: &[&str]| {
-        nodes.iter().position(|n| keywords.iter().any(|k| n.keyword.eq_ignore_ascii_case(k)))
-    };
-    if let Some(at) = system(&["PROJCS", "PROJCRS", "PROJECTEDCRS", "GEOCCS"]) {
-        // WKT 2 may give the unit with each axis instead.
-        let axis = |i: &usize| {
-            nodes[*i].parent == Some(at) && nodes[*i].keyword.eq_ignore_ascii_case("AXIS")
-        };
-        let unit = child_unit(at).or_else(|| (0..nodes.len()).filter(axis).find_map(child_unit));
-        return unit.and_then(unit_name);
-    }
-    system(&["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS"]).map(|_| "degree".to_owned())
+    let child_unit = |parent| children(nodes, parent).find(|&i| nodes[i].is(&UNITS));
+    // WKT 2 may give the unit with each axis instead.
+    let mut axes = children(nodes, at).filter(|&i| nodes[i].is(&["AXIS"]));
+    child_unit(at).or_else(|| axes.find_map(child_unit)).and_then(|i| unit_name(nodes[i].rest))
 }
 
-fn is_unit(keyword: &str) -> bool {
-    ["UNIT", "LENGTHUNIT"].iter().any(|k| keyword.eq_ignore_ascii_case(k))
-}
+/// What WKT 1 and 2 call units of length.
+const UNITS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
 
 /// The name of a unit given as `"name",factor...`: by its factor where that is known, else as written.
 fn unit_name(rest: &str) -> Option<String> {
@@ -272,28 +270,40 @@ fn unit_name(rest: &str) -> Option<String> {
     })
 }
 
-/// One `KEYWORD[...` of a WKT: what follows its bracket, and the node that it lies in.
+/// One `KEYWORD[...` of a WKT.
 struct Node<'a> {
     keyword: &'a str,
+    /// What follows its bracket.
     rest: &'a str,
-    parent: Option<usize>,
+    /// Index behind the last node that lies in it.
+    end: usize,
 }
 
+impl Node<'_> {
+    fn is(&self, keywords: &[&str]) -> bool {
+        keywords.iter().any(|k| self.keyword.eq_ignore_ascii_case(k))
+    }
+}
+
+/// The nodes of the first [`WKT_BYTES_MAX`] bytes; each is followed by those that lie in it.
 fn nodes(wkt: &str) -> Vec<Node<'_>> {
-    let (mut nodes, mut open) = (Vec::<Node<'_>>::new(), Vec::new());
+    let (mut nodes, mut open) = (Vec::<Node<'_>>::new(), Vec::<usize>::new());
     let (mut word_start, mut is_quoted) = (0, false);
-    for (at, c) in wkt.char_indices() {
+    for (at, c) in wkt.char_indices().take_while(|&(at, _)| at < WKT_BYTES_MAX) {
         match c {
             '"' => is_quoted = !is_quoted,
             _ if is_quoted => {}
             '[' | '(' => {
                 let (keyword, rest) = (wkt[word_start..at].trim(), &wkt[at + 1..]);
-                nodes.push(Node { keyword, rest, parent: open.last().copied() });
-                open.push(nodes.len() - 1);
+                open.push(nodes.len());
+                // One that is never closed holds all that follows.
+                nodes.push(Node { keyword, rest, end: usize::MAX });
                 word_start = at + 1;
             }
             ']' | ')' => {
-                open.pop();
+                if let Some(closed) = open.pop() {
+                    nodes[closed].end = nodes.len();
+                }
                 word_start = at + 1;
             }
             ',' => word_start = at + 1,
@@ -301,6 +311,13 @@ fn nodes(wkt: &str) -> Vec<Node<'_>> {
         }
     }
     nodes
+}
+
+/// The nodes that lie in a node, but not in another in it. Takes a step for each.
+fn children<'a>(nodes: &'a [Node<'_>], parent: usize) -> impl Iterator<Item = usize> + use<'a> {
+    let end = nodes[parent].end.min(nodes.len());
+    let first = Some(parent + 1).filter(|&i| i < end);
+    std::iter::successors(first, move |&i| Some(nodes[i].end).filter(|&next| next < end))
 }
 
 #[cfg(test)]
@@ -354,5 +371,17 @@ mod tests {
         assert_eq!(wkt_unit(odd).as_deref(), Some("Clarke's link"));
         assert_eq!(wkt_unit(r#"GEOGCS["g",UNIT["degree",0.0174]]"#).as_deref(), Some("degree"));
         assert_eq!(wkt_unit("nonsense[[[").as_deref(), None);
+    }
+
+    #[test]
+    fn many_nodes_take_a_step_each() {
+        // Taken pair by pair they would take minutes.
+        let axes = "AXIS[],".repeat(140_000);
+        let wkt = format!(
+            r#"PROJCS["p",{axes}AXIS["z",up,UNIT["foot",0.3048]],AUTHORITY["EPSG","2154"]]"#
+        );
+        let codes = codes(&wkt).unwrap();
+        assert_eq!((codes.horizontal, codes.units[0].as_deref()), (2154, Some("foot")));
+        assert_eq!(wkt_unit(&"PROJCS[AXIS[".repeat(1 << 20)), None);
     }
 }
