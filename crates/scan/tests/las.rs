@@ -12,7 +12,7 @@ use esker_points::{Batch, ColourDepth};
 use esker_scan::{BESIDE_HELD_BYTES, OpenOptions, ReadReport, ScanError, Source};
 use las_writer::{File, Point, Variant};
 use proptest::prelude::*;
-use std::io::Write;
+use std::io::{Seek, Write};
 
 fn on_disk(bytes: &[u8]) -> tempfile::NamedTempFile {
     let mut file = tempfile::NamedTempFile::new().unwrap();
@@ -445,6 +445,54 @@ fn keys_that_all_point_to_the_same_values_are_bounded() {
     assert_eq!(many.info().crs, None);
     assert!(many.info().notes[0].contains("more than 64 KiB as text"), "{:?}", many.info().notes);
     assert_eq!(read(many.as_ref()).unwrap().1.points, 2);
+}
+
+/// A LAS 1.4 of two points with EVLRs of these payload sizes; the payloads may be a hole in the file.
+fn with_evlrs(payloads: &[u64], claimed: u32) -> tempfile::NamedTempFile {
+    let file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(2, 0));
+    let mut bytes = file.las();
+    let start = bytes.len() as u64;
+    bytes[235..243].copy_from_slice(&start.to_le_bytes());
+    bytes[243..247].copy_from_slice(&claimed.to_le_bytes());
+    let mut disk = on_disk(&bytes);
+    let mut at = start;
+    for (number, payload) in payloads.iter().enumerate() {
+        let mut head = [0; 60];
+        head[2..6].copy_from_slice(b"some");
+        head[18..20].copy_from_slice(&(number as u16).to_le_bytes());
+        head[20..28].copy_from_slice(&payload.to_le_bytes());
+        disk.seek(std::io::SeekFrom::Start(at)).unwrap();
+        disk.write_all(&head).unwrap();
+        at += 60 + payload;
+    }
+    disk.as_file().set_len(at).unwrap();
+    disk
+}
+
+#[test]
+fn evlrs_without_number_or_end_are_bounded_and_noted_once() {
+    let notes = |payloads: &[u64], claimed| {
+        let disk = with_evlrs(payloads, claimed);
+        let source = open(&disk).unwrap();
+        assert_eq!(read(source.as_ref()).unwrap().1.points, 2);
+        let verbatim = &source.info().verbatim;
+        let kept = verbatim.iter().find(|(name, _)| name == "las evlrs");
+        (kept.map_or(0, |(_, bytes)| bytes.len()), source.info().notes.clone())
+    };
+    assert_eq!(notes(&[3, 0, 4], 3), (3 * 60 + 7, vec![]));
+    let large = 64 << 20;
+    let (kept, what) = notes(&[1, large, 2], 3);
+    assert_eq!(
+        (kept, &what[..]),
+        (123, &["the EVLR some 1 of 67108864 bytes is not kept".into()][..])
+    );
+    let (kept, what) = notes(&[large, 1, large, large], 4);
+    assert!(kept == 61 && what.len() == 1, "{what:?}");
+    assert!(what[0].starts_with("3 EVLRs of 201326592 bytes are not kept"), "{what:?}");
+    let (kept, what) = notes(&[0; 20_000], 20_000);
+    assert!(kept == 60 << 14 && what.len() == 1, "{what:?}");
+    assert!(what[0].contains("claims 20000 EVLRs; 16384 are kept at most"), "{what:?}");
+    assert!(notes(&[0; 3], u32::MAX).1[0].contains("number 4 runs past the end"));
 }
 
 #[test]

@@ -9,6 +9,8 @@ use std::path::Path;
 
 /// Header, VLRs and EVLRs together are kept up to here; real files have kilobytes.
 pub const VERBATIM_BYTES_MAX: u64 = 64 << 20;
+/// VLRs, and EVLRs, at most; real files have a few. Empty ones take more memory than bytes in the file.
+const RECORDS_MAX: u32 = 1 << 14;
 /// Bytes of a VLR before its payload.
 pub const VLR_HEAD_BYTES: usize = 54;
 const EVLR_HEAD_BYTES: usize = 60;
@@ -104,8 +106,13 @@ impl Records {
         let mut budget =
             VERBATIM_BYTES_MAX - self.verbatim.iter().map(|(_, b)| b.len() as u64).sum::<u64>();
         let mut kept = Vec::new();
+        let mut left_out = LeftOut::default();
         let mut at = start;
         for index in 0..number {
+            if index == RECORDS_MAX {
+                notes.push(behind_the_last("EVLRs", number));
+                break;
+            }
             let data_at = at.saturating_add(EVLR_HEAD_BYTES as u64);
             let mut head = [0; EVLR_HEAD_BYTES];
             if data_at <= file_bytes {
@@ -126,7 +133,7 @@ impl Records {
                 continue;
             }
             let Some(left) = budget.checked_sub(EVLR_HEAD_BYTES as u64 + data_bytes) else {
-                notes.push(format!("the EVLR {user} {record} of {data_bytes} bytes is not kept"));
+                left_out.add(&user, record, data_bytes);
                 continue;
             };
             budget = left;
@@ -137,8 +144,41 @@ impl Records {
             kept.extend_from_slice(&data);
             self.vlrs.push(Vlr { user, record, head: head.to_vec(), data });
         }
+        notes.extend(left_out.note());
         Ok(kept)
     }
+}
+
+/// EVLRs that are larger than what may still be kept.
+#[derive(Default)]
+struct LeftOut {
+    first: Option<String>,
+    number: u64,
+    bytes: u64,
+}
+
+impl LeftOut {
+    fn add(&mut self, user: &str, record: u16, bytes: u64) {
+        self.first.get_or_insert_with(|| format!("{user} {record}"));
+        self.number += 1;
+        // They lie one behind the other in the file, so that their bytes can be counted.
+        self.bytes += bytes;
+    }
+
+    fn note(&self) -> Option<String> {
+        let (first, number, bytes) = (self.first.as_ref()?, self.number, self.bytes);
+        Some(match number {
+            1 => format!("the EVLR {first} of {bytes} bytes is not kept"),
+            _ => format!("{number} EVLRs of {bytes} bytes are not kept; the first is {first}"),
+        })
+    }
+}
+
+/// The note on records that are not looked at.
+fn behind_the_last(kind: &str, number: u32) -> String {
+    format!(
+        "the header claims {number} {kind}; {RECORDS_MAX} are kept at most, and those behind are left out"
+    )
 }
 
 /// The records of blocks kept verbatim: VLRs and then EVLRs; and the bytes behind the VLRs, which some files
@@ -161,6 +201,10 @@ fn walk_vlrs<'a>(region: &'a [u8], number: u32, notes: &mut Vec<String>) -> (Vec
     let mut vlrs = Vec::new();
     let mut rest = region;
     for index in 0..number {
+        if index == RECORDS_MAX {
+            notes.push(behind_the_last("VLRs", number));
+            break;
+        }
         let data_bytes = usize::from(u16_at(rest, 20));
         let Some(data) = rest.get(VLR_HEAD_BYTES..).and_then(|r| r.get(..data_bytes)) else {
             notes.push(format!(
