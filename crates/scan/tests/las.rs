@@ -341,6 +341,30 @@ fn counts_that_lie_are_named_or_put_right() {
 }
 
 #[test]
+fn zeros_behind_the_points_that_the_header_claims_are_padding() {
+    let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
+    let padded = |claimed: u32, records: usize, last: u8| {
+        let mut bytes = file.las();
+        bytes[107..111].copy_from_slice(&claimed.to_le_bytes());
+        bytes.resize(bytes.len() + 20 * records, 0);
+        *bytes.last_mut().unwrap() = last;
+        let disk = on_disk(&bytes);
+        let source = open(&disk).unwrap();
+        let [note] = &source.info().notes[..] else { panic!("{:?}", source.info().notes) };
+        (read(source.as_ref()).unwrap().1.points, note.clone())
+    };
+    for records in [1, 7000] {
+        let (points, note) = padded(10, records, 0);
+        assert_eq!(points, 10);
+        assert!(note.contains(&format!("{} bytes of zeros behind the 10 points", 20 * records)));
+        // Anything else there is a point, and so is all where the header claims none.
+        assert_eq!(padded(10, records, 1).0, 10 + records as u64);
+        assert_eq!(padded(9, records, 0).0, 10 + records as u64);
+        assert_eq!(padded(0, records, 0).0, 10 + records as u64);
+    }
+}
+
+#[test]
 fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
     let file = file_of(Variant { format: 7, minor: 4, extra: 3 }, plain_points(1000, 3));
     for good in [file.laz(300), file.laz_of_varying_chunks(&[400, 1, 99, 500]), file.laz(5000)] {

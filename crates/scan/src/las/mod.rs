@@ -22,7 +22,8 @@ use header::{Header, format_bytes};
 use laszip::Compression;
 use points::{Layout, raw_position};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use vlr::Records;
@@ -45,6 +46,8 @@ const WINDOW_SHARE: u64 = 16;
 const WINDOW_BYTES_MAX: u64 = 64 << 20;
 /// First points whose colours tell whether 16-bit fields hold 8-bit values.
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
+/// Bytes behind the points that are read at once.
+const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
 
 /// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
@@ -69,7 +72,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let mut header = Header::parse(&head, bytes, path)?;
     let mut notes = Vec::new();
     let records = Records::read(&mut file, &header, bytes, path, &mut notes)?;
-    let mut points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes)?;
+    let mut points = points_of(&mut header, &records, &mut file, bytes, path, &mut notes, task)?;
     if let Some(memory_bytes) = options.memory_bytes {
         check_held(points.held_bytes(), memory_bytes, path)?;
         points.window_bytes_max = (memory_bytes / WINDOW_SHARE).min(WINDOW_BYTES_MAX);
@@ -122,6 +125,7 @@ fn points_of(
     file_bytes: u64,
     path: &Path,
     notes: &mut Vec<String>,
+    task: &dyn Task,
 ) -> Result<Points, ScanError> {
     let vlr = laszip::record(records);
     let (start, compression) = match (header.is_compressed, vlr) {
@@ -137,7 +141,7 @@ fn points_of(
             if vlr.is_some() {
                 notes.push("it has a LASzip record, but its point format says that points are not compressed".into());
             }
-            check_count(header, file_bytes, path, notes)?;
+            check_count(header, file, file_bytes, path, notes, task)?;
             (header.points_start, None)
         }
     };
@@ -169,13 +173,15 @@ fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), Sca
 }
 
 /// Holds the count of uncompressed points against the bytes that are there. Where these are whole records, their
-/// number is the true count, whatever the header claims; where a record is cut and points are missing, so is the
-/// file.
+/// number is the true count, whatever the header claims, unless all that it leaves out is zero: padding. Where a
+/// record is cut and points are missing, so is the file.
 fn check_count(
     header: &mut Header,
+    file: &mut File,
     file_bytes: u64,
     path: &Path,
     notes: &mut Vec<String>,
+    task: &dyn Task,
 ) -> Result<(), ScanError> {
     let behind = [header.evlrs.map(|(start, _)| start), header.waveforms_start];
     let is_behind = |&start: &u64| start >= header.points_start && start <= file_bytes;
@@ -184,7 +190,10 @@ fn check_count(
     let room = file_bytes - header.points_start;
     let (whole, available) = (room / record_bytes, (end - header.points_start) / record_bytes);
     let is_whole = (end - header.points_start).is_multiple_of(record_bytes) && available > 0;
-    if is_whole && (header.points > whole || header.points < available) {
+    let leaves_out = is_whole && (1..available).contains(&header.points);
+    let claimed_end = || header.points_start + header.points * record_bytes;
+    let is_padded = leaves_out && is_zero(file, claimed_end()..end, path, task)?;
+    if is_whole && !is_padded && (header.points > whole || header.points < available) {
         notes.push(format!(
             "the header claims {} points, but {available} whole records are there; these are read",
             header.points
@@ -204,12 +213,34 @@ fn check_count(
         ));
     } else if header.points < available {
         notes.push(format!(
-            "{} bytes behind the {} points that the header claims are left out",
+            "{} bytes{} behind the {} points that the header claims are left out",
             end - header.points_start - header.points * record_bytes,
+            if is_padded { " of zeros" } else { "" },
             header.points
         ));
     }
     Ok(())
+}
+
+/// Whether bytes of a file are all zero; reads no further than to the block of the first that is not.
+fn is_zero(
+    file: &mut File,
+    span: Range<u64>,
+    path: &Path,
+    task: &dyn Task,
+) -> Result<bool, ScanError> {
+    let io = |e| ScanError::io(path, e);
+    file.seek(SeekFrom::Start(span.start)).map_err(io)?;
+    let mut block = Vec::new();
+    for at in span.clone().step_by(BEHIND_BLOCK_BYTES as usize) {
+        task.check()?;
+        block.resize((span.end - at).min(BEHIND_BLOCK_BYTES) as usize, 0);
+        file.read_exact(&mut block).map_err(io)?;
+        if block.iter().any(|&b| b != 0) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Whether the 16-bit colours of the first points all fit 8 bits. Damage found here is reported when
