@@ -179,6 +179,32 @@ fn lines_that_break_the_header_are_named() {
 }
 
 #[test]
+fn lines_behind_the_last_vertex_are_noted() {
+    let notes = |count: usize, faces: usize, body: &str| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex {count}\nproperty int x\nproperty int y\nproperty int z\n\
+            element face {faces}\nproperty list uchar int v\nend_header\n{body}"
+        );
+        let cloud = read(text.as_bytes()).unwrap();
+        assert_eq!(cloud.report.points, count as u64);
+        cloud.info.notes
+    };
+    let point = "1 2 3\n";
+    // Of one block and of many; the last vertex may end a block.
+    for count in [1, 3, 100_000, (256 << 10) / 6] {
+        let body = point.repeat(count);
+        let none: Vec<String> = Vec::new();
+        assert_eq!(notes(count, 0, &body), none);
+        assert_eq!(notes(count, 0, &(body.clone() + "\n \n")), none);
+        assert_eq!(notes(count, 1, &(body.clone() + "3 0 0 0\n")), ["1 faces ignored"]);
+        let want = format!("lines behind the {count} vertices that the header claims are left out");
+        for more in ["4 5 6", "4 5 6\n7 8 9\n", "what is this"] {
+            assert_eq!(notes(count, 0, &(body.clone() + more)), std::slice::from_ref(&want));
+        }
+    }
+}
+
+#[test]
 fn points_without_a_place_are_refused_and_counted() {
     let mut bytes = b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar i\nend_header\n".to_vec();
     for (i, x) in [1.0, f32::NAN, f32::INFINITY, 4.0].into_iter().enumerate() {

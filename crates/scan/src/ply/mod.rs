@@ -92,7 +92,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         crs: None,
         scanner: None,
         verbatim: vec![("PLY header".into(), header.text.clone())],
-        notes: notes(&header, &plan),
+        notes: notes(&header, &plan, &survey),
     };
     Ok(Box::new(PlySource { info, header, plan }))
 }
@@ -116,8 +116,14 @@ fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(
 }
 
 /// What is left out.
-fn notes(header: &Header, plan: &Plan) -> Vec<String> {
+fn notes(header: &Header, plan: &Plan, survey: &Survey) -> Vec<String> {
     let mut notes = Vec::new();
+    let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
+    if is_last && survey.has_more_lines {
+        let count = header.elements[plan.vertex].count;
+        notes
+            .push(format!("lines behind the {count} vertices that the header claims are left out"));
+    }
     for (i, e) in header.elements.iter().enumerate() {
         match e.name.as_str() {
             _ if i == plan.vertex || e.count == 0 => {}
@@ -152,6 +158,7 @@ fn survey_stream(
             Ok(())
         },
     )?;
+    found.has_more_lines = vertices.has_more_lines();
     Ok(found)
 }
 

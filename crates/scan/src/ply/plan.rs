@@ -39,6 +39,8 @@ pub(crate) struct Survey {
     decimals: [u32; 3],
     /// Greatest value of 16-bit colours.
     pub colour_max: u16,
+    /// Whether lines of an ASCII file follow the last vertex.
+    pub has_more_lines: bool,
 }
 
 impl Survey {
@@ -46,6 +48,7 @@ impl Survey {
         bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
         decimals: [0; 3],
         colour_max: 0,
+        has_more_lines: false,
     };
 
     pub fn merge(&mut self, other: Self) {

@@ -80,7 +80,12 @@ pub(crate) struct Vertices<'a> {
 
 enum Body {
     Binary(Box<dyn BufRead + Send>),
-    Ascii { lines: LineBlocks<Box<dyn BufRead + Send>>, skip: u64 },
+    /// Lines, of which `skip` come before the vertices; `has_more` where the last block has some behind them.
+    Ascii {
+        lines: LineBlocks<Box<dyn BufRead + Send>>,
+        skip: u64,
+        has_more: bool,
+    },
 }
 
 impl<'a> Vertices<'a> {
@@ -106,7 +111,8 @@ impl<'a> Vertices<'a> {
             let rows = before.iter().filter(|e| !e.properties.is_empty()).map(|e| e.count);
             let skip = rows.fold(0, u64::saturating_add);
             let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
-            Body::Ascii { lines: LineBlocks::new(input, path.to_owned(), first_line), skip }
+            let lines = LineBlocks::new(input, path.to_owned(), first_line);
+            Body::Ascii { lines, skip, has_more: false }
         } else {
             for e in before {
                 skip_element(&mut input, e, header.encoding, task).map_err(|e| e.at(path))?;
@@ -136,11 +142,12 @@ impl<'a> Vertices<'a> {
                 bytes.truncate(bytes.len() / self.stride * self.stride);
                 (!bytes.is_empty()).then_some(Raw::Binary(bytes))
             }
-            Body::Ascii { lines, skip } => loop {
+            Body::Ascii { lines, skip, has_more } => loop {
                 let Some(block) = lines.next()? else { break None };
                 let skipped = block.rows.min(*skip);
                 *skip -= skipped;
                 let rows = (block.rows - skipped).min(self.left);
+                *has_more = block.rows - skipped > rows;
                 if rows > 0 {
                     break Some(Raw::Lines { block, skip: skipped, rows });
                 }
@@ -151,6 +158,17 @@ impl<'a> Vertices<'a> {
         };
         self.left -= raw.len(self.stride);
         Ok(Some(raw))
+    }
+
+    /// After the last vertex: whether lines that are not blank follow, as far as the next block tells.
+    pub fn has_more_lines(&mut self) -> bool {
+        match &mut self.body {
+            // What cannot be read as lines is something that is left out, too.
+            Body::Ascii { lines, skip: 0, has_more } => {
+                *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
+            }
+            _ => false,
+        }
     }
 }
 
