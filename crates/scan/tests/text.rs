@@ -95,6 +95,20 @@ fn a_line_of_names_decides_the_columns() {
 }
 
 #[test]
+fn fields_of_las_are_known_however_they_are_spelled() {
+    let text = "//X Y Z Classification GPS_Time Point_Source_ID b\n1 2 3 2 100 7 5\n";
+    let want = [
+        ("b", AttrType::U8),
+        ("classification", AttrType::U8),
+        ("gps_time", AttrType::F64),
+        ("point_source_id", AttrType::U16),
+    ];
+    assert_eq!(read(text).unwrap().types(), want);
+    // What the type of LAS does not hold keeps its name.
+    assert_eq!(read("X,Y,Z,Classification\n1,2,3,2.5\n").unwrap().types()[0].0, "Classification");
+}
+
+#[test]
 fn columns_without_names_get_the_narrowest_type() {
     let cloud =
         read("\u{FEFF}0 0 0 255 65535 -1 0.1 -0 3000000000\r\n1 1 1 0 0 0 1 0 0\r\n").unwrap();

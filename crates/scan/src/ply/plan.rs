@@ -5,7 +5,7 @@ use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
 use crate::error::ScanError;
-use crate::text::naming::{NOT_FINITE, axes, colour_max, name_of, schema_of, wide_colours};
+use crate::text::naming::{NOT_FINITE, axes, colour_max, named, schema_of, wide_colours};
 use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
 use esker_points::{AttrType, Batch, Schema};
 use std::path::Path;
@@ -108,9 +108,8 @@ impl Plan {
         let axes = axes(scalars.iter().map(|(name, _)| *name))
             .ok_or("its vertices lack x, y or z (as numbers, not lists): no points")?;
         let others: Vec<usize> = (0..scalars.len()).filter(|f| !axes.contains(f)).collect();
-        let attributes =
-            others.iter().map(|&f| (name_of(scalars[f].0, scalars[f].1), scalars[f].1));
-        let (schema, columns) = schema_of(attributes.collect());
+        let attributes: Vec<_> = others.iter().map(|&f| scalars[f]).collect();
+        let (schema, columns) = schema_of(named(&attributes));
         let mut sources = vec![0; others.len()];
         for (&field, column) in others.iter().zip(columns) {
             sources[column] = field;

@@ -23,30 +23,59 @@ pub(crate) fn axes<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<[
     Some([at(0)?, at(1)?, at(2)?])
 }
 
-/// The name that an attribute of this name may get, whatever its type.
+/// Colour with more or less light through it; LAS has no such field.
+const ALPHA: &str = "alpha";
+
+/// The name that an attribute of this name may get, whatever its type. Capitals, underscores and blanks make no
+/// difference; `scalar` is what CloudCompare puts before names.
 pub(crate) fn usual(name: &str) -> Option<&'static str> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "nx" | "normal_x" | "normalx" => names::NX,
-        "ny" | "normal_y" | "normaly" => names::NY,
-        "nz" | "normal_z" | "normalz" => names::NZ,
-        "red" | "r" | "diffuse_red" => names::RED,
-        "green" | "g" | "diffuse_green" => names::GREEN,
-        "blue" | "b" | "diffuse_blue" => names::BLUE,
-        "alpha" | "a" | "diffuse_alpha" => "alpha",
-        "intensity" | "scalar_intensity" => names::INTENSITY,
+    let letters = name.chars().filter(|c| !matches!(c, '_' | ' '));
+    let plain: String = letters.flat_map(char::to_lowercase).collect();
+    Some(match plain.as_str() {
+        "nx" | "normalx" => names::NX,
+        "ny" | "normaly" => names::NY,
+        "nz" | "normalz" => names::NZ,
+        "red" | "r" | "diffusered" => names::RED,
+        "green" | "g" | "diffusegreen" => names::GREEN,
+        "blue" | "b" | "diffuseblue" => names::BLUE,
+        "alpha" | "a" | "diffusealpha" => ALPHA,
+        "nir" => names::NIR,
+        "intensity" | "scalarintensity" => names::INTENSITY,
+        "classification" | "scalarclassification" => names::CLASSIFICATION,
+        "gpstime" | "scalargpstime" => names::GPS_TIME,
+        "pointsourceid" | "scalarpointsourceid" => names::POINT_SOURCE_ID,
+        "userdata" | "scalaruserdata" => names::USER_DATA,
         _ => return None,
     })
 }
 
-/// The name of an attribute of this source name and type: [`usual`] where the type is usual for it too
-/// (a normal is floating, a colour has 8 or 16 bits), else its own.
-pub(crate) fn name_of(name: &str, ty: AttrType) -> String {
-    let fits = |usual: &str| match usual {
-        names::NX | names::NY | names::NZ => matches!(ty, AttrType::F32 | AttrType::F64),
+/// Whether a usual name may have this type.
+fn fits(usual: &str, ty: AttrType) -> bool {
+    match usual {
         names::INTENSITY => true,
-        _ => matches!(ty, AttrType::U8 | AttrType::U16),
+        names::NX | names::NY | names::NZ => matches!(ty, AttrType::F32 | AttrType::F64),
+        names::RED | names::GREEN | names::BLUE | ALPHA => {
+            matches!(ty, AttrType::U8 | AttrType::U16)
+        }
+        names::NIR | names::POINT_SOURCE_ID => ty == AttrType::U16,
+        names::GPS_TIME => ty == AttrType::F64,
+        _ => ty == AttrType::U8,
+    }
+}
+
+/// What the attributes of a source with these names and types are called: [`usual`] where the type is usual for it
+/// too, else their own. Red, green and blue are colours only where all three are there, alpha only beside them.
+pub(crate) fn named(attributes: &[(&str, AttrType)]) -> Vec<(String, AttrType)> {
+    let usual: Vec<_> =
+        attributes.iter().map(|&(name, ty)| usual(name).filter(|u| fits(u, ty))).collect();
+    let colours = [names::RED, names::GREEN, names::BLUE];
+    let are_colours = colours.iter().all(|c| usual.contains(&Some(c)));
+    let is_colour = |name: &str| colours.contains(&name) || name == ALPHA;
+    let name = |(&(own, ty), usual): (&(&str, AttrType), Option<&str>)| {
+        let usual = usual.filter(|u| are_colours || !is_colour(u));
+        (usual.unwrap_or(own).to_owned(), ty)
     };
-    usual(name).filter(|u| fits(u)).unwrap_or(name).to_owned()
+    attributes.iter().zip(usual).map(name).collect()
 }
 
 /// The schema of these names and types, and which of its columns each has become. Of two attributes
@@ -83,13 +112,43 @@ pub(crate) fn colour_max(batch: &Batch) -> u16 {
 mod tests {
     use super::*;
 
+    fn names_of(attributes: &[(&str, AttrType)]) -> Vec<String> {
+        named(attributes).into_iter().map(|(name, _)| name).collect()
+    }
+
     #[test]
     fn usual_names_need_the_usual_type() {
-        assert_eq!(name_of("R", AttrType::U8), "red");
-        assert_eq!(name_of("r", AttrType::F32), "r");
-        assert_eq!(name_of("Normal_X", AttrType::F32), "nx");
-        assert_eq!(name_of("scalar_Intensity", AttrType::F32), "intensity");
-        assert_eq!(name_of("Scan", AttrType::U8), "Scan");
+        for (name, ty, want) in [
+            ("Normal_X", AttrType::F32, "nx"),
+            ("scalar_Intensity", AttrType::F32, "intensity"),
+            ("Classification", AttrType::U8, "classification"),
+            ("CLASSIFICATION", AttrType::F32, "CLASSIFICATION"),
+            ("GPS_Time", AttrType::F64, "gps_time"),
+            ("GpsTime", AttrType::F64, "gps_time"),
+            ("Gps Time", AttrType::I32, "Gps Time"),
+            ("PointSourceId", AttrType::U16, "point_source_id"),
+            ("UserData", AttrType::U8, "user_data"),
+            // Packed in LAS, and of another unit.
+            ("ReturnNumber", AttrType::U8, "ReturnNumber"),
+            ("ScanAngle", AttrType::I16, "ScanAngle"),
+            ("Scan", AttrType::U8, "Scan"),
+        ] {
+            assert_eq!(names_of(&[(name, ty)]), [want]);
+        }
+    }
+
+    #[test]
+    fn colours_are_three_and_alpha_stands_beside_them() {
+        let of = |names: &[&str], ty| {
+            names_of(&names.iter().map(|n| (*n, ty)).collect::<Vec<_>>()).join(" ")
+        };
+        assert_eq!(of(&["R", "G", "b", "a"], AttrType::U8), "red green blue alpha");
+        assert_eq!(of(&["Red", "GREEN", "diffuse_blue"], AttrType::U16), "red green blue");
+        for alone in ["b", "a", "r g", "Red", "g b a"] {
+            let names: Vec<&str> = alone.split(' ').collect();
+            assert_eq!(of(&names, AttrType::U8), alone);
+        }
+        assert_eq!(of(&["R", "G", "B", "A"], AttrType::F32), "R G B A");
     }
 
     #[test]

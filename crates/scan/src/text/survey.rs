@@ -4,7 +4,7 @@
 
 use super::blocks::Block;
 use super::layout::{Layout, is_comment};
-use super::naming::{axes, name_of, schema_of, usual};
+use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Schema};
@@ -188,11 +188,9 @@ impl Plan {
         }
         let ranges = with_equal_colours(&names, &survey.ranges);
         let others: Vec<usize> = (0..names.len()).filter(|c| !axes.contains(c)).collect();
-        let attributes = others.iter().map(|&c| {
-            let ty = type_of(&names[c], &ranges[c]);
-            (name_of(&names[c], ty), ty)
-        });
-        let (schema, columns) = schema_of(attributes.collect());
+        let typed = |&c: &usize| (names[c].as_str(), type_of(&names[c], &ranges[c]));
+        let attributes: Vec<_> = others.iter().map(typed).collect();
+        let (schema, columns) = schema_of(named(&attributes));
         if schema.normals().is_some() {
             notes.push("normals are kept as 32-bit floats".into());
         }
@@ -251,12 +249,17 @@ fn with_equal_colours(names: &[String], ranges: &[Range]) -> Vec<Range> {
     ranges
 }
 
-/// The type of a column: normals are `f32` and an intensity of whole numbers is `u16`, as the renderer
-/// wants them; else the narrowest that holds all values.
+/// The type of a column: that of LAS where it has such a field and the values fit, and `f32` for normals, as the
+/// renderer wants them; else the narrowest that holds all values.
 fn type_of(name: &str, range: &Range) -> AttrType {
     match usual(name) {
         Some(names::NX | names::NY | names::NZ) => AttrType::F32,
-        Some(names::INTENSITY) if range.is_whole_within(0.0, 65_535.0) => AttrType::U16,
+        Some(names::GPS_TIME) => AttrType::F64,
+        Some(names::INTENSITY | names::POINT_SOURCE_ID | names::NIR)
+            if range.is_whole_within(0.0, 65_535.0) =>
+        {
+            AttrType::U16
+        }
         _ => range.narrowest(),
     }
 }
