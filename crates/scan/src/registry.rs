@@ -19,8 +19,9 @@ const NAMED: &[(&[u8], &str)] = &[
     (b"ASTM-E57", "E57 is not read yet; convert it to LAZ or PLY"),
 ];
 
-/// Bytes of a file's beginning by which its format is told.
-const HEAD_BYTES: u64 = 4096;
+/// Bytes of a file's beginning by which its format is told: text may begin with many comments, or with one long line
+/// of names.
+pub(crate) const HEAD_BYTES: u64 = 64 << 10;
 
 /// Opens a scan, its format told by its content; or a generated one, told by its name.
 ///

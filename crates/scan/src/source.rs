@@ -18,7 +18,7 @@ pub struct Format {
     pub name: &'static str,
     /// What names of such files end in, lower-case. Only in a folder are scans told by their names.
     pub endings: &'static [&'static str],
-    /// Whether a file that begins with these bytes (up to 4 KiB) is of this format.
+    /// Whether a file that begins with these bytes (up to 64 KiB) is of this format.
     pub recognises: fn(head: &[u8]) -> bool,
     /// Opens a file of this format.
     pub open: Open,

@@ -190,6 +190,30 @@ fn what_is_not_read_is_named() {
 }
 
 #[test]
+fn a_long_beginning_is_read() {
+    let names: Vec<String> = (0..1000).map(|i| format!("a_name_with_number_{i}")).collect();
+    let (names, values) = (names.join(","), vec!["1"; 1000].join(","));
+    let cloud = read(&format!("x,y,z,{names}\n1,2,3,{values}\n")).unwrap();
+    assert_eq!((cloud.report.points, cloud.types().len()), (1, 1000));
+    // The head ends within some line, whatever their length.
+    for line in ["# comment", "// a comment of another length"] {
+        let text = format!("{line}\n").repeat(1000) + &"1 2 3\n".repeat(20_000);
+        assert_eq!(read(&text).unwrap().report.points, 20_000);
+    }
+}
+
+#[test]
+fn lines_that_end_with_cr_are_lines() {
+    let text = "\u{FEFF}x y z i\n# one\n1.5 2 3 7\n\n".to_owned() + &"4 5 6 8\n".repeat(50_000);
+    let (lf, cr) = (read(&text).unwrap(), read(&text.replace('\n', "\r")).unwrap());
+    assert_eq!(cr.report.points, 50_001);
+    assert_eq!((&lf.world, &lf.columns), (&cr.world, &cr.columns));
+    assert_eq!(lf.types(), cr.types());
+    let error = error("1 2 3\r4 5\r6 7\r");
+    assert!(error.contains("line 2 is not 3 numbers"), "{error}");
+}
+
+#[test]
 fn many_columns_and_short_lines_cost_no_memory() {
     let wide = vec!["1"; 1024].join(" ");
     let text = format!("{wide}\n").repeat(500) + "\n2\n2\n";

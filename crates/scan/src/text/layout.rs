@@ -31,10 +31,9 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
 }
 
-/// Tells what a file is by its beginning; `None` where it is no text that could hold points. A file
+/// Tells what a file is by its first lines; `None` where it is no text that could hold points. A file
 /// without any point is only told by its names.
 pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
-    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     // A PCD's body may be binary and begin within the head.
     if [&b"# .PCD"[..], b"VERSION .7", b"VERSION 0.7"].iter().any(|m| head.starts_with(m)) {
         return Some(Kind::Foreign("PCD"));
@@ -138,7 +137,6 @@ mod tests {
     fn columns_with_and_without_names_are_told() {
         for (text, want) in [
             ("1 2 3\n4 5 6\n", (3, None)),
-            ("\u{FEFF}1 2 3", (3, None)),
             ("\n# made by hand\n1.5,2,3,4\n", (4, None)),
             ("x,y,z\n1,2,3\n", (3, names("x y z"))),
             ("\"X\";\"Y\";\"Z\"\n1;2;3\n", (3, names("X Y Z"))),

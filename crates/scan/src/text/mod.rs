@@ -1,6 +1,7 @@
 //! Points as text: XYZ, TXT, CSV. Lines of numbers separated by blanks, tabs, commas or semicolons,
-//! optionally after a line of names; `#`, `//` and `%` begin comments. A first pass finds bounds, digits
-//! and types ([`survey`]), a second one hands the points over; neither keeps more than a few blocks.
+//! optionally after a line of names; `#`, `//` and `%` begin comments. Lines end with LF or CR LF, or all with
+//! CR. A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over; neither
+//! keeps more than a few blocks.
 //!
 //! Lines that are not as many numbers as the first are refused and counted while they are fewer than
 //! 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file is.
@@ -9,17 +10,18 @@ pub(crate) mod blocks;
 mod layout;
 pub(crate) mod naming;
 pub(crate) mod number;
+mod start;
 mod survey;
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
-use blocks::{Block, LineBlocks, in_order};
+use blocks::{Block, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
 use layout::{Kind, Layout, classify, is_comment};
 use naming::{NOT_FINITE, colour_max, wide_colours};
+use start::{first_lines, lines_of, read_head};
 use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 use survey::{Plan, Survey, axes_of, parse_row};
 
@@ -27,12 +29,10 @@ use survey::{Plan, Survey, axes_of, parse_row};
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV)",
     endings: &["xyz", "txt", "csv"],
-    recognises: |head| classify(head).is_some(),
+    recognises: |head| classify(&first_lines(head)).is_some(),
     open,
 };
 
-/// Bytes in which the first lines are looked for.
-const HEAD_BYTES: u64 = 64 << 10;
 /// Lines that are no points: fewer than this.
 const MALFORMED_MAX: u64 = 1000;
 /// ... and at most one in so many.
@@ -84,15 +84,9 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
 }
 
 fn read_layout(path: &Path) -> Result<Layout, ScanError> {
-    let mut head = Vec::new();
-    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|e| ScanError::io(path, e))?;
-    if head.len() as u64 == HEAD_BYTES {
-        // The last line may be cut, unless it is the only one.
-        let end = head.iter().rposition(|&b| b == b'\n').unwrap_or(head.len());
-        head.truncate(end);
-    }
-    match classify(&head) {
+    let head = File::open(path).and_then(|mut file| read_head(&mut file));
+    let head = head.map_err(|e| ScanError::io(path, e))?;
+    match classify(&first_lines(&head)) {
         Some(Kind::Columns(layout)) => Ok(layout),
         Some(Kind::DecimalCommas(line)) => Err(decimal_commas(path, line)),
         Some(Kind::Foreign(name)) => Err(ScanError::unsupported(
@@ -108,16 +102,6 @@ fn decimal_commas(path: &Path, line: u64) -> ScanError {
         path,
         format!("line {line} writes decimals with a comma; write them with a point"),
     )
-}
-
-fn lines_of(path: &Path) -> Result<LineBlocks<impl Read>, ScanError> {
-    let mut file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    let mut start = Vec::new();
-    file.by_ref().take(3).read_to_end(&mut start).map_err(|e| ScanError::io(path, e))?;
-    if start == b"\xEF\xBB\xBF" {
-        start.clear();
-    }
-    Ok(LineBlocks::new(std::io::Cursor::new(start).chain(file), path.to_owned(), 1))
 }
 
 fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, ScanError> {

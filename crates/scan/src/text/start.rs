@@ -1,0 +1,73 @@
+//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the mark that
+//! UTF-8 text may begin with.
+
+use super::blocks::LineBlocks;
+use crate::error::ScanError;
+use crate::registry::HEAD_BYTES;
+use std::fs::File;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+/// What UTF-8 text may begin with.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
+/// The first bytes of a file, as far as its first lines are looked for.
+///
+/// # Errors
+/// Where the system refuses the read.
+pub(crate) fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// The lines of a file that begins so. The last one is whole, unless it is the only one.
+pub(crate) fn first_lines(head: &[u8]) -> Vec<u8> {
+    let mut lines = without_mark(head).to_vec();
+    if ends_lines_with_cr(head) {
+        to_lf(&mut lines);
+    }
+    if head.len() as u64 == HEAD_BYTES {
+        let end = lines.iter().rposition(|&b| b == b'\n').unwrap_or(lines.len());
+        lines.truncate(end);
+    }
+    lines
+}
+
+/// The lines of a file in blocks, from its beginning.
+///
+/// # Errors
+/// Where it cannot be read.
+pub(crate) fn lines_of(path: &Path) -> Result<LineBlocks<Box<dyn Read>>, ScanError> {
+    let io = |e| ScanError::io(path, e);
+    let mut file = File::open(path).map_err(io)?;
+    let head = read_head(&mut file).map_err(io)?;
+    let input = Cursor::new(without_mark(&head).to_vec()).chain(file);
+    let input: Box<dyn Read> =
+        if ends_lines_with_cr(&head) { Box::new(CrToLf(input)) } else { Box::new(input) };
+    Ok(LineBlocks::new(input, path.to_owned(), 1))
+}
+
+fn without_mark(head: &[u8]) -> &[u8] {
+    head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head)
+}
+
+/// Whether the lines of a file that begins so end with CR alone.
+fn ends_lines_with_cr(head: &[u8]) -> bool {
+    head.contains(&b'\r') && !head.contains(&b'\n')
+}
+
+fn to_lf(text: &mut [u8]) {
+    text.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
+}
+
+/// A stream with LF for each CR.
+struct CrToLf<R>(R);
+
+impl<R: Read> Read for CrToLf<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let bytes = self.0.read(buffer)?;
+        to_lf(&mut buffer[..bytes]);
+        Ok(bytes)
+    }
+}
