@@ -141,6 +141,26 @@ proptest! {
     }
 
     #[test]
+    fn text_is_read_again_whatever_its_columns_are_called(
+        names in prop::collection::vec("[ \\PC]{1,12}", 1..6),
+        values in prop::collection::vec(any::<u8>(), 1..20),
+    ) {
+        let attributes = names.iter().map(|name| Attribute::new(name, AttrType::U8)).collect();
+        let schema = Arc::new(Schema::new(attributes));
+        let mut batch = Batch::with_capacity(schema, values.len());
+        batch.positions = values.iter().map(|&v| [u32::from(v); 3]).collect();
+        batch.columns.iter_mut().for_each(|c| c.clone_from(&values));
+        let lattice = Lattice { scale: [0.001; 3], offset: [0.0; 3], shift: [0; 3] };
+        let folder = tempfile::tempdir().unwrap();
+        for ending in ["csv", "xyz"] {
+            let out = folder.path().join(format!("out.{ending}"));
+            write(&out, lattice, &[], std::slice::from_ref(&batch), values.len() as u64);
+            let (_, back) = read(open(&out).as_ref());
+            prop_assert_eq!(&back[0].columns, &batch.columns);
+        }
+    }
+
+    #[test]
     fn blocks_that_lie_make_a_file_or_an_error(
         header in prop::collection::vec(any::<u8>(), 0..500),
         vlrs in prop::collection::vec(any::<u8>(), 0..300),

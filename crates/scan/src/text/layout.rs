@@ -88,7 +88,8 @@ fn layout(
 }
 
 /// Names in a line: separated by commas, else semicolons, else tabs, else blanks; quotes are taken off.
-/// `None` where a field does not look like a name.
+/// `None` where a field does not look like a name; beside x, y and z any word does, and one that is empty
+/// gets `column_` and its number.
 fn names_of(line: &[u8]) -> Option<Vec<String>> {
     let line = std::str::from_utf8(line).ok()?;
     let mark = [',', ';', '\t'].into_iter().find(|&m| line.contains(m));
@@ -97,9 +98,16 @@ fn names_of(line: &[u8]) -> Option<Vec<String>> {
         None => line.split_whitespace().collect(),
     };
     let bare = |part: &str| part.trim().trim_matches(['"', '\'']).trim().to_owned();
-    let names: Vec<String> = parts.into_iter().map(bare).collect();
+    let mut names: Vec<String> = parts.into_iter().map(bare).collect();
+    let are_axes_named = has_axes(&names);
+    for (n, name) in (1..).zip(&mut names) {
+        if are_axes_named && name.is_empty() {
+            *name = format!("column_{n}");
+        }
+    }
+    let begins_name = |c: char| c.is_alphabetic() || c == '_';
     let is_name = |name: &String| {
-        name.len() <= NAME_BYTES_MAX && name.starts_with(|c: char| c.is_alphabetic() || c == '_')
+        name.len() <= NAME_BYTES_MAX && (are_axes_named || name.starts_with(begins_name))
     };
     ((3..=COLUMNS_MAX).contains(&names.len()) && names.iter().all(is_name)).then_some(names)
 }
@@ -144,6 +152,7 @@ mod tests {
             ("# x y z\r\n1 2 3\r\n", (3, names("x y z"))),
             ("# x y z are metres\n1 2 3\n", (3, None)),
             ("x y z\n", (3, names("x y z"))),
+            (",x,y,z,1st,(m)\n0,1,2,3,4,5\n", (6, names("column_1 x y z 1st (m)"))),
         ] {
             assert_eq!(columns(text), Some(want), "{text}");
         }

@@ -22,7 +22,7 @@ pub fn create(
     is_csv: bool,
 ) -> Result<Export, ScanError> {
     let attributes = &outline.schema.attributes;
-    let has_blanks = attributes.iter().any(|a| a.name.contains(' '));
+    let has_blanks = attributes.iter().any(|a| a.name.contains(char::is_whitespace));
     let mark = match is_csv {
         true => b',',
         false if has_blanks => b'\t',
