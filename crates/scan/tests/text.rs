@@ -163,6 +163,16 @@ fn a_few_bad_lines_are_refused_and_counted() {
 }
 
 #[test]
+fn quotes_comments_and_empty_fields_behind_the_numbers_lose_no_point() {
+    let text = "\"x\",\"y\",\"z\",\"i\",,\n\"1.25\",\"2\",\"3\",\"4\",,\n1.5,2,3,4 # seen twice\n1,2,3,4,,\n";
+    let cloud = read(text).unwrap();
+    assert_eq!(cloud.world, [[1.25, 2.0, 3.0], [1.5, 2.0, 3.0], [1.0, 2.0, 3.0]]);
+    assert_eq!(cloud.column("i").1, [4.0; 3]);
+    assert!(cloud.report.refused.is_empty());
+    assert_eq!(cloud.info.grid.grid.scale, [0.01, 1.0, 1.0]);
+}
+
+#[test]
 fn many_bad_lines_are_an_error_that_names_the_first() {
     let one = error("1 2 3\n4 5\n6 7 8 9\n");
     assert!(one.contains("line 2 is not 3 numbers (`4 5`), and so are 1 more"), "{one}");
@@ -181,6 +191,7 @@ fn what_is_not_read_is_named() {
         ("1\n1 2 3 4\n", "PTS files are not read"),
         ("1\n1\n0 0 0\n", "PTX files are not read"),
         ("# nothing here\n", "not a scan file that Esker knows"),
+        ("x,y,z\n1,,3\n", "line 2 has an empty field"),
         ("v 1 2 3\nf 1 1 1\n", "not a scan file that Esker knows"),
     ] {
         let error = error(text);

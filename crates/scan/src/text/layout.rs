@@ -13,6 +13,8 @@ pub(crate) enum Kind {
     DecimalCommas(u64),
     /// A format that looks like text and is not read.
     Foreign(&'static str),
+    /// A table that is not one of points: which line shows it, and why.
+    NoPoints(String),
 }
 
 /// How the lines of a file are laid out.
@@ -29,6 +31,17 @@ pub(crate) struct Layout {
 /// Whether a line (without blanks around it) is a comment.
 pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"//") || line.starts_with(b"%")
+}
+
+/// Whether nothing but empty fields, or a comment, follows the numbers of a line: `field`, which is none, and
+/// what stands behind it.
+pub(crate) fn is_end<'a>(field: &'a [u8], behind: impl Iterator<Item = &'a [u8]>) -> bool {
+    std::iter::once(field).chain(behind).find(|f| !f.is_empty()).is_none_or(is_comment)
+}
+
+/// The beginning of a line, or of a part of one, for a message.
+pub(crate) fn excerpt(line: &[u8]) -> String {
+    String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string()
 }
 
 /// Tells what a file is by its first lines; `None` where it is no text that could hold points. A file
@@ -56,35 +69,72 @@ pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
         if has_decimal_commas(line) {
             return Some(Kind::DecimalCommas(n));
         }
-        let columns = fields(line).take(COLUMNS_MAX + 1).count();
-        let numeric = fields(line).take(COLUMNS_MAX + 1).all(|f| number(f).is_some());
-        match (numeric, columns) {
-            (true, 1) if counts < 2 && named.is_none() && is_count(line) => counts += 1,
-            (true, 3..=COLUMNS_MAX) if counts > 0 => {
+        let (columns, stray) = numbers_of(line);
+        let names = if counts == 0 && named.is_none() { names_of(line) } else { None };
+        match (stray, columns) {
+            (None, 1) if counts < 2 && named.is_none() && is_count(line) => counts += 1,
+            (None, 3..=COLUMNS_MAX) if counts > 0 => {
                 return Some(Kind::Foreign(if counts == 1 { "PTS" } else { "PTX" }));
             }
-            (true, 3..=COLUMNS_MAX) => return layout(columns, named, commented),
-            (false, _) if counts == 0 && named.is_none() => named = Some((n, names_of(line)?)),
-            _ => return None,
+            (None, 3..=COLUMNS_MAX) => return Some(layout(n, columns, named, commented)),
+            (Some(_), _) if names.is_some() => named = names.map(|names| (n, names)),
+            _ => {
+                let names = named.as_ref().map(|(_, names)| names).or(commented.as_ref());
+                let is_table = columns > 0 || names.is_some_and(|names| has_axes(names));
+                return is_table.then(|| Kind::NoPoints(why_no_point(n, columns, stray)));
+            }
         }
     }
-    let names = named.as_ref().map(|(_, names)| names).or(commented.as_ref())?;
-    (counts == 0 && has_axes(names)).then_some(())?;
-    layout(names.len(), named, commented)
+    let names_line = named.as_ref().map(|(line, _)| *line);
+    let names = named.map(|(_, names)| names).or(commented)?;
+    let is_table = counts == 0 && has_axes(&names);
+    let layout = Layout { columns: names.len(), names: Some(names), names_line };
+    is_table.then_some(Kind::Columns(layout))
 }
 
+/// The layout of a file whose first numbers, so many, stand in line `n`.
 fn layout(
+    n: u64,
     columns: usize,
     named: Option<(u64, Vec<String>)>,
     commented: Option<Vec<String>>,
-) -> Option<Kind> {
+) -> Kind {
     let (names_line, names) = match named {
-        // A line of names that does not fit its numbers is no table of points.
-        Some((_, names)) if names.len() != columns => return None,
+        Some((line, names)) if names.len() != columns => {
+            let named = names.len();
+            return Kind::NoPoints(format!(
+                "line {n} has {columns} numbers, but line {line} names {named} columns"
+            ));
+        }
         Some((line, names)) => (Some(line), Some(names)),
         None => (None, commented.filter(|names| names.len() == columns)),
     };
-    Some(Kind::Columns(Layout { names, names_line, columns }))
+    Kind::Columns(Layout { names, names_line, columns })
+}
+
+/// How many numbers a line begins with; the field behind them, where something follows that counts.
+fn numbers_of(line: &[u8]) -> (usize, Option<&[u8]>) {
+    let mut fields = fields(line);
+    let mut numbers = 0;
+    while let Some(field) = fields.next() {
+        if number(field).is_none() {
+            return (numbers, (!is_end(field, fields)).then_some(field));
+        }
+        numbers += 1;
+    }
+    (numbers, None)
+}
+
+/// Why line `n`, which begins with so many numbers, is no point.
+fn why_no_point(n: u64, numbers: usize, stray: Option<&[u8]>) -> String {
+    match stray {
+        Some(b"") => format!("line {n} has an empty field; write a number there"),
+        Some(word) => format!("line {n} has `{}`, which is no number", excerpt(word)),
+        None if numbers > COLUMNS_MAX => {
+            format!("line {n} has more than {COLUMNS_MAX} numbers, which are read at most")
+        }
+        None => format!("line {n} has fewer than three numbers"),
+    }
 }
 
 /// Names in a line: separated by commas, else semicolons, else tabs, else blanks; quotes are taken off.
@@ -151,6 +201,8 @@ mod tests {
             ("//X Y Z R G B\n1 2 3 4 5 6\n", (6, names("X Y Z R G B"))),
             ("# x y z\r\n1 2 3\r\n", (3, names("x y z"))),
             ("# x y z are metres\n1 2 3\n", (3, None)),
+            ("x,y,z,,\n1,2,3,,\n", (3, names("x y z"))),
+            ("\"1\",\"2\",\"3\" # quoted\n", (3, None)),
             ("x y z\n", (3, names("x y z"))),
             (",x,y,z,1st,(m)\n0,1,2,3,4,5\n", (6, names("column_1 x y z 1st (m)"))),
         ] {
@@ -170,14 +222,31 @@ mod tests {
             "<?xml version=\"1.0\"?>",
             "OFF\n8 6 12\n1 2 3\n",
             "solid a b\nfacet normal 0 0 1\n",
-            "1 2\n3 4\n",
             "easting northing height\n",
-            "x,y,z\n1,2\n",
             "1 2 3\u{0}",
             "42\n",
             "Once upon a time\nthere was 1 cloud",
         ] {
             assert_eq!(classify(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn tables_of_something_else_tell_their_line() {
+        for (text, want) in [
+            ("x,y,z\n1,,3\n", "line 2 has an empty field"),
+            ("1,,3\n", "line 1 has an empty field"),
+            ("x,y,z,name\n\n1,2,3,tree\n", "line 3 has `tree`, which is no number"),
+            ("1 2 3 tree\n", "line 1 has `tree`, which is no number"),
+            ("x,y,z\n\"1,2,3\n", "line 2 has `\\\"1`, which is no number"),
+            ("1 2\n3 4\n", "line 1 has fewer than three numbers"),
+            ("x,y,z\n1,2\n", "line 2 has fewer than three numbers"),
+            ("x,y,z\n1,2,3,4\n", "line 2 has 4 numbers, but line 1 names 3 columns"),
+            (&"1 ".repeat(COLUMNS_MAX + 1), "line 1 has more than 1024 numbers"),
+        ] {
+            let kind = classify(text.as_bytes());
+            let Some(Kind::NoPoints(why)) = &kind else { panic!("{text}: {kind:?}") };
+            assert!(why.starts_with(want), "{why}");
         }
     }
 

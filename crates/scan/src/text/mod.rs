@@ -93,6 +93,7 @@ fn read_layout(path: &Path) -> Result<Layout, ScanError> {
             path,
             format!("{name} files are not read yet; convert it to LAS, PLY or plain XYZ text"),
         )),
+        Some(Kind::NoPoints(why)) => Err(ScanError::damaged(path, why)),
         None => Err(ScanError::damaged(path, "its lines are not three or more numbers each")),
     }
 }

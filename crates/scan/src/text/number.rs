@@ -20,19 +20,31 @@ pub(crate) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The value of a field; `None` where it is no number. The ways in which C libraries write what is not
-/// a number (`nan(ind)`, `1.#QNAN`) are read as NaN.
+/// The value of a field, with or without quotes; `None` where it is no number. The ways in which C libraries write
+/// what is not a number (`nan(ind)`, `1.#QNAN`) are read as NaN.
 pub(crate) fn number(field: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(field).ok().or_else(|| {
+        let field = unquoted(field);
+        if let Ok(quoted) = fast_float2::parse(field) {
+            return Some(quoted);
+        }
         let plain = field.strip_prefix(b"-").or(field.strip_prefix(b"+")).unwrap_or(field);
         let c_nan = plain.len() >= 4 && plain[..4].eq_ignore_ascii_case(b"nan(");
         (c_nan || plain.starts_with(b"1.#")).then_some(f64::NAN)
     })
 }
 
+fn unquoted(field: &[u8]) -> &[u8] {
+    match field {
+        [b'"', inner @ .., b'"'] => inner,
+        _ => field,
+    }
+}
+
 /// Digits after the point that the number in `field` needs: `22.23550` needs 4, `1.5e-3` needs 4,
 /// `2e3` none. For a field that [`number`] reads.
 pub(crate) fn decimals(field: &[u8]) -> u32 {
+    let field = unquoted(field);
     let exponent_at = field.iter().position(|b| matches!(b, b'e' | b'E')).unwrap_or(field.len());
     let (mantissa, exponent) = field.split_at(exponent_at);
     // An exponent beyond i32 makes the value zero or infinite: neither needs digits.
@@ -115,6 +127,7 @@ mod tests {
             ("+1.25e1", 1),
             ("inf", 0),
             ("1e-99999999999", 0),
+            ("\"22.23550\"", 4),
         ] {
             assert_eq!(decimals(field.as_bytes()), want, "{field}");
         }
@@ -125,10 +138,11 @@ mod tests {
         for field in ["nan", "NaN", "-nan(ind)", "1.#QNAN", "-1.#IND"] {
             assert!(number(field.as_bytes()).unwrap().is_nan(), "{field}");
         }
-        for field in ["", "x", "1,5", "0x10", "1.2.3", "--1"] {
+        for field in ["", "x", "1,5", "0x10", "1.2.3", "--1", "\"", "\"\"", "\"1"] {
             assert!(number(field.as_bytes()).is_none(), "{field}");
         }
         assert_eq!(number(b"+1.5"), Some(1.5));
+        assert_eq!(number(b"\"-1.5\""), Some(-1.5));
     }
 
     #[test]

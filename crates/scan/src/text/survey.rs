@@ -3,7 +3,7 @@
 //! reads: attributes, their types and the grid.
 
 use super::blocks::Block;
-use super::layout::{Layout, is_comment};
+use super::layout::{Layout, excerpt, is_comment, is_end};
 use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
 use esker_points::attribute::names;
@@ -70,13 +70,16 @@ pub(crate) struct Survey {
     ranges: Vec<Range>,
 }
 
-/// Reads a line of exactly `columns` numbers into `row`; `false` where it is not such a line.
+/// Reads a line of exactly `columns` numbers into `row`; `false` where it is not such a line. Empty fields, or a
+/// comment, may follow.
 pub(crate) fn parse_row(line: &[u8], columns: usize, row: &mut Vec<f64>) -> bool {
     row.clear();
-    for field in fields(line) {
+    let mut fields = fields(line);
+    while let Some(field) = fields.next() {
         match number(field) {
             Some(v) if row.len() < columns => row.push(v),
-            _ => return false,
+            Some(_) => return false,
+            None => return row.len() == columns && is_end(field, fields),
         }
     }
     row.len() == columns
@@ -148,11 +151,6 @@ impl Survey {
         let of = |value: fn(&Range) -> f64| axes.map(|a| value(&self.ranges[a]));
         (self.points > 0).then(|| [of(|r| r.min), of(|r| r.max)])
     }
-}
-
-/// The beginning of a line, for a message.
-fn excerpt(line: &[u8]) -> String {
-    String::from_utf8_lossy(&line[..line.len().min(40)]).escape_debug().to_string()
 }
 
 /// How the columns of a file become coordinates and attributes.
