@@ -149,6 +149,7 @@ fn colours_and_intensity_are_guessed_where_the_values_allow() {
 fn a_table_of_names_only_is_a_cloud_of_no_points() {
     let cloud = read("x,y,z,intensity\n").unwrap();
     assert_eq!((cloud.report.points, cloud.info.grid.bounds), (0, None));
+    assert_eq!(cloud.info.notes, ["has no points"]);
 }
 
 #[test]

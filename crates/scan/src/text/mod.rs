@@ -52,6 +52,9 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let plan = Plan::new(&layout, &survey);
     let named = if layout.names.is_some() { ", named" } else { "" };
     let mut notes = plan.notes.clone();
+    if survey.points == 0 {
+        notes.push("has no points".into());
+    }
     if survey.decimals.iter().any(|&d| d > 15) {
         notes.push("coordinates have more than 15 digits after the point; 15 are kept".into());
     }
