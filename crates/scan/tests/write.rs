@@ -142,7 +142,7 @@ proptest! {
 
     #[test]
     fn text_is_read_again_whatever_its_columns_are_called(
-        names in prop::collection::vec("[ \\PC]{1,12}", 1..6),
+        names in prop::collection::vec(prop_oneof!["[ \\PC]{1,12}", " {1,3}"], 1..6),
         values in prop::collection::vec(any::<u8>(), 1..20),
     ) {
         let attributes = names.iter().map(|name| Attribute::new(name, AttrType::U8)).collect();

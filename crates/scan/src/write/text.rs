@@ -45,9 +45,12 @@ pub fn create(
     })
 }
 
-/// A name without what separates or quotes.
+/// A name without what separates or quotes, and of something else than blanks.
 fn column_name(name: &str) -> String {
-    name.replace(|c: char| matches!(c, ',' | ';' | '"' | '\'') || c.is_control(), "_")
+    match name.trim() {
+        "" => "_".into(),
+        _ => name.replace(|c: char| matches!(c, ',' | ';' | '"' | '\'') || c.is_control(), "_"),
+    }
 }
 
 struct Lines {
