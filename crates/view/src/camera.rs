@@ -18,6 +18,9 @@ const NEARER: f64 = 0.3;
 const STEP_MAX_S: f64 = 0.25;
 /// Range of the speed, in distances to what is seen a second.
 const SPEED: [f64; 2] = [0.01, 100.0];
+/// Range of the distance to what is seen, in sizes of the scene; no eye is farther from its middle either, from where
+/// it still covers some pixels.
+const DISTANCE: [f64; 2] = [1e-8, 30.0];
 
 /// Where the camera stands and how it is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,12 +73,38 @@ impl Frame {
     }
 }
 
+/// Where a camera may go: about a scene, so that it always finds back and its numbers stay exact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Room {
+    /// The middle of the scene.
+    middle: DVec3,
+    /// How large it is, the file's unit.
+    size: f64,
+}
+
+impl Room {
+    /// The distance within its range that is nearest to this one.
+    fn distance(&self, distance: f64) -> f64 {
+        distance.clamp(self.size * DISTANCE[0], self.size * DISTANCE[1])
+    }
+
+    /// The place within it that is nearest to this one.
+    fn place(&self, place: DVec3) -> DVec3 {
+        let reach = self.size * DISTANCE[1];
+        let arm = place - self.middle;
+        if arm.length() <= reach { place } else { self.middle + arm.normalize_or_zero() * reach }
+    }
+}
+
 /// A camera that is moved.
 #[derive(Clone, Debug)]
 pub struct Camera {
     frame: Frame,
+    room: Room,
     pose: Pose,
     home: Pose,
+    /// Distance to what is seen at home.
+    home_distance: f64,
     fovy_rad: f64,
     /// Distance to what is seen: what a speed of 1 covers in a second, and where panning holds the scene.
     distance: f64,
@@ -93,26 +122,42 @@ struct Glide {
     to: Pose,
     /// What the way goes towards: its distance shrinks by equal ratios in equal times.
     centre: DVec3,
+    /// Distance to what is seen at the end.
+    distance: f64,
     seconds: f64,
 }
 
 impl Camera {
-    /// Standing at `eye` and looking at `target`, which is also what [`Camera::go_home`] returns to.
+    /// Standing at `eye` and looking at `target`, which is also what [`Camera::go_home`] returns to. The scene is as
+    /// large as they are apart, unless [`Camera::around`] tells.
     pub fn new(eye: DVec3, target: DVec3, up: DVec3, fovy_rad: f64) -> Self {
         let frame = Frame::new(up);
         let (yaw, pitch) = frame.angles(target - eye, 0.0);
         let pose = Pose { eye, yaw, pitch };
+        let distance = usable(eye.distance(target)).unwrap_or(1.0);
         Self {
             frame,
+            room: Room { middle: target, size: distance },
             pose,
             home: pose,
+            home_distance: distance,
             fovy_rad,
-            distance: usable(eye.distance(target)).unwrap_or(1.0),
+            distance,
             speed: 1.0,
             velocity: DVec3::ZERO,
             zoom: None,
             glide: None,
         }
+    }
+
+    /// In a scene within these bounds.
+    pub fn around(self, [low, high]: [DVec3; 2]) -> Self {
+        let middle = low.midpoint(high);
+        let size = high.distance(low) + self.home.eye.distance(middle);
+        let Some(size) = usable(size) else { return self };
+        let room = Room { middle, size };
+        let distance = room.distance(self.home_distance);
+        Self { room, home_distance: distance, distance, ..self }
     }
 
     /// Where it stands.
@@ -179,7 +224,7 @@ impl Camera {
     pub fn sees(&mut self, depth: f64, seconds: f64) {
         let Some(depth) = usable(depth) else { return };
         let share = 1.0 - (-step(seconds) / (4.0 * EASE_S)).exp();
-        self.distance *= (depth / self.distance).powf(share);
+        self.distance = self.room.distance(self.distance * (depth / self.distance).powf(share));
     }
 
     /// Faster or slower, by a factor.
@@ -199,7 +244,7 @@ impl Camera {
         let before = self.axes();
         let arm = self.pose.eye - pivot;
         self.turn(left, up);
-        self.pose.eye = pivot + self.axes() * (before.transpose() * arm);
+        self.go(pivot + self.axes() * (before.transpose() * arm));
     }
 
     /// Moves sideways, so that what lies at this depth follows the pointer; pixels to the right and down.
@@ -207,28 +252,34 @@ impl Camera {
         self.hold();
         let axes = self.axes();
         let scale = depth / self.focal_px(height_px);
-        self.pose.eye += (axes.y_axis * down_px - axes.x_axis * right_px) * scale;
+        self.go(self.pose.eye + (axes.y_axis * down_px - axes.x_axis * right_px) * scale);
     }
 
     /// Zooms towards a place, which stays where it is on the picture, by a ratio of distances below 1
-    /// (or away from it, above 1); eased over the next steps.
+    /// (or away from it, above 1); eased over the next steps, as far as there is room.
     pub fn zoom(&mut self, place: DVec3, ratio: f64) {
+        let Some(ratio) = usable(ratio) else { return };
         self.glide = None;
         let left = self.zoom.map_or(0.0, |(left, _)| left);
-        self.zoom = Some((left + ratio.max(1e-6).ln(), place));
+        // No more than leads from one end of the room to the other.
+        let most = (DISTANCE[1] / DISTANCE[0]).ln();
+        self.zoom = Some(((left + ratio.ln()).clamp(-most, most), place));
     }
 
     /// Glides towards a place until a share of the distance is left, and turns to it.
     pub fn fly_to(&mut self, place: DVec3) {
-        let eye = place + (self.pose.eye - place) * NEARER;
-        let (yaw, pitch) = self.frame.angles(place - self.pose.eye, self.pose.yaw);
-        self.glide_to(Pose { eye, yaw, pitch }, place);
+        let arm = self.pose.eye - place;
+        let distance = self.room.distance(arm.length() * NEARER);
+        let eye = self.room.place(place + arm.normalize_or_zero() * distance);
+        let (yaw, pitch) = self.frame.angles(-arm, self.pose.yaw);
+        self.glide_to(Pose { eye, yaw, pitch }, place, distance);
     }
 
-    /// Glides back to where it stood first.
+    /// Glides back to where it stood first, and to what was seen from there.
     pub fn go_home(&mut self) {
         let ahead = -self.frame.axes(self.home.yaw, self.home.pitch).z_axis;
-        self.glide_to(self.home, self.home.eye + ahead * self.distance);
+        let centre = self.home.eye + ahead * self.home_distance;
+        self.glide_to(self.home, centre, self.home_distance);
     }
 
     /// The pose at this eye, looking along this direction.
@@ -241,7 +292,7 @@ impl Camera {
     pub fn stand(&mut self, pose: Pose) {
         self.hold();
         self.velocity = DVec3::ZERO;
-        self.pose = pose;
+        self.pose = Pose { eye: self.room.place(pose.eye), ..pose };
     }
 
     /// Goes on by so many seconds; `keys` are the directions held, to the right, upwards and ahead, each -1 to 1.
@@ -255,6 +306,7 @@ impl Camera {
             self.pose = glide.pose();
             self.velocity = DVec3::ZERO;
             if glide.seconds >= GLIDE_S {
+                self.distance = glide.distance;
                 self.glide = None;
             }
             return;
@@ -267,8 +319,10 @@ impl Camera {
     fn ease_zoom(&mut self, decayed: f64) {
         let Some((left, place)) = self.zoom else { return };
         let now = left * (1.0 - decayed);
-        self.pose.eye = place + (self.pose.eye - place) * now.exp();
-        self.distance *= now.exp();
+        let arm = self.pose.eye - place;
+        let least = arm.length().min(self.room.size * DISTANCE[0]);
+        self.go(place + arm.normalize_or_zero() * (arm.length() * now.exp()).max(least));
+        self.distance = self.room.distance(self.distance * now.exp());
         self.zoom = (left - now).abs().gt(&1e-4).then_some((left - now, place));
     }
 
@@ -278,10 +332,17 @@ impl Camera {
         let asked = axes.x_axis * keys.x + self.frame.up * keys.y - axes.z_axis * keys.z;
         let asked = asked * (self.speed * self.distance);
         let lag = (self.velocity - asked) * (1.0 - decayed) * EASE_S;
-        self.pose.eye += asked * seconds + lag;
+        self.go(self.pose.eye + asked * seconds + lag);
         self.velocity = asked + (self.velocity - asked) * decayed;
         if keys == DVec3::ZERO && self.velocity.length() < self.distance * 1e-4 {
             self.velocity = DVec3::ZERO;
+        }
+    }
+
+    /// Stands at a place, as far as there is room.
+    fn go(&mut self, eye: DVec3) {
+        if eye.is_finite() {
+            self.pose.eye = self.room.place(eye);
         }
     }
 
@@ -296,9 +357,9 @@ impl Camera {
         self.zoom = None;
     }
 
-    fn glide_to(&mut self, to: Pose, centre: DVec3) {
+    fn glide_to(&mut self, to: Pose, centre: DVec3, distance: f64) {
         self.hold();
-        self.glide = Some(Glide { from: self.pose, to, centre, seconds: 0.0 });
+        self.glide = Some(Glide { from: self.pose, to, centre, distance, seconds: 0.0 });
     }
 
     fn focal_px(&self, height_px: f64) -> f64 {

@@ -59,7 +59,8 @@ fn camera_at(file: &Forest, asked: &Asked, size: [u32; 2]) -> Camera {
         (Some(_), Some(target)) => target,
         _ => view.eye + view.forward() * view.eye.distance(low.midpoint(high)).max(1e-6),
     };
-    Camera::new(view.eye, target, asked.up.unwrap_or(DVec3::Z), view.fovy_rad)
+    let up = asked.up.unwrap_or(DVec3::Z);
+    Camera::new(view.eye, target, up, view.fovy_rad).around([low, high])
 }
 
 impl Looking {

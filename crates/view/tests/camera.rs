@@ -3,6 +3,7 @@
 
 use esker_view::camera::Camera;
 use glam::{DVec2, DVec3};
+use proptest::prelude::*;
 
 const SIZE: DVec2 = DVec2::new(1280.0, 800.0);
 /// Where surveys lie: metres from the origin of their projection.
@@ -129,6 +130,84 @@ fn a_double_click_brings_the_place_to_the_middle_and_nearer() {
     assert!(!camera.is_moving());
 }
 
+/// What can happen to a camera.
+#[derive(Clone, Debug)]
+enum Move {
+    Wheel { at: DVec2, depth: Option<f64>, ratio: f64 },
+    Pan(DVec2, Option<f64>),
+    Orbit { at: DVec2, depth: Option<f64>, turn: DVec2 },
+    Look(DVec2),
+    Fly { keys: DVec3, seconds: f64 },
+    FlyTo(DVec2, Option<f64>),
+    Sees(f64),
+    Speed(f64),
+    Home,
+}
+
+impl Move {
+    /// Has the hand make it, and the camera follow for a while.
+    fn make(&self, camera: &mut Camera) {
+        let depth = |depth: Option<f64>| depth.unwrap_or(camera.distance());
+        let place = |at: DVec2, d: Option<f64>| camera.place(at * SIZE, SIZE, depth(d));
+        let mut keys = DVec3::ZERO;
+        let mut seconds = 0.3;
+        match *self {
+            Self::Wheel { at, depth, ratio } => camera.zoom(place(at, depth), ratio),
+            Self::Pan(by, d) => camera.pan(by.x, by.y, depth(d), SIZE.y),
+            Self::Orbit { at, depth, turn } => camera.orbit(place(at, depth), turn.x, turn.y),
+            Self::Look(turn) => camera.look(turn.x, turn.y),
+            Self::FlyTo(at, depth) => camera.fly_to(place(at, depth)),
+            Self::Sees(depth) => camera.sees(depth, 1.0),
+            Self::Speed(factor) => camera.change_speed(factor),
+            Self::Home => camera.go_home(),
+            Self::Fly { keys: held, seconds: length } => (keys, seconds) = (held, length),
+        }
+        run(camera, keys, seconds, 10);
+    }
+}
+
+fn moves() -> impl Strategy<Value = Vec<Move>> {
+    let share = || (0.0..1.0, 0.0..1.0).prop_map(|(x, y)| DVec2::new(x, y));
+    let by = |most: f64| (-most..most, -most..most).prop_map(|(x, y)| DVec2::new(x, y));
+    // Factors and depths of any size, the smallest and largest included.
+    let any = || (-300.0f64..300.0).prop_map(|power| 10.0f64.powf(power));
+    let depth = || prop::option::of((-3.0f64..6.0).prop_map(|power| 10.0f64.powf(power)));
+    let keys = (-4.0..4.0, -4.0..4.0, -4.0..4.0)
+        .prop_map(|(right, up, ahead)| DVec3::new(right, up, ahead));
+    let one = prop_oneof![
+        4 => (share(), depth(), any()).prop_map(|(at, depth, ratio)| Move::Wheel { at, depth, ratio }),
+        1 => (by(1e5), depth()).prop_map(|(by, depth)| Move::Pan(by, depth)),
+        1 => (share(), depth(), by(9.0)).prop_map(|(at, depth, turn)| Move::Orbit { at, depth, turn }),
+        1 => by(9.0).prop_map(Move::Look),
+        2 => (keys, 0.0..2.0).prop_map(|(keys, seconds)| Move::Fly { keys, seconds }),
+        1 => (share(), depth()).prop_map(|(at, depth)| Move::FlyTo(at, depth)),
+        1 => any().prop_map(Move::Sees),
+        1 => any().prop_map(Move::Speed),
+        1 => Just(Move::Home),
+    ];
+    prop::collection::vec(one, 0..40)
+}
+
+proptest! {
+    #[test]
+    fn home_is_found_from_wherever_the_hand_went(moves in moves()) {
+        let (low, high) = (FAR_OUT + 5.0, FAR_OUT + DVec3::new(60.0, 80.0, 9.0));
+        let mut camera = camera().around([low, high]);
+        let (home, distance) = (camera.pose(), camera.distance());
+        for step in &moves {
+            step.make(&mut camera);
+            let apart = camera.eye().distance(FAR_OUT);
+            prop_assert!(apart < 10_000.0, "{:?} led to {} from the scene", step, apart);
+            prop_assert!(camera.distance() > 1e-7 && camera.distance() < 10_000.0);
+            prop_assert!((camera.axes().determinant() - 1.0).abs() < 1e-9);
+        }
+        camera.go_home();
+        run(&mut camera, DVec3::ZERO, 1.0, 20);
+        prop_assert!(!camera.is_moving());
+        prop_assert_eq!((camera.pose(), camera.distance()), (home, distance));
+    }
+}
+
 #[test]
 fn a_hand_on_the_keys_ends_a_glide() {
     let mut camera = camera();
@@ -167,9 +246,9 @@ fn any_axis_can_be_upwards() {
 fn the_speed_follows_what_is_seen_within_its_range() {
     let mut camera = camera();
     for _ in 0..200 {
-        camera.sees(5000.0, 0.02);
+        camera.sees(1500.0, 0.02);
     }
-    assert!((camera.distance() / 5000.0 - 1.0).abs() < 0.01);
+    assert!((camera.distance() / 1500.0 - 1.0).abs() < 0.01);
     camera.sees(f64::INFINITY, 0.02);
     camera.sees(f64::NAN, 0.02);
     camera.sees(0.0, 0.02);

@@ -283,6 +283,23 @@ fn what_cannot_be_shown_is_said_in_one_line_and_by_the_exit_code() {
 }
 
 #[test]
+fn home_shows_the_scan_again_from_however_far_away() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20},
+        {"do": "wheel", "at": [0.4, 0.35], "points": -20000, "seconds": 0.2}, {"do": "settle", "seconds": 9},
+        {"do": "press", "key": "Home"}, {"do": "settle", "seconds": 9}, {"do": "picture", "path": "back.png"},
+        {"do": "wheel", "at": [0.4, 0.35], "points": 100000, "seconds": 0.2}, {"do": "settle", "seconds": 9},
+        {"do": "press", "key": "Home"}, {"do": "settle", "seconds": 9}, {"do": "picture", "path": "again.png"}]}"#;
+    stand.fly(sample(), script, &["--no-panel", "--backend", "cpu", "--no-occlusion"]);
+    for name in ["back.png", "again.png"] {
+        let home = read_png(&stand.path(name));
+        let engine = drawn_by_the_engine([home.width, home.height]);
+        let off = share_off(&home, &engine, 8);
+        assert!(off <= 0.001, "{name}: {off} of the pixels are not those of the first view");
+    }
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn without_a_display_it_says_what_to_do() {
     let output = Command::new(env!("CARGO_BIN_EXE_esker-view"))
