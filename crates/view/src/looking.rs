@@ -283,7 +283,12 @@ impl Looking {
                 }
                 Some(work_ms)
             }
-            Shown::Same | Shown::Waiting => None,
+            Shown::Same => None,
+            Shown::Waiting => {
+                // What was wrong is tried again, by other settings.
+                self.fault = None;
+                None
+            }
             Shown::Failed(fault) => {
                 self.fault = Some(fault);
                 None

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use esker_engine::backend::Drawer;
 use esker_engine::options::Options;
 use esker_engine::session::{Frame, GpuBytes, Session};
-use esker_engine::{Cut, Forest, Picture, Status, View};
+use esker_engine::{Cut, Forest, Picture, Status, View, seen};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -256,13 +256,13 @@ impl State {
 impl Opening {
     fn start(file: Arc<Forest>, options: Options) -> Result<Self> {
         let (sender, session) = sync_channel(1);
-        let open = move || {
+        let work = move || {
             // Nobody listens once the window has closed; the session then ends here.
-            let _ = sender.send(Session::open(file, options));
+            let _ = sender.send(open(file, options));
         };
         let thread = std::thread::Builder::new()
             .name("esker-session".into())
-            .spawn(open)
+            .spawn(work)
             .context("cannot start a thread to open the session")?;
         Ok(Self { session, thread: Some(thread) })
     }
@@ -276,6 +276,13 @@ impl Opening {
             }
         }
     }
+}
+
+/// Opens a session that has something to show.
+fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
+    let session = Session::open(file, options)?;
+    seen::check_wanted(session.file(), &session.look().shown)?;
+    Ok(session)
 }
 
 impl Drop for Opening {

@@ -1,0 +1,59 @@
+//! The session behind the picture: what it says where there is nothing to show, and that it goes on from there.
+
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+
+use esker_engine::camera::Camera;
+use esker_engine::progress::{Progress, Style};
+use esker_engine::{BuildOptions, Filter, Forest, View, build, info};
+use esker_view::args::Backend;
+use esker_view::device::ShownBy;
+use esker_view::scene::{Look, Scene, Shown};
+use esker_view::settings::Settings;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SIZE: [u32; 2] = [160, 100];
+
+/// Points drawn of this view, or why there are none.
+fn drawn(scene: &mut Scene, view: View) -> Result<u64, String> {
+    let look = Look { chosen: view, seen: view };
+    loop {
+        match scene.frame(&look) {
+            Shown::New(frame) if frame.cut.settled && frame.is_of_view => {
+                return Ok(frame.stats.points_drawn);
+            }
+            Shown::Failed(fault) => return Err(fault),
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+    }
+}
+
+#[test]
+fn a_filter_that_leaves_no_point_is_said_until_another_one_leaves_some() {
+    let folder = tempfile::tempdir().unwrap();
+    let built = folder.path().join("creek.esker");
+    let scan = Path::new("../../tests/sample/creek.laz").to_owned();
+    let silent = Progress::new(Style::Silent, Default::default());
+    build::build(&[scan], &built, &BuildOptions::default(), 0, &silent).unwrap();
+    let file = Arc::new(Forest::open(&built).unwrap());
+    let bounds = info::bounds(&file);
+    let view = Camera::default().view(bounds, SIZE);
+    let by = |filter: Filter| Settings { filter, ..Settings::default() };
+    let device = ShownBy::default().device(Backend::Cpu);
+    let mut scene = Scene::new(file, Settings::default(), device, SIZE);
+    let all = drawn(&mut scene, view).unwrap();
+    for filter in [
+        Filter { classes: Some("99".parse().unwrap()), ..Filter::default() },
+        Filter { bounds: Some("0,0,1,1".parse().unwrap()), ..Filter::default() },
+    ] {
+        scene.set(by(filter));
+        let fault = drawn(&mut scene, view).unwrap_err();
+        assert!(fault.contains("none of its") && fault.contains("--classes"), "{fault}");
+    }
+    let [low, high] = bounds;
+    let half = format!("{},{},{},{}", low[0], low[1], low[0].midpoint(high[0]), high[1]);
+    scene.set(by(Filter { bounds: Some(half.parse().unwrap()), ..Filter::default() }));
+    let some = drawn(&mut scene, view).unwrap();
+    assert!(0 < some && some < all, "{some} of {all}");
+}
