@@ -19,7 +19,7 @@ use std::time::Instant;
 /// The window's title.
 pub const TITLE: &str = "Esker";
 /// What to do where no window opens.
-const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
+pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
     libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
 
 /// Shows the window until it is closed.
@@ -30,7 +30,7 @@ pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
     let wanted = args.window;
     if wanted == WindowBy::Cpu {
         let viewport = viewport(&args);
-        soft::run(App::new(args, start)?, viewport).map_err(|e| e.context(NO_DISPLAY))?;
+        soft::run(App::new(args, start)?, viewport)?;
         return Ok(ExitCode::SUCCESS);
     }
     match by_driver(args, start) {

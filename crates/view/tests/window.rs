@@ -283,6 +283,27 @@ fn what_cannot_be_shown_is_said_in_one_line_and_by_the_exit_code() {
 }
 
 #[test]
+fn what_is_wrong_beside_the_window_is_not_blamed_on_it() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}]}"#;
+    let unwritable = r#"{"after": [{"do": "picture", "path": "no/such/folder/scene.png"}]}"#;
+    let nothing = stand.path("nothing.esker");
+    for (file, script, option, word) in [
+        (nothing.as_path(), script, "--no-panel", "nothing.esker"),
+        (sample(), script, "--colour=mood", "mood"),
+        (sample(), script, "--budget-gpu=1KiB", "--budget-gpu"),
+        (sample(), script, "--classes=99", "none of its"),
+        (sample(), script, "--box=0,0,1,1", "none of its"),
+        (sample(), unwritable, "--no-panel", "scene.png"),
+    ] {
+        let output = stand.run(file, script, &["--window", "cpu", "--backend", "cpu", option]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(word), "{option}: {said}");
+        assert!(!said.contains("needs a display"), "{option}: {said}");
+    }
+}
+
+#[test]
 fn home_shows_the_scan_again_from_however_far_away() {
     let Some(stand) = stand() else { return };
     let script = r#"{"after": [{"do": "settle", "seconds": 20},

@@ -5,6 +5,7 @@ mod painter;
 use crate::app::App;
 use crate::device::ShownBy;
 use crate::theme;
+use crate::window::NO_DISPLAY;
 use anyhow::{Context as _, Result, anyhow};
 use eframe::egui::{
     ColorImage, Context, FullOutput, ScreenshotCallback, ViewportBuilder, ViewportCommand,
@@ -26,7 +27,7 @@ use winit::window::{Window, WindowId};
 /// # Errors
 /// Where there is no display, and those of the app.
 pub fn run(app: App, viewport: ViewportBuilder) -> Result<()> {
-    let event_loop = EventLoop::new().context("cannot open a window")?;
+    let event_loop = EventLoop::new().context(NO_DISPLAY)?;
     let mut shell = Shell { app, viewport, ctx: Context::default(), shown: None, outcome: Ok(()) };
     event_loop.run_app(&mut shell).context("the window's events ended")?;
     let Shell { mut app, shown, outcome, .. } = shell;
@@ -59,7 +60,7 @@ impl ApplicationHandler for Shell {
         if self.shown.is_some() {
             return;
         }
-        match Shown::open(&self.ctx, event_loop, &self.viewport) {
+        match Shown::open(&self.ctx, event_loop, &self.viewport).context(NO_DISPLAY) {
             Ok(shown) => {
                 let shown_by = ShownBy { name: "CPU".into(), painter: None };
                 self.app.show_by(&self.ctx, shown_by);
@@ -131,9 +132,7 @@ impl Shown {
         event_loop: &ActiveEventLoop,
         viewport: &ViewportBuilder,
     ) -> Result<Self> {
-        let window =
-            egui_winit::create_window(ctx, event_loop, viewport).context("cannot open a window")?;
-        let window = Rc::new(window);
+        let window = Rc::new(egui_winit::create_window(ctx, event_loop, viewport)?);
         let fault = |e: softbuffer::SoftBufferError| anyhow!("cannot show pixels in a window: {e}");
         let display = softbuffer::Context::new(event_loop.owned_display_handle()).map_err(fault)?;
         let surface = Surface::new(&display, Rc::clone(&window)).map_err(fault)?;
