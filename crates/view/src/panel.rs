@@ -9,18 +9,19 @@ use crate::theme;
 use crate::times::Times;
 use eframe::egui::{
     Align, Button, CollapsingHeader, ComboBox, Grid, Label, Layout, ProgressBar, RichText,
-    ScrollArea, Slider, Ui,
+    ScrollArea, Slider, SliderClamping, Ui, emath,
 };
 use esker_engine::Method;
 use esker_engine::colour::SCANS;
 use esker_engine::quantity::{grouped, readable_bytes};
+use std::ops::RangeInclusive;
 
 /// Points budgets that the slider offers.
-const POINTS: std::ops::RangeInclusive<u64> = 100_000..=200_000_000;
+const POINTS: RangeInclusive<u64> = 100_000..=200_000_000;
 /// Target spacings, pixels.
-const SPACING: std::ops::RangeInclusive<f64> = 0.5..=8.0;
+const SPACING: RangeInclusive<f64> = 0.5..=8.0;
 /// Drawing memory, MiB.
-const MEMORY_MIB: std::ops::RangeInclusive<u64> = 32..=32_768;
+const MEMORY_MIB: RangeInclusive<u64> = 32..=32_768;
 
 /// What the panel shows.
 pub struct Facts<'a> {
@@ -205,21 +206,30 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
 }
 
 fn budgets(ui: &mut Ui, wanted: &mut Settings) {
-    let points = Slider::new(&mut wanted.points_budget, POINTS)
-        .logarithmic(true)
-        .custom_formatter(|n, _| format!("{:.1} M", n / 1e6))
+    let points = slider(&mut wanted.points_budget, POINTS)
+        .custom_formatter(|n, _| millions(n))
         .custom_parser(|text| {
             text.trim().trim_end_matches(['M', ' ']).parse::<f64>().ok().map(|n| n * 1e6)
         });
     ui.label(RichText::new("points at most").color(theme::FAINT));
     ui.add(points);
     ui.label(RichText::new("distance of points, pixels").color(theme::FAINT));
-    ui.add(Slider::new(&mut wanted.target_spacing_px, SPACING).logarithmic(true).fixed_decimals(2));
+    ui.add(slider(&mut wanted.target_spacing_px, SPACING).fixed_decimals(2));
     let mut mib = wanted.budget_gpu_bytes >> 20;
     ui.label(RichText::new("drawing memory, MiB").color(theme::FAINT));
-    if ui.add(Slider::new(&mut mib, MEMORY_MIB).logarithmic(true)).changed() {
+    if ui.add(slider(&mut mib, MEMORY_MIB)).changed() {
         wanted.budget_gpu_bytes = mib << 20;
     }
+}
+
+/// A slider. A value beyond its ends, from the command line, stays until the user changes it.
+fn slider<N: emath::Numeric>(value: &mut N, range: RangeInclusive<N>) -> Slider<'_> {
+    Slider::new(value, range).logarithmic(true).clamping(SliderClamping::Edits)
+}
+
+/// Millions, exactly where they are less than the slider offers.
+fn millions(n: f64) -> String {
+    if n < *POINTS.start() as f64 { format!("{} M", n / 1e6) } else { format!("{:.1} M", n / 1e6) }
 }
 
 fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
@@ -272,4 +282,37 @@ fn help(ui: &mut Ui) {
             }
         });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eframe::egui::{Context, RawInput};
+
+    #[test]
+    fn what_the_command_line_says_stays_as_it_is() {
+        for (points_budget, target_spacing_px, budget_gpu_bytes) in
+            [(1, 0.0, 1), (99_429, 0.123_456, 33_554_433), (u64::MAX, 1e9, u64::MAX)]
+        {
+            let said = Settings {
+                points_budget,
+                target_spacing_px,
+                budget_gpu_bytes,
+                ..Settings::default()
+            };
+            let mut wanted = said.clone();
+            let ctx = Context::default();
+            for _ in 0..3 {
+                let _ = ctx.run_ui(RawInput::default(), |ui| budgets(ui, &mut wanted));
+            }
+            assert_eq!(wanted, said);
+        }
+    }
+
+    #[test]
+    fn budgets_of_few_points_are_told_in_full() {
+        assert_eq!(millions(20_000_000.0), "20.0 M");
+        assert_eq!(millions(99_429.0), "0.099429 M");
+        assert_eq!(millions(1.0), "0.000001 M");
+    }
 }
