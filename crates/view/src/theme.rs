@@ -51,6 +51,8 @@ pub fn apply(ctx: &Context) {
         style.spacing.item_spacing = vec2(8.0, 4.0);
         style.spacing.slider_width = 150.0;
         style.spacing.interact_size.y = 18.0;
+        // What is scrolled ends beside the bar, not under it.
+        style.spacing.scroll.floating_allocated_width = style.spacing.scroll.bar_width;
         let sizes = [
             (TextStyle::Small, 10.5),
             (TextStyle::Body, 12.5),
