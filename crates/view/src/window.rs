@@ -12,6 +12,7 @@ use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCr
 use eframe::wgpu;
 use eframe::{CreationContext, NativeOptions};
 use esker_engine::options::is_software;
+use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -47,10 +48,19 @@ pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
 /// display once.
 fn again_by_cpu() -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
-    let arguments = std::env::args_os().skip(1);
-    let status = Command::new(program).args(["--window", "cpu"]).args(arguments).status();
+    let status = Command::new(program).args(["--window", "cpu"]).args(rest()).status();
     let status = status.context("cannot start the program again")?;
     Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
+}
+
+/// The arguments but for `--window`, which is told once.
+fn rest() -> Vec<OsString> {
+    let mut arguments: Vec<_> = std::env::args_os().skip(1).collect();
+    if let Some(at) = arguments.iter().position(|argument| argument == "--window") {
+        arguments.drain(at..(at + 2).min(arguments.len()));
+    }
+    arguments.retain(|argument| argument != "--window=auto");
+    arguments
 }
 
 /// Why there was no window, or what came of it.
