@@ -154,7 +154,7 @@ pub struct FilterArgs {
     #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
     pub bounds: Option<Bounds>,
     /// Points over this polygon, its edges included, in the scan's coordinates: corners as "x,y x,y x,y", or a
-    /// file of such lines or of GeoJSON.
+    /// file of lines of x and y (an empty one begins another ring) or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
     /// Points of these classes: numbers, ranges, names; such as 2,6 or ground,3-5.
