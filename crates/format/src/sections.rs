@@ -2,7 +2,7 @@
 
 use crate::columns::read_sides;
 use crate::error::{Fault, FormatError, io_error};
-use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, Section};
+use crate::footer::{FOOTER_BYTES, Footer, FooterFault, HEADER_BYTES, HEADER_MAGIC, Section};
 use crate::metadata::{METADATA_BYTES_MAX, Metadata};
 use crate::read_at::ReadAt;
 use esker_points::{Node, NodeTable};
@@ -14,6 +14,14 @@ pub(crate) fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, Fo
     let file_bytes = source.bytes().map_err(io_error(path, "read its length"))?;
     if file_bytes < (HEADER_BYTES + FOOTER_BYTES) as u64 {
         return Err(not_esker("it is too short"));
+    }
+    let mut head = [0; HEADER_MAGIC.len()];
+    source.read_exact_at(&mut head, 0).map_err(io_error(path, "read its header"))?;
+    if head != HEADER_MAGIC {
+        return Err(FormatError::Unsupported {
+            path: path.into(),
+            what: "is no .esker file; where it is a scan, build one first: esker build SCAN -o FILE.esker".into(),
+        });
     }
     let mut bytes = [0; FOOTER_BYTES];
     let offset = file_bytes - FOOTER_BYTES as u64;
