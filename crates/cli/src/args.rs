@@ -137,7 +137,7 @@ pub struct Render {
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodArg,
     /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates. Every part may be missing;
-    /// without an eye the scan is fitted, seen along "direction=x,y,z".
+    /// without a target it looks along "direction=x,y,z", without an eye the scan is fitted, seen along it.
     #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
     pub camera: Camera,
     /// Show all of the scan, whatever eye and target the camera names.

@@ -13,7 +13,7 @@ pub struct Camera {
     pub target: Option<DVec3>,
     /// Upwards; z where not said.
     pub up: Option<DVec3>,
-    /// Direction it looks along, where it is fitted.
+    /// Direction it looks along, where no target is said.
     pub direction: Option<DVec3>,
     /// Vertical field of view, degrees; 60 where not said.
     pub fovy_deg: Option<f64>,
@@ -26,14 +26,17 @@ impl Camera {
     /// Parses `eye=x,y,z;target=x,y,z;up=x,y,z;direction=x,y,z;fovy=60`; every part may be missing.
     ///
     /// # Errors
-    /// Where a part is unknown or no numbers.
+    /// Where a part is unknown, no numbers or said twice, or parts contradict each other.
     pub fn parse(text: &str) -> Result<Self> {
-        let mut camera = Self::default();
+        let (mut camera, mut said) = (Self::default(), Vec::new());
         for part in text.split(';').map(str::trim).filter(|p| !p.is_empty()) {
             let (name, value) = part
                 .split_once('=')
                 .with_context(|| format!("`{part}` in the camera is not name=value"))?;
-            match name.trim() {
+            let name = name.trim();
+            ensure!(!said.contains(&name), "the camera's {name} is said twice");
+            said.push(name);
+            match name {
                 "eye" => camera.eye = Some(vector(value)?),
                 "target" => camera.target = Some(vector(value)?),
                 "up" => camera.up = Some(vector(value)?),
@@ -57,6 +60,8 @@ impl Camera {
             camera.eye.is_none() || camera.eye != camera.target,
             "the camera's eye and target are the same point"
         );
+        let is_said = [camera.eye, camera.target, camera.direction].map(|part| part.is_some());
+        ensure!(is_said != [true; 3], "of the camera's eye, target and direction two are enough");
         Ok(camera)
     }
 
@@ -67,6 +72,7 @@ impl Camera {
         let up = self.up.unwrap_or(DVec3::Z);
         let target = self.target.unwrap_or(low.midpoint(high));
         if let Some(eye) = self.eye {
+            let target = self.direction.map_or(target, |way| eye + way.normalize_or(way));
             return View::look_at(eye, target, up, fovy, size[0], size[1]);
         }
         let direction = self.direction.unwrap_or_else(|| oblique(up));
@@ -117,6 +123,13 @@ mod tests {
     }
 
     #[test]
+    fn an_eye_looks_along_a_direction() {
+        let view = Camera::parse("eye=1e6,2,3;direction=0,-2,0").unwrap();
+        let view = view.view([[0.0; 3], [9.0; 3]], [640, 480]);
+        assert!((view.forward() - DVec3::NEG_Y).length() < 1e-12);
+    }
+
+    #[test]
     fn every_corner_of_a_fitted_scan_is_on_the_picture() {
         for text in ["", "up=0,1,0", "direction=0,0,-1", "direction=1,0,0;up=0,0,1;fovy=20"] {
             let view = Camera::parse(text)
@@ -147,6 +160,8 @@ mod tests {
             "up=0,0,0",
             "direction=0,0,0",
             "eye=1,2,3;target=1,2,3",
+            "eye=1,2,3;eye=1,2,4",
+            "eye=1,2,3;target=0,0,0;direction=1,0,0",
         ] {
             assert!(Camera::parse(text).is_err(), "{text}");
         }
