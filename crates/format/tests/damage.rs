@@ -62,7 +62,10 @@ fn every_cut_is_found() {
 #[test]
 fn a_scan_is_told_from_a_damaged_file() {
     let error = check([b"LASF".as_slice(), &[0; 4000]].concat()).unwrap_err().to_string();
-    assert!(error.contains("is not an .esker file; where it is a scan, build one first"), "{error}");
+    assert!(
+        error.contains("is not an .esker file; where it is a scan, build one first"),
+        "{error}"
+    );
 }
 
 /// The file with another node table, all checksums right.
