@@ -160,7 +160,7 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildError> {
     let nodes = &tree.table().nodes;
     let statistics = filter.asks_classes().then(|| tree.statistics()).transpose()?;
-    let all_have_one = tree.layout().all_have(names::CLASSIFICATION, AttrType::U8);
+    let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
     let mut takes = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {
         let prefix = filter.prefix(node, nodes.get(node.parent as usize));
@@ -192,26 +192,19 @@ fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     let attributes = &forest.schema().attributes;
     let names: Vec<_> = (0..attributes.len())
         .filter(|&at| {
-            let of_field: Vec<&Attribute> = (0..attributes.len())
+            let of_field: Vec<_> = (0..attributes.len())
                 .filter(|&other| fields.get(other) == fields.get(at))
-                .map(|other| &attributes[other])
+                .map(|other| (attributes[other].name.as_str(), attributes[other].ty))
                 .collect();
             // A tree without a point lacks nothing.
-            forest.files().any(|file| file.footer().points > 0 && !are_in_all(file, &of_field))
+            forest
+                .files()
+                .any(|file| file.footer().points > 0 && !file.layout().all_have_one_of(&of_field))
         })
         .map(|at| attributes[at].name.as_str())
         .collect();
     let names = names.join(", ");
     (!names.is_empty()).then(|| format!("zero where a point's source had none: {names}"))
-}
-
-/// Whether every point of a file has one of these attributes.
-fn are_in_all(file: &EskerFile, attributes: &[&Attribute]) -> bool {
-    let layout = file.layout();
-    let own: Vec<_> =
-        attributes.iter().filter_map(|a| layout.schema().find_typed(&a.name, a.ty)).collect();
-    let has_one = |class: usize| own.iter().any(|&own| layout.has_attribute(class, own));
-    (0..layout.classes().len()).all(has_one)
 }
 
 /// Reads a tree.

@@ -278,11 +278,12 @@ impl PageLayout {
         self.present.get(class * attributes + attribute).copied().unwrap_or(false)
     }
 
-    /// Whether points of all classes have an attribute of this name and type.
-    pub fn all_have(&self, name: &str, ty: AttrType) -> bool {
-        let attribute = self.schema.find_typed(name, ty);
-        let mut classes = 0..self.classes.len();
-        attribute.is_some_and(|a| classes.all(|class| self.has_attribute(class, a)))
+    /// Whether points of all classes have one of these attributes, told by name and type.
+    pub fn all_have_one_of(&self, attributes: &[(&str, AttrType)]) -> bool {
+        let own = attributes.iter().filter_map(|&(name, ty)| self.schema.find_typed(name, ty));
+        let own: Vec<usize> = own.collect();
+        let has_one = |class| own.iter().any(|&own| self.has_attribute(class, own));
+        (0..self.classes.len()).all(has_one)
     }
 
     /// Bytes of the directory of every page.

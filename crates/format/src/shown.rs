@@ -155,7 +155,8 @@ impl Filtered {
         let mut verdicts = Vec::with_capacity(nodes.len());
         for file in forest.files() {
             let statistics = filter.asks_classes().then(|| file.statistics()).transpose()?;
-            let all_have_one = file.layout().all_have(names::CLASSIFICATION, AttrType::U8);
+            let all_have_one =
+                file.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
             let first = verdicts.len();
             for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
                 let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
