@@ -32,17 +32,17 @@ override CLIPS: bool = false;
 // Two rows a point: lines over the pixels from the picture's middle, what is kept in the first one's last word.
 @group(0) @binding(9) var<storage, read> clips: array<vec4<u32>>;
 
-// Splats looked at together.
-const BLOCK: u32 = 128u;
-var<workgroup> block: array<Splat, 128>;
+// Threads of a block of pixels, which run together, and blocks of a tile.
+const THREADS: u32 = 32u;
+const BLOCKS: u32 = 8u;
+// Splats looked at together; two threads look at each.
+const BATCH: u32 = 128u;
+var<workgroup> batched: array<Splat, 128>;
+// Which of them touch each block of pixels, and how many: small splats miss most, whose threads need not look at them.
+var<workgroup> touching: array<u32, 1024>;
+var<workgroup> touches: array<atomic<u32>, 8>;
 // Their places in the batch, where they are clipped.
 var<workgroup> places: array<u32, 128>;
-
-// A splat that is nowhere.
-fn nowhere() -> Splat {
-    let one = vec4<f32>(1.0);
-    return Splat(vec4<f32>(-1e9, -1e9, 1.0, 0.0), one, vec4<f32>(1.0, 0.0, 0.0, 1.0), vec4<u32>(0u));
-}
 
 // About `exp(-t)` for t from 0 to 2 (crates/render/src/ewa/gauss.rs).
 fn falloff(t: f32) -> f32 {
@@ -51,12 +51,19 @@ fn falloff(t: f32) -> f32 {
     return root * root;
 }
 
-@compute @workgroup_size(16, 16)
+// The first pixel of a block in its tile: blocks are 8 pixels wide and 4 high.
+fn corner_of(block: u32) -> vec2<u32> {
+    return vec2<u32>(block % 2u * 8u, block / 2u * 4u);
+}
+
+@compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
+    let corner = group.xy * TILE;
+    let block = thread / THREADS;
+    let id = corner + corner_of(block) + vec2<u32>(thread % 8u, thread % THREADS / 8u);
     let tile = group.y * batch.tiles.x + group.x;
     let tiles = batch.tiles.x * batch.tiles.y;
     let has_room = starts[tiles] <= batch.entries;
@@ -64,7 +71,7 @@ fn main(
     let end = select(batch.points, starts[tile + 1u], has_room);
     let is_pixel = id.x < frame.width && id.y < frame.height;
     let pixel = min(id.y, frame.height - 1u) * frame.width + min(id.x, frame.width - 1u);
-    let place = vec2<f32>(id.xy) + 0.5;
+    let place = vec2<f32>(id) + 0.5;
     var nearest = 0.0;
     var sum_tint = vec4<f32>(0.0);
     var sum_shape = vec4<f32>(0.0);
@@ -75,27 +82,43 @@ fn main(
         sum_tint = tint[pixel];
         sum_shape = shape[pixel];
     }
-    for (var start = first; start < end; start += BLOCK) {
-        let count = min(end - start, BLOCK);
+    for (var start = first; start < end; start += BATCH) {
         workgroupBarrier();
-        if thread < count {
-            block[thread] = fetched(start + thread, group.xy, has_room);
-            if CLIPS {
-                var at = start + thread;
-                if has_room {
-                    at = entries[at];
+        if thread < BLOCKS {
+            atomicStore(&touches[thread], 0u);
+        }
+        workgroupBarrier();
+        let member = thread % BATCH;
+        if start + member < end {
+            var at = start + member;
+            if has_room {
+                at = entries[at];
+            }
+            let box = vec4<u32>(boxes[at] & vec2<u32>(0xffffu), boxes[at] >> vec2<u32>(16u));
+            if thread < BATCH && is_in(box, corner, vec2<u32>(TILE)) {
+                batched[member] = splats[at];
+                if CLIPS {
+                    places[member] = at;
                 }
-                places[thread] = at;
+            }
+            // Each of both threads looks at half of the blocks.
+            let half = thread / BATCH * (BLOCKS / 2u);
+            for (var b = half; b < half + BLOCKS / 2u; b += 1u) {
+                if is_in(box, corner + corner_of(b), vec2<u32>(8u, 4u)) {
+                    touching[b * BATCH + atomicAdd(&touches[b], 1u)] = member;
+                }
             }
         }
         workgroupBarrier();
+        let count = atomicLoad(&touches[block]);
         for (var k = 0u; k < count; k += 1u) {
-            let splat = block[k];
+            let member = touching[block * BATCH + k];
+            let splat = batched[member];
             let seen = seen_at(splat, place, frame.near);
             if seen.x > 1.0 {
                 continue;
             }
-            if CLIPS && !is_kept(places[k], place - frame.centre_px) {
+            if CLIPS && !is_kept(places[member], place - frame.centre_px) {
                 continue;
             }
             let z = seen.y;
@@ -156,15 +179,7 @@ fn is_kept(splat: u32, place: vec2<f32>) -> bool {
     return select(first && second, first || second, kept == KEPT_EITHER);
 }
 
-// An entry of the tile; or, without entries, a splat of the batch where it touches the tile.
-fn fetched(at: u32, tile: vec2<u32>, has_room: bool) -> Splat {
-    if has_room {
-        return splats[entries[at]];
-    }
-    let low = boxes[at] & vec2<u32>(0xffffu);
-    let past = boxes[at] >> vec2<u32>(16u);
-    if any(low >= past) || any(past <= tile * TILE) || any(low >= (tile + 1u) * TILE) {
-        return nowhere();
-    }
-    return splats[at];
+// Whether a splat's box has some of the pixels from a corner on.
+fn is_in(box: vec4<u32>, corner: vec2<u32>, size: vec2<u32>) -> bool {
+    return all(box.xy < box.zw) && all(box.zw > corner) && all(box.xy < corner + size);
 }

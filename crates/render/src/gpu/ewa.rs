@@ -38,20 +38,29 @@ pub struct Room {
 }
 
 impl Default for Room {
-    /// 131,072 points with 16 entries each: 22 MB are held for their words, splats and entries.
+    /// 1,048,576 points with 16 entries each: 180 MB at most are held for their words, splats and entries.
     fn default() -> Self {
-        Self { chunks: 32, entries: 32 * CHUNK_POINTS * 16 }
+        Self::of(256)
     }
 }
 
 impl Room {
+    /// So many chunks, with 16 entries a point.
+    const fn of(chunks: u32) -> Self {
+        Self { chunks, entries: chunks * CHUNK_POINTS * 16 }
+    }
+
     /// As much as fits so many bytes: at least a chunk, at most the default.
     pub fn within(bytes: u64) -> Self {
-        let most = Self::default();
-        let chunks =
-            (bytes / Self { chunks: 1, entries: most.entries / most.chunks }.bytes()) as u32;
-        let chunks = chunks.clamp(1, most.chunks);
-        Self { chunks, entries: chunks * (most.entries / most.chunks) }
+        let chunks = (bytes / Self::of(1).bytes()) as u32;
+        Self::of(chunks.clamp(1, Self::default().chunks))
+    }
+
+    /// What of it a frame of so many chunks needs, in steps, so that a few more take no new memory. Few splats can be large
+    /// and have many entries.
+    fn needed(self, chunks: u32) -> Self {
+        let chunks = chunks.clamp(1, self.chunks).next_power_of_two().min(self.chunks);
+        Self { chunks, entries: self.entries.min(Self::of(chunks.max(ENTRIES_CHUNKS)).entries) }
     }
 
     /// Bytes that a batch takes, with the lines of clipped splats.
@@ -67,6 +76,8 @@ impl Room {
     }
 }
 
+/// Chunks whose entries there is room for at least.
+const ENTRIES_CHUNKS: u32 = 32;
 /// Bytes of a splat.
 const SPLAT_BYTES: u64 = size_of::<crate::ewa::splat::Splat>() as u64;
 /// Pixels on a side of a tile.
@@ -131,6 +142,9 @@ pub struct GpuEwa {
 
 struct Memory {
     size: [u32; 2],
+    room: Room,
+    /// Chunks of this frame's batches.
+    chunks: u32,
     /// The frame's, as if the picture were a row of a batch's points.
     uniform: Counted,
     batches: Vec<Counted>,
@@ -215,16 +229,17 @@ impl GpuEwa {
         timing: &mut Timing,
     ) -> Result<(), GpuError> {
         let size = [target.picture.width, target.picture.height];
-        if self.memory.as_ref().is_none_or(|m| m.size != size) {
+        let chunks = target.cut.chunk_count();
+        let room = self.room.needed(chunks);
+        if self.memory.as_ref().is_none_or(|m| m.size != size || m.room.chunks < room.chunks) {
             self.memory = None;
-            self.memory = Some(Memory::new(gpu, size, self.room)?);
+            self.memory = Some(Memory::new(gpu, size, room)?);
         }
         if let Some(memory) = &mut self.memory {
-            let wanted = target.plan.clips || target.plan.tangents;
-            memory.fit_clips(gpu, wanted, self.room)?;
+            memory.chunks = room.chunks;
+            memory.fit_clips(gpu, target.plan.clips || target.plan.tangents)?;
         }
-        let chunks = target.cut.chunk_count();
-        let batches = chunks.div_ceil(self.room.chunks).max(1);
+        let batches = chunks.div_ceil(room.chunks).max(1);
         self.send(gpu, target, chunks, batches)?;
         let sweeps: &[u32] = match self.options.passes {
             Passes::Three => &[0, 1],
@@ -258,7 +273,7 @@ impl GpuEwa {
         let options = self.options.within_bounds();
         let squared = options.cutoff * options.cutoff;
         // A batch's points are fetched as if they were the pixels of a row.
-        let row = target.frame.with_size([self.room.points(), 1]);
+        let row = target.frame.with_size([memory.points(), 1]);
         gpu.queue.write_buffer(&memory.uniform, 0, bytemuck::bytes_of(&row));
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         for number in 0..batches {
@@ -266,10 +281,10 @@ impl GpuEwa {
                 lowpass: if options.lowpass { squared } else { 0.0 },
                 half_cutoff: 0.5 * squared,
                 radius_factor: options.radius_factor,
-                first_chunk: number * self.room.chunks,
+                first_chunk: number * memory.chunks,
                 chunks,
-                points: self.room.points(),
-                entries: self.room.entries,
+                points: memory.points(),
+                entries: memory.room.entries,
                 is_first: u32::from(number == 0),
                 tiles: tiles(memory.size),
                 eye_high: target.camera.eye_high,
@@ -299,7 +314,7 @@ impl GpuEwa {
     ) -> Result<(), GpuError> {
         let Some(m) = &self.memory else { return Ok(()) };
         let batch = &m.batches[batch as usize];
-        let points = u64::from(self.room.points());
+        let points = u64::from(m.points());
         let [columns, rows] = tiles(m.size).map(u64::from);
         let list = [(0, &**batch), (1, target.cut.chunks()), (2, &m.hits), (3, &m.paint)];
         let list = self.list.bind(gpu, &[&list[..], &[(4, &m.cursors)]].concat());
@@ -308,7 +323,7 @@ impl GpuEwa {
         let pages = target.cut.pages(target.pool, target.plan.fetches);
         let won = Won {
             uniform: &m.uniform,
-            size: [self.room.points(), 1],
+            size: [m.points(), 1],
             hits: &m.hits,
             draws: target.cut.draws(),
             chunks: target.cut.chunks(),
@@ -426,6 +441,8 @@ impl Memory {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
             size,
+            room,
+            chunks: room.chunks,
             uniform: gpu.buffer("frame of a batch", size_of::<FrameUniform>() as u64, usage)?,
             batches: Vec::new(),
             hits: plane("points of a batch", points * 8)?,
@@ -441,9 +458,14 @@ impl Memory {
         })
     }
 
+    /// Points of a batch.
+    fn points(&self) -> u32 {
+        self.chunks * CHUNK_POINTS
+    }
+
     /// Has room for the lines and shapes of a batch where splats have any, and none where they have not.
-    fn fit_clips(&mut self, gpu: &Gpu, clips: bool, room: Room) -> Result<(), GpuError> {
-        let points = if clips { u64::from(room.points()) } else { 1 };
+    fn fit_clips(&mut self, gpu: &Gpu, clips: bool) -> Result<(), GpuError> {
+        let points = if clips { u64::from(self.room.points()) } else { 1 };
         if self.clips.size() != points * LINES_BYTES {
             self.clips = gpu.buffer("clip lines", points * LINES_BYTES, BufferUsages::STORAGE)?;
         }
