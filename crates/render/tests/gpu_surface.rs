@@ -6,14 +6,14 @@ mod scene;
 
 use esker_lod::View;
 use esker_render::camera::Camera;
-use esker_render::gpu::device::Counted;
+use esker_render::gpu::device::{Counted, all_interfaces};
 use esker_render::gpu::frame::FrameUniform;
 use esker_render::gpu::picture::GpuPicture;
 use esker_render::gpu::pyramid::GpuPyramid;
 use esker_render::gpu::readback::read;
 use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::timing::Timing;
-use esker_render::gpu::wgpu::{self, Backends, BufferUsages};
+use esker_render::gpu::wgpu::{self, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
 use esker_render::pyramid::{INVALID, Level, Planes, Pyramid};
 use esker_render::relief::ReliefScratch;
@@ -28,8 +28,7 @@ const STEP_PX: f32 = 2.0;
 
 /// Each adapter, as it is and with the least that WebGPU promises.
 fn gpus() -> Vec<Gpu> {
-    let backends = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
-    let requests = backends.into_iter().flat_map(|backends| {
+    let requests = all_interfaces().iter().flat_map(|&backends| {
         [false, true].map(|is_minimal| Request {
             backends,
             allow_software: true,
@@ -129,16 +128,24 @@ impl<'a> Rig<'a> {
         let mut pyramid = GpuPyramid::default();
         let [width, height] = [base.width as u32, base.height as u32];
         pyramid.fit(gpu, width, height, input.planes).unwrap();
-        let level = &pyramid.levels[0];
-        gpu.queue.write_buffer(&level.front, 0, bytemuck::cast_slice(&floats(&base.front)));
-        gpu.queue.write_buffer(&level.tint, 0, bytemuck::cast_slice(&floats(&base.tint)));
-        gpu.queue.write_buffer(&level.depth, 0, bytemuck::cast_slice(&base.depth));
-        let tilts: Vec<_> = base.tilt.iter().map(|t| t.to_array()).collect();
-        gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&floats(&base.normal)));
-        gpu.queue.write_buffer(&level.plane, 0, bytemuck::cast_slice(&tilts));
         let picture = GpuPicture::new(gpu, [width, height], 0).unwrap();
         let choices = Choices { planes: input.planes, shines: true, smooths };
-        Self { gpu, uniform, pyramid, picture, choices }
+        let rig = Self { gpu, uniform, pyramid, picture, choices };
+        rig.give(std::slice::from_ref(base));
+        rig
+    }
+
+    /// Gives the finest levels these values.
+    fn give(&self, levels: &[Level]) {
+        let queue = &self.gpu.queue;
+        for (to, level) in self.pyramid.levels.iter().zip(levels) {
+            queue.write_buffer(&to.front, 0, bytemuck::cast_slice(&floats(&level.front)));
+            queue.write_buffer(&to.tint, 0, bytemuck::cast_slice(&floats(&level.tint)));
+            queue.write_buffer(&to.depth, 0, bytemuck::cast_slice(&level.depth));
+            let tilts: Vec<_> = level.tilt.iter().map(|t| t.to_array()).collect();
+            queue.write_buffer(&to.plane, 0, bytemuck::cast_slice(&floats(&level.normal)));
+            queue.write_buffer(&to.plane, 0, bytemuck::cast_slice(&tilts));
+        }
     }
 
     /// Runs one of the passes; `None` where there are no more.
@@ -196,8 +203,8 @@ fn close(a: f32, b: f32, size: f32) -> bool {
     a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-4 * size
 }
 
-/// Pixels of two levels that differ by more than rounding. Where `bare`, normals are not looked at.
-fn differing(a: &Level, b: &Level, bare: bool) -> usize {
+/// Which pixels of two levels differ by more than rounding. Where `bare`, normals are not looked at.
+fn differing(a: &Level, b: &Level, bare: bool) -> Vec<bool> {
     let close4 = |a: Vec4, b: Vec4, size: f32| (0..4).all(|i| close(a[i], b[i], size));
     let same = |i: usize| {
         if !a.is_valid(i) || !b.is_valid(i) {
@@ -205,7 +212,8 @@ fn differing(a: &Level, b: &Level, bare: bool) -> usize {
         }
         let (f, g, radius) = (a.front[i], b.front[i], a.tint[i].w.max(a.edge_px));
         let displaced = Vec2::new(f.z, f.w).distance(Vec2::new(g.z, g.w));
-        let light = a.tint[i].truncate().max_element().max(0.01);
+        // Of colours, as far as they are numbers.
+        let light = a.tint[i].to_array()[..3].iter().fold(0.01f32, |most, c| most.max(c.abs()));
         close(f.x, g.x, f.x)
             && close(f.y, g.y, f.y)
             && displaced <= 1e-4 * radius
@@ -215,7 +223,25 @@ fn differing(a: &Level, b: &Level, bare: bool) -> usize {
             && (bare || a.normal.is_empty() || close4(a.normal[i], b.normal[i], 1.0))
             && (bare || a.tilt.is_empty() || (a.tilt[i] - b.tilt[i]).length() <= 1e-4)
     };
-    (0..a.front.len()).filter(|&i| !same(i)).count()
+    (0..a.front.len()).map(|i| !same(i)).collect()
+}
+
+/// Pixels of pushed levels that differ, but for those whose coarser pixels do: what a near-tie decides reaches down to all
+/// pixels below, and is counted where it was decided.
+fn decided(a: &[Level], b: &[Level]) -> usize {
+    // Above the picture normals are inherited after push.
+    let pairs = a.iter().zip(b).enumerate();
+    let differ: Vec<_> = pairs.map(|(i, (a, b))| differing(a, b, i > 0)).collect();
+    let is_inherited = |i: usize, pixel: usize| {
+        let Some(above) = a.get(i + 1) else { return false };
+        let [x, y] = [pixel % a[i].width / 2, pixel / a[i].width / 2];
+        let [columns, rows] = [(x, above.width), (y, above.height)]
+            .map(|(at, count)| at.saturating_sub(1)..count.min(at + 2));
+        let mut around = rows.flat_map(|y| columns.clone().map(move |x| y * above.width + x));
+        around.any(|over| differ[i + 1][over])
+    };
+    let levels = differ.iter().enumerate();
+    levels.map(|(i, d)| (0..d.len()).filter(|&p| d[p] && !is_inherited(i, p)).count()).sum()
 }
 
 fn differing_depths(a: &[f32], b: &[f32]) -> usize {
@@ -223,11 +249,26 @@ fn differing_depths(a: &[f32], b: &[f32]) -> usize {
     a.iter().zip(b).filter(|&(&a, &b)| !close(a, b, a)).count()
 }
 
-/// Pixels of which a colour or the alpha is off by more than 8.
-fn off(a: &[u8], b: &[u8]) -> usize {
-    assert_eq!(a.len(), b.len());
+/// Pixels of which a colour or the alpha is off by more than 8, but for those that a pixel reaches whose depth differs:
+/// it is counted where it was trimmed.
+fn off(twins: &Twins, rgba: &[u8], depth: &[f32]) -> usize {
+    /// How far softening looks, pixels.
+    const REACH: usize = 2;
+    let Picture { width, depth: expected, rgba: colours, .. } = &twins.picture;
+    let width = *width as usize;
+    assert_eq!(colours.len(), rgba.len());
     let differs = |(a, b): (&[u8; 4], &[u8; 4])| (0..4).any(|i| a[i].abs_diff(b[i]) > 8);
-    a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0).filter(|&p| differs(p)).count()
+    let trimmed: Vec<_> =
+        (0..depth.len()).filter(|&i| !close(expected[i], depth[i], expected[i])).collect();
+    let reaches = |from: usize, to: usize| {
+        let apart = |of: fn(usize, usize) -> usize| of(from, width).abs_diff(of(to, width));
+        apart(|pixel, width| pixel % width).max(apart(|pixel, width| pixel / width)) <= REACH
+    };
+    let pixels = colours.as_chunks::<4>().0.iter().zip(rgba.as_chunks::<4>().0).enumerate();
+    let is_off = |&(i, pair): &(usize, (&[u8; 4], &[u8; 4]))| {
+        differs(pair) && !trimmed.iter().any(|&from| reaches(from, i))
+    };
+    pixels.filter(is_off).count()
 }
 
 /// Runs the passes on every adapter and compares each with its twin, also where pixels that stay are smoothed.
@@ -253,12 +294,16 @@ fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, s
         let Some(name) = rig.run(surface, stage) else { break };
         let (count, of) = match name {
             "pull" | "push" => {
-                let (cpu, levels) =
-                    (if name == "pull" { &twins.pulled } else { &twins.pushed }, rig.levels());
-                // Above the picture normals are inherited after push.
-                let bare = |i: usize| name == "push" && i > 0;
-                let pairs = cpu.levels.iter().zip(&levels).enumerate();
-                let count = pairs.map(|(i, (a, b))| differing(a, b, bare(i))).sum();
+                let levels = rig.levels();
+                let (cpu, count) = if name == "pull" {
+                    let pairs = twins.pulled.levels.iter().zip(&levels);
+                    let differ = pairs.flat_map(|(a, b)| differing(a, b, false));
+                    (&twins.pulled, differ.filter(|&d| d).count())
+                } else {
+                    (&twins.pushed, decided(&twins.pushed.levels, &levels))
+                };
+                // What follows is compared from the same values on.
+                rig.give(if name == "pull" { &cpu.levels } else { &cpu.levels[..1] });
                 (count, levels.iter().map(|l| l.front.len()).sum())
             }
             "mend" => {
@@ -273,7 +318,8 @@ fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, s
                 let bytes = pixels as u64 * 4;
                 let rgba = read(gpu, &[(&rig.picture.rgba, bytes)]).unwrap().remove(0);
                 assert_eq!(texture(&rig), rgba);
-                (off(&twins.picture.rgba, &rgba), pixels)
+                let depth = rig.floats(&rig.picture.depth, pixels);
+                (off(twins, &rgba, &depth), pixels)
             }
             _ => (0, pixels),
         };
@@ -375,7 +421,8 @@ fn extreme(base: &mut Level, seed: u64) {
     let weird = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -4.0, 0.0];
     for i in 0..base.front.len() {
         let at = [0.5, 1.0, 1.0, 1.01, 4.0, 4.0, 1e4, 1e-3][dice.bits() as usize % 8];
-        let radius = [0.5, 0.5, 2.0, 9.0, 60.0, 1e30][(dice.unit().powi(3) * 6.0) as usize];
+        // None from one pixel's centre to another's, where roundings decide.
+        let radius = [0.53, 0.53, 2.1, 9.3, 61.7, 1e30][(dice.unit().powi(3) * 6.0) as usize];
         let mut light = || match dice.bits() % 16 {
             0 => weird[(dice.bits() >> 8) as usize % weird.len()],
             _ => dice.unit() as f32,
