@@ -5,11 +5,12 @@
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 
-use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
+use esker_engine::backend::{Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::render::{Request, draw};
 use esker_format::Forest;
 use esker_points::task::Silent;
 use esker_render::gpu::Gpu;
+use esker_render::gpu::device::all_interfaces;
 use esker_render::{Method, Picture};
 use std::path::{Path, PathBuf};
 
@@ -38,9 +39,9 @@ fn inputs() -> Vec<PathBuf> {
 /// Each interface with each way to draw points that it has.
 fn ways() -> Vec<GpuRequest> {
     let paths = [ProjectPath::Atomics, ProjectPath::Primitives];
-    let ways = Api::ALL.into_iter().flat_map(|api| {
+    let ways = all_interfaces().iter().flat_map(|&backends| {
         paths.map(|path| GpuRequest {
-            backends: api.backends(),
+            backends,
             path: Some(path),
             allow_software: true,
             ..GpuRequest::default()

@@ -9,10 +9,11 @@ mod creek;
 mod flip;
 
 use creek::{SIZE, Wanderer, overview, sample};
-use esker_engine::backend::{Backend, GpuRequest, ProjectPath, wgpu::Backends};
+use esker_engine::backend::{Backend, GpuRequest, ProjectPath};
 use esker_engine::session::{Image, Options, Session};
 use esker_format::Forest;
 use esker_render::gpu::Gpu;
+use esker_render::gpu::device::all_interfaces;
 use esker_render::{Method, Picture};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,8 +31,7 @@ fn requests() -> Vec<GpuRequest> {
             GpuRequest { is_minimal: true, ..request },
         ]
     };
-    let kinds = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
-    let all = kinds.into_iter().flat_map(of).filter(|r| Gpu::open(r).is_ok());
+    let all = all_interfaces().iter().copied().flat_map(of).filter(|r| Gpu::open(r).is_ok());
     let all: Vec<_> = all.collect();
     if all.is_empty() {
         eprintln!("no adapter");

@@ -4,7 +4,7 @@
 use super::error::GpuError;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 use wgpu::{Backends, DeviceType, Features, Limits};
 
 /// Bytes of a buffer that is bound whole, at most: what WebGPU promises.
@@ -45,6 +45,17 @@ fn interfaces() -> Backends {
         ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     let looks_at_gl = !cfg!(target_os = "linux") || has_display;
     if looks_at_gl { Backends::PRIMARY | Backends::GL } else { Backends::PRIMARY }
+}
+
+/// Every interface whose devices can be held beside those of the others, for tests on all that the system has. OpenGL is among
+/// them only where no other has a real GPU: NVIDIA's driver (580.159, Linux) never returns where a thread that used its
+/// OpenGL ends while another lets go of a Vulkan device.
+pub fn all_interfaces() -> &'static [Backends] {
+    const ALL: [Backends; 4] = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
+    static HAS_OTHERS: OnceLock<bool> = OnceLock::new();
+    let others = &ALL[..3];
+    let is_real = |&backends| choose(&Request { backends, ..Request::default() }).is_ok();
+    if *HAS_OTHERS.get_or_init(|| others.iter().any(is_real)) { others } else { &ALL }
 }
 
 /// What a device has.
@@ -294,15 +305,25 @@ impl State {
 
 /// The adapters there are, the best first: name, interface, kind.
 pub fn adapters(backends: Backends) -> Vec<wgpu::Adapter> {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = backends;
-    let instance = wgpu::Instance::new(descriptor);
+    /// Never let go of: with its last instance a driver is unloaded, and NVIDIA's (580.159, Linux) then crashes threads
+    /// that have used it and are just ending.
+    static KEPT: OnceLock<wgpu::Instance> = OnceLock::new();
+    if backends.contains(Backends::VULKAN) {
+        KEPT.get_or_init(|| instance(Backends::VULKAN));
+    }
+    let instance = instance(backends);
     let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
     adapters.sort_by_key(|a| {
         let info = a.get_info();
         (rank(info.device_type), info.backend == wgpu::Backend::Gl)
     });
     adapters
+}
+
+fn instance(backends: Backends) -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = backends;
+    wgpu::Instance::new(descriptor)
 }
 
 fn rank(kind: DeviceType) -> u8 {

@@ -2,9 +2,8 @@
 //! promises; and what a buffer holds.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use super::device::{Gpu, Request};
+use super::device::{Gpu, Request, all_interfaces};
 use super::readback;
-use wgpu::Backends;
 
 /// A device of each kind that the machine has; says so where it has none.
 pub(crate) fn gpus() -> Vec<Gpu> {
@@ -14,9 +13,7 @@ pub(crate) fn gpus() -> Vec<Gpu> {
         is_minimal,
         ..Request::default()
     };
-    let requests = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL]
-        .into_iter()
-        .flat_map(|b| [request(b, false), request(b, true)]);
+    let requests = all_interfaces().iter().flat_map(|&b| [request(b, false), request(b, true)]);
     let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
     if gpus.is_empty() {
         eprintln!("no adapter");

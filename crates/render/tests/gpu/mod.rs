@@ -5,7 +5,7 @@
 
 pub mod flip;
 
-use esker_render::gpu::wgpu::Backends;
+use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, NodePool, PlaneAt, ProjectPath, Request};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
@@ -22,8 +22,7 @@ pub fn few_gpus() -> Vec<Gpu> {
 
 /// Devices by these paths; the least that there is where none is named.
 fn open(paths: &[Option<ProjectPath>]) -> Vec<Gpu> {
-    let backends = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
-    let requests = backends.into_iter().flat_map(|backends| {
+    let requests = all_interfaces().iter().flat_map(|&backends| {
         paths.iter().map(move |&path| Request {
             backends,
             allow_software: true,

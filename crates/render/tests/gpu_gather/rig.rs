@@ -6,6 +6,7 @@ use esker_lod::{DepthTile, View};
 use esker_points::Lattice;
 use esker_render::camera::Camera;
 use esker_render::gather::{Lookup, gather};
+use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::frame::FrameUniform;
 use esker_render::gpu::gather::Gather;
 use esker_render::gpu::lookup::{GpuLookup, Won};
@@ -24,7 +25,7 @@ use esker_render::slant::Slants;
 use esker_render::{ColourPlane, DrawNode, Frame, FramePlan, Method, Picture};
 use glam::{DVec3, Vec2, Vec4};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use wgpu::{Backends, BufferUsages};
+use wgpu::BufferUsages;
 
 /// Bytes of a page of planes.
 const PAGE_BYTES: u64 = 32 << 10;
@@ -35,8 +36,7 @@ const PAGES: u64 = 10;
 pub fn gpus() -> Vec<Gpu> {
     let request =
         |backends, is_minimal| Request { backends, allow_software: true, is_minimal, path: None };
-    let all = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
-    let requests = all.into_iter().flat_map(|b| [request(b, false), request(b, true)]);
+    let requests = all_interfaces().iter().flat_map(|&b| [request(b, false), request(b, true)]);
     let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();
     if gpus.is_empty() {
         eprintln!("no adapter");
