@@ -24,6 +24,8 @@ use std::ops::Range;
 
 /// A radius is at most so many times its node's spacing: a lone point must not become a blob.
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
+/// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
+const RADIUS_ABOVE_MAX: f64 = 1.5;
 /// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
 /// at most this part of what a node holds, so that it stays an even sample.
 const GIVEN: usize = 16;
@@ -195,7 +197,8 @@ impl Context {
         for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
             to.offered.push(leaf.offered[i]);
             to.turns.push(leaf.turns[i]);
-            to.radii.push(if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing });
+            let radius = if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing };
+            to.radii.push(radius.min(widest(above)));
         }
     }
 
@@ -233,6 +236,9 @@ impl Context {
         } else {
             shape.dimension_of(pending.sampled)
         };
+        if let Some(above) = above {
+            pending.radii.iter_mut().for_each(|radius| *radius = radius.min(widest(above)));
+        }
         let mut own = places_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
         let is_given = |i: u32| i as usize >= pending.sampled;
@@ -358,6 +364,12 @@ impl Context {
     fn edge(&self, cell: &Cell) -> f64 {
         self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
     }
+}
+
+/// The widest radius of what a sample with this spacing has not taken: that sample is no farther from it, so that few points of
+/// a surface which reaches over a border of cells are no discs on it.
+fn widest(above: f64) -> f32 {
+    (above * RADIUS_ABOVE_MAX) as f32
 }
 
 /// Sets the integer box of a node's own points, and returns it; there is at least one.

@@ -189,3 +189,31 @@ fn radii_of_a_strip_are_those_of_a_square_as_dense() {
         );
     }
 }
+
+/// A floor whose noise reaches over a border of cells now and then: what lies beyond it is few points far apart, but part of
+/// the floor.
+#[test]
+fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
+    let position = |i: u64| {
+        let (x, y) = ((i / 400) as i32, (i % 400) as i32);
+        let up = if below(i, 500) == 0 { 3 } else { -3 };
+        [x * 50 + below(2 * i, 30), y * 50 + below(2 * i + 1, 30), up]
+    };
+    let options = esker_build::Options { node_capacity: 4096, ..Default::default() };
+    let (_, file, _folder) = built(vec![cloud("floor", 0.001, 160_000, position)], &options);
+    let (mut scattered, mut widest) = (0, 0.0f32);
+    for (i, node) in (0..).zip(&file.table().nodes) {
+        assert_eq!(node.hot_shift, 0, "hot positions are exact");
+        let planes = file.read_planes(i, &[PlaneKind::Position]).unwrap();
+        let points = planes.get(PlaneKind::Position).unwrap().as_chunks::<HOT_POSITION_BYTES>().0;
+        for point in points {
+            let z = node.box_min[2] + u32::from(u16::from_le_bytes([point[4], point[5]]));
+            if file.metadata().lattice.world([0, 0, z])[2] > 0.0 {
+                scattered += 1;
+                widest = widest.max(radius_factor(point[RADIUS_AT]));
+            }
+        }
+    }
+    assert!(scattered > 200, "{scattered} points beyond the border");
+    assert!(widest < 1.8, "a radius of {widest} times its node's spacing");
+}
