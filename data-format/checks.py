@@ -35,6 +35,8 @@ def check_table(esker, require):  # section 4
     require(not t["levels"][beyond].any(), "counts beyond the last level")
     counts = esker.node_points
     require(((counts >= 1) & (counts <= 1 << 18)).all(), "a node's points are out of range")
+    row_bytes = sum(dtype.itemsize for dtype in esker.dtypes)
+    require((counts.astype(np.uint64) * row_bytes <= 4 << 30).all(), "a node takes more than 4 GiB")
     require((t["shape"] < 16).all() and not t["reserved"].any(), "reserved bits are not zero")
     require(contains(log2, t["corner"], t["box_min"]).all(), "box_min outside the cell")
     for name in "centre", "half", "spacing":

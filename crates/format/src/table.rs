@@ -11,6 +11,10 @@ use esker_points::{Cell, NodeTable};
 /// Points that a node can have, whatever the capacity says.
 pub const NODE_POINTS_MAX: usize = 1 << 18;
 
+/// Bytes that the attributes of a node can take when they are read. A value that all points share is stored once: without a
+/// bound a small file could ask for all of a machine's memory.
+const NODE_BYTES_MAX: u64 = 4 << 30;
+
 /// Checks a table whose pages lie before `pages_end`, and that it has `points` points in all.
 pub(crate) fn check(
     table: &NodeTable,
@@ -18,11 +22,13 @@ pub(crate) fn check(
     pages_end: u64,
     points: u64,
 ) -> Result<(), Fault> {
+    let row_bytes = layout.schema().record_bytes() as u64;
     let mut total = 0;
     for (index, node) in table.nodes.iter().enumerate() {
         let fault = |what| Fault::new("node table", format!("node {index}: {what}"));
         check_record(node).map_err(fault)?;
         check_links(table, index).map_err(fault)?;
+        check_width(node, row_bytes).map_err(fault)?;
         check_page(node, layout, pages_end).map_err(fault)?;
         total += node.points() as u64;
     }
@@ -127,6 +133,13 @@ fn check_cells(node: &Node, children: &[Node]) -> Result<(), &'static str> {
     Ok(())
 }
 
+fn check_width(node: &Node, row_bytes: u64) -> Result<(), &'static str> {
+    if node.points() as u64 * row_bytes > NODE_BYTES_MAX {
+        return Err("its attributes would take more than 4 GiB");
+    }
+    Ok(())
+}
+
 fn check_page(node: &Node, layout: &PageLayout, pages_end: u64) -> Result<(), &'static str> {
     let bytes = u64::from(node.page_bytes);
     if !node.page_offset.is_multiple_of(ALIGNMENT) || !bytes.is_multiple_of(ALIGNMENT) {
@@ -158,4 +171,22 @@ pub(crate) fn check_pages_fill(table: &NodeTable, pages_end: u64) -> Result<(), 
         return Err(Fault::new("node table", format!("bytes from {end} on belong to no page")));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn a_node_of_which_all_attributes_would_fill_memory_is_refused() {
+        for (points, row_bytes, is_fine) in
+            [(1 << 16, 1 << 16, true), (1 << 16, (1 << 16) + 1, false), (1 << 17, 60_000, false)]
+        {
+            let mut node = Node::zeroed();
+            node.set_levels(&[points]);
+            let checked = check_width(&node, row_bytes);
+            assert_eq!(checked.is_ok(), is_fine, "{points} points of {row_bytes} bytes");
+        }
+    }
 }
