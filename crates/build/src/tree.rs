@@ -26,6 +26,9 @@ use std::ops::Range;
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
 /// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
 const RADIUS_ABOVE_MAX: f64 = 1.5;
+/// A cloud of fewer points shows no surface: they are drawn as dots, of so many spacings.
+const SURFACE_POINTS: usize = 8;
+const DOT_SPACINGS: f64 = 1.0 / 16.0;
 /// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
 /// at most this part of what a node holds, so that it stays an even sample.
 const GIVEN: usize = 16;
@@ -254,6 +257,9 @@ impl Context {
         let (picked, total) = (pending.picked(), pending.moments.count as usize);
         let spacing = |drawn| self.spacing(&picked, [drawn, total], dimension, above);
         let full = spacing(drawn);
+        if above.is_none() && total < SURFACE_POINTS {
+            pending.radii.fill((full * DOT_SPACINGS) as f32);
+        }
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
             let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
