@@ -228,6 +228,6 @@ fn a_few_points_are_dots() {
         let planes = file.read_planes(0, &[PlaneKind::Position]).unwrap();
         let points = planes.get(PlaneKind::Position).unwrap().as_chunks::<HOT_POSITION_BYTES>().0;
         let widest = points.iter().map(|p| radius_factor(p[RADIUS_AT])).fold(0.0, f32::max);
-        assert_eq!(widest < 0.07, count < 8, "{count} points: {widest} spacings");
+        assert_eq!(widest < 0.035, count < 8, "{count} points: {widest} spacings");
     }
 }
