@@ -20,6 +20,7 @@ use crate::store::Store;
 use crate::subtree::assemble;
 use crate::times;
 use crate::tree::Context;
+use esker_format::table::NODE_BYTES_MAX;
 use esker_format::{
     Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
 };
@@ -270,6 +271,13 @@ fn build_into(
     let mut scratch_bytes_estimated = None;
     if !store.journal.is_resumed() {
         let plan = intake.plan()?;
+        let node_points = intake.points_likely().min(options.node_capacity.into());
+        if node_points.saturating_mul(plan.schema.record_bytes() as u64) > NODE_BYTES_MAX {
+            return Err(BuildError::Options(format!(
+                "attributes of {} bytes a point are too many for nodes of {node_points} points; choose a smaller --node-capacity",
+                plan.schema.record_bytes(),
+            )));
+        }
         let rows = u64::from(options.node_capacity) * NODES_MIN;
         let rows = intake.points_likely().saturating_mul(COPIES).min(rows);
         let least = rows * plan.row_bytes() as u64;

@@ -6,10 +6,11 @@ mod given;
 
 use cloud::{below, random};
 use esker_build::{NormalsMode, Options, Shares, build, build_shared, build_sources};
-use esker_points::AttrType;
 use esker_points::task::Silent;
+use esker_points::{AttrType, Attribute, Schema};
 use given::{Given, given, whole};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 const MM: [f64; 3] = [0.001; 3];
 
@@ -221,4 +222,19 @@ proptest! {
         let points = points.into_iter().map(|(p, shift)| p.map(|c| c >> shift)).collect();
         whole(&[numbered(points)], &small(64));
     }
+}
+
+/// A file that nobody could open is not found out at its end.
+#[test]
+fn nodes_too_wide_to_be_read_are_refused_before_anything_is() {
+    let mut wide = given("wide", MM, vec![[0; 3]; 10_000]);
+    let attribute = |i| Attribute::new(format!("a{i}"), AttrType::F64);
+    wide.info.schema = Arc::new(Schema::new((0..60_000).map(attribute).collect()));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    // So much memory that its bound is not what refuses it.
+    let options = Options { memory_bytes: 1 << 40, ..Default::default() };
+    let error = build_sources(vec![wide.boxed()], &out, &options, &Silent).unwrap_err();
+    assert!(error.to_string().contains("--node-capacity"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

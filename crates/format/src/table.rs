@@ -13,7 +13,7 @@ pub const NODE_POINTS_MAX: usize = 1 << 18;
 
 /// Bytes that the attributes of a node can take when they are read. A value that all points share is stored once: without a
 /// bound a small file could ask for all of a machine's memory.
-const NODE_BYTES_MAX: u64 = 4 << 30;
+pub const NODE_BYTES_MAX: u64 = 4 << 30;
 
 /// Checks a table whose pages lie before `pages_end`, and that it has `points` points in all.
 pub(crate) fn check(

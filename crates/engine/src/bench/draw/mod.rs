@@ -1,6 +1,6 @@
 //! The pure drawing rate: how many points a second become single pixels when all of them lie in memory. Each way
 //! to draw is measured on the same points in turns, frame by frame, so that all share what else the machine does;
-//! beside them the bandwidth of plain copies of the same memory, and the dispatch of 64-bit atomics without its
+//! beside them the bandwidth of copies of the same memory, and the dispatch of 64-bit atomics without its
 //! frame buffer (schuetz2021, Rendering Point Clouds with Compute Shaders and Vertex Order Optimization, compares orders
 //! of points in this way).
 

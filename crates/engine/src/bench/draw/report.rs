@@ -30,7 +30,7 @@ pub fn text(report: &Value) -> String {
         let rates = || same.iter().filter_map(|(_, rate)| rate.as_f64());
         let [low, high] = [rates().fold(f64::MAX, f64::min), rates().fold(0.0, f64::max)];
         lines.push(format!(
-            "{}: a plain copy reads and writes {} to {} a second",
+            "{}: a copy reads and writes {} to {} a second",
             same[0].0.as_str().unwrap_or("?"),
             readable_bytes(low as u64),
             readable_bytes(high as u64),
