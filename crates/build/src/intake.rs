@@ -9,13 +9,14 @@ use crate::partition::{BUCKETS_MAX, Partition};
 use crate::record::{Kind, Reading, Record};
 use crate::row::RowLayout;
 use crate::scratch::Scratch;
-use crate::taking::Taking;
+use crate::taking::{Parting, Taking};
 use esker_format::Ranges;
 use esker_points::lattice::GridKind;
 use esker_points::{
     Batch, ColourDepth, InputGrid, Lattice, MultisetHash, PointClass, Schema, Task,
 };
 use esker_scan::{OpenOptions, ReadReport, ScanError, Source};
+use rayon::ScopeFifo;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -277,7 +278,8 @@ impl Intake {
         for _ in 0..4 {
             let mut plan = self.plan()?;
             let earlier = std::mem::take(&mut earlier);
-            let mut taking = Taking::new(self, &plan, (scratch, journal), buffer_bytes_max);
+            let parting = Parting::new(self, &plan);
+            let mut taking = Taking::new(&parting, (scratch, journal), buffer_bytes_max);
             taking.resume(earlier)?;
             let void = match self.read(taking, task, peak)? {
                 Ok(taken) => match self.correct_colours(&mut plan, &taken.reports) {
@@ -354,24 +356,34 @@ impl Intake {
 
     fn read(
         &self,
-        mut taking: Taking<'_>,
+        taking: Taking<'_>,
         task: &dyn Task,
         peak: &Peak,
     ) -> Result<Result<Taken, Void>, BuildError> {
         task.phase("reading", Some(self.points_hint()), "points");
+        rayon::in_place_scope_fifo(|scope| self.read_into(taking, scope, task, peak))
+    }
+
+    fn read_into<'s, 'a: 's>(
+        &self,
+        mut taking: Taking<'a>,
+        scope: &ScopeFifo<'s>,
+        task: &dyn Task,
+        peak: &Peak,
+    ) -> Result<Result<Taken, Void>, BuildError> {
         let (first, mut skipped) = taking.added;
         for i in 0..first {
             task.advance(taking.reports[i].points);
         }
         for (i, source) in self.sources.iter().enumerate().skip(first) {
-            let placement = taking.plan.lattice.placement(&source.info().grid);
+            let placement = taking.plan().lattice.placement(&source.info().grid);
             let mut sink = |mut batch: Batch| -> Result<(), ScanError> {
                 task.advance(batch.len() as u64);
                 let known = batch.len().min(usize::try_from(skipped).unwrap_or(usize::MAX));
                 skipped -= known as u64;
                 batch.drop_first(known);
                 if !batch.is_empty() {
-                    taking.add(i, batch).map_err(BuildError::through_sink)?;
+                    taking.add(i, batch, scope).map_err(BuildError::through_sink)?;
                 }
                 peak.sample();
                 Ok(task.check()?)

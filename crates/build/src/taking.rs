@@ -11,22 +11,38 @@ use crate::scratch::Scratch;
 use esker_format::Ranges;
 use esker_points::attribute::names;
 use esker_points::{AttrType, Batch, Lattice, MultisetHash, quant};
+use esker_scan::ahead::Ahead;
 use esker_scan::source::BATCH_POINTS;
 use esker_scan::{ReadReport, SourceInfo};
-use rayon::prelude::*;
+use rayon::ScopeFifo;
+use std::collections::VecDeque;
 
-/// Batches that wait, for each thread. With one each, of two threads 1.65 ran while uncompressed points were taken in;
-/// so 1.85.
-const WAITING_A_THREAD: usize = 4;
-/// Rows made of batches that wait, in bytes at most.
-const WAITING_BYTES: usize = 32 << 20;
+/// Batches under way, for each thread.
+const BATCHES_A_THREAD: usize = 4;
+/// Rows made of batches under way, in bytes at most.
+const UNDER_WAY_BYTES: usize = 32 << 20;
 
-/// Points on their way into a partition.
-pub struct Taking<'a> {
+/// How batches become rows.
+pub struct Parting<'a> {
     intake: &'a Intake,
     /// What was chosen for the inputs.
     pub plan: &'a Plan,
     rows: RowLayout,
+}
+
+/// A batch as rows sorted into cells, and what was counted of it.
+struct Parted {
+    source: usize,
+    points: u64,
+    block: Block,
+    hash: MultisetHash,
+    ranges: Ranges,
+    knows_scanner: bool,
+}
+
+/// Points on their way into a partition.
+pub struct Taking<'a> {
+    parting: &'a Parting<'a>,
     partition: Partition,
     scratch: &'a mut Scratch,
     journal: &'a mut Journal,
@@ -41,29 +57,57 @@ pub struct Taking<'a> {
     told: usize,
     /// What the journal is told once the rows that it speaks of are in scratch.
     untold: Option<Record>,
-    /// Batches by source, to be sorted into cells together.
-    waiting: Vec<(usize, Batch)>,
-    waiting_points: usize,
+    /// Batches that become rows on all cores, in order, and how many points each has.
+    under_way: VecDeque<(usize, Ahead<Parted>)>,
+    points_under_way: usize,
+}
+
+impl<'a> Parting<'a> {
+    /// Of inputs for which this was chosen.
+    pub fn new(intake: &'a Intake, plan: &'a Plan) -> Self {
+        Self { intake, plan, rows: plan.rows() }
+    }
+
+    /// Makes rows of a batch and sorts them into cells.
+    fn part(&self, log2: u8, source: usize, batch: &Batch) -> Parted {
+        let plan = self.plan;
+        let to_file = plan.to_file(source);
+        let towards = if plan.estimates_normals {
+            towards_scanner(batch, self.intake.sources[source].info(), &plan.lattice)
+        } else {
+            None
+        };
+        let knows_scanner = towards.is_some();
+        let towards = &towards.unwrap_or_default();
+        let incoming = Incoming { batch, class: plan.class_of[source], to_file, towards };
+        let mut hash = MultisetHash::default();
+        let positions = batch.positions.iter().copied();
+        let block = Block::new(self.rows.bytes(), log2, positions, |take| {
+            hash = self.rows.for_each_rows(&incoming, take);
+        });
+        let mut ranges = Ranges::new(&plan.schema);
+        for (column, &attribute) in batch.columns.iter().zip(to_file) {
+            ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
+        }
+        Parted { source, points: batch.len() as u64, block, hash, ranges, knows_scanner }
+    }
 }
 
 impl<'a> Taking<'a> {
-    /// Nothing yet, of inputs for which this was chosen.
+    /// Nothing yet.
     pub fn new(
-        intake: &'a Intake,
-        plan: &'a Plan,
+        parting: &'a Parting<'a>,
         (scratch, journal): (&'a mut Scratch, &'a mut Journal),
         buffer_bytes_max: usize,
     ) -> Self {
-        let rows = plan.rows();
+        let Parting { intake, plan, rows } = parting;
         let log2 = intake.partition_log2(plan);
         let bytes = intake.points_likely().saturating_mul(rows.bytes() as u64);
         let is_spilling = bytes > buffer_bytes_max as u64;
         Self {
+            parting,
             partition: Partition::new(rows.bytes(), log2, buffer_bytes_max, is_spilling),
             ranges: Ranges::new(&plan.schema),
-            intake,
-            plan,
-            rows,
             scratch,
             journal,
             hash: MultisetHash::default(),
@@ -72,68 +116,58 @@ impl<'a> Taking<'a> {
             added: (0, 0),
             told: 0,
             untold: None,
-            waiting: Vec::new(),
-            waiting_points: 0,
+            under_way: VecDeque::new(),
+            points_under_way: 0,
         }
+    }
+
+    /// What was chosen for the inputs.
+    pub fn plan(&self) -> &'a Plan {
+        self.parting.plan
     }
 
     /// Adds points of a source.
     ///
     /// # Errors
     /// Where scratch space fails.
-    pub fn add(&mut self, source: usize, batch: Batch) -> Result<(), BuildError> {
-        self.waiting_points += batch.len();
-        self.waiting.push((source, batch));
-        let bytes = self.waiting_points * self.rows.bytes();
-        let batches_max = WAITING_A_THREAD * rayon::current_num_threads();
-        let is_full = self.waiting_points >= batches_max * BATCH_POINTS;
-        if is_full || bytes >= WAITING_BYTES { self.part_waiting() } else { Ok(()) }
-    }
-
-    /// Makes rows of the waiting batches and sorts them into cells, on all cores.
-    fn part_waiting(&mut self) -> Result<(), BuildError> {
-        let (plan, layout, log2) = (self.plan, &self.rows, self.partition.log2());
-        let sources = &self.intake.sources;
-        let part = |(source, batch): (usize, Batch)| {
-            let to_file = plan.to_file(source);
-            let towards = if plan.estimates_normals {
-                towards_scanner(&batch, sources[source].info(), &plan.lattice)
-            } else {
-                None
-            };
-            let knows = towards.is_some();
-            let towards = &towards.unwrap_or_default();
-            let class = plan.class_of[source];
-            let points = Incoming { batch: &batch, class, to_file, towards };
-            let mut hash = MultisetHash::default();
-            let positions = batch.positions.iter().copied();
-            let block = Block::new(layout.bytes(), log2, positions, |take| {
-                hash = layout.for_each_rows(&points, take);
-            });
-            let mut ranges = Ranges::new(&plan.schema);
-            for (column, &attribute) in batch.columns.iter().zip(to_file) {
-                ranges.add_column(attribute, plan.schema.attributes[attribute].ty, column);
-            }
-            (block, hash, ranges, knows, (source, batch.len() as u64))
-        };
-        self.waiting_points = 0;
-        let waiting = std::mem::take(&mut self.waiting);
-        let parted: Vec<_> = waiting.into_par_iter().map(part).collect();
-        for (block, hash, ranges, knows, (source, points)) in parted {
-            if self.partition.is_full_for(&block) {
-                self.spill()?;
-            }
-            self.partition.hold(block);
-            self.knows_scanners &= knows;
-            self.hash += hash;
-            self.ranges.merge(&ranges);
-            let before = if source == self.added.0 { self.added.1 } else { 0 };
-            self.added = (source, before + points);
-            if self.partition.is_full() {
-                self.spill()?;
-            }
+    pub fn add<'s>(
+        &mut self,
+        source: usize,
+        batch: Batch,
+        scope: &ScopeFifo<'s>,
+    ) -> Result<(), BuildError>
+    where
+        'a: 's,
+    {
+        let (parting, log2) = (self.parting, self.partition.log2());
+        let points = batch.len();
+        let part = move || parting.part(log2, source, &batch);
+        self.under_way.push_back((points, Ahead::begin(scope, part)));
+        self.points_under_way += points;
+        let batches_max = BATCHES_A_THREAD * rayon::current_num_threads();
+        let points_max = UNDER_WAY_BYTES / parting.rows.bytes();
+        while self.points_under_way >= points_max.min(batches_max * BATCH_POINTS) {
+            self.hold_first()?;
         }
         Ok(())
+    }
+
+    /// Moves what is longest under way into the partition.
+    fn hold_first(&mut self) -> Result<(), BuildError> {
+        let Some((points, parted)) = self.under_way.pop_front() else { return Ok(()) };
+        self.points_under_way -= points;
+        let Some(parted) = parted.wait() else { return Ok(()) };
+        let Parted { source, points, block, hash, ranges, knows_scanner } = parted;
+        if self.partition.is_full_for(&block) {
+            self.spill()?;
+        }
+        self.partition.hold(block);
+        self.knows_scanners &= knows_scanner;
+        self.hash += hash;
+        self.ranges.merge(&ranges);
+        let before = if source == self.added.0 { self.added.1 } else { 0 };
+        self.added = (source, before + points);
+        if self.partition.is_full() { self.spill() } else { Ok(()) }
     }
 
     /// All that was taken in. Once anything has gone to scratch, everything does, so that memory is free for
@@ -142,7 +176,9 @@ impl<'a> Taking<'a> {
     /// # Errors
     /// Where scratch space fails.
     pub fn finish(mut self) -> Result<Taken, BuildError> {
-        self.part_waiting()?;
+        while !self.under_way.is_empty() {
+            self.hold_first()?;
+        }
         let is_new = self.added != (self.reports.len(), 0);
         self.added = (self.reports.len(), 0);
         if !self.scratch.is_empty() && is_new {
@@ -170,7 +206,7 @@ impl<'a> Taking<'a> {
             && let Some(path) = self.scratch.name()?
         {
             self.journal.begin(Some(path))?;
-            self.journal.tell(self.intake.known())?;
+            self.journal.tell(self.parting.intake.known())?;
         }
         self.tell()?;
         let spilled = self.partition.spill(self.scratch)?;
@@ -181,7 +217,7 @@ impl<'a> Taking<'a> {
         record.put([self.added.0 as u64, self.added.1]);
         record.put(self.hash.0);
         record.put(u8::from(self.knows_scanners));
-        let attributes = 0..self.plan.schema.attributes.len();
+        let attributes = 0..self.plan().schema.attributes.len();
         let ranges: Vec<[f64; 2]> = attributes.map(|a| self.ranges.of(a).into()).collect();
         record.put_all(&ranges);
         let reports = &self.reports[self.told..self.added.0];

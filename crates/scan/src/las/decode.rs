@@ -4,6 +4,7 @@
 //! chunk claims is checked before the decoder allocates for it.
 
 use super::laszip::{Chunk, Compression, layered_chunk};
+use crate::ahead::Ahead;
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
 use esker_points::Task;
@@ -16,11 +17,11 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// Raw records of a run at most: bounds batches of files with very long records.
 const RUN_BYTES: usize = 4 << 20;
-/// Raw records of a group; two are under way, or as many as give each thread work while memory has room.
+/// Raw records of a group; another is read when no more are under way, or too few to give each thread work.
 const GROUP_BYTES: usize = 8 << 20;
 /// Chunks of a group at most: bounds what tiny chunks cost beside their points.
 const GROUP_PIECES: usize = 512;
@@ -58,18 +59,10 @@ struct Reader {
     chunk: usize,
 }
 
-/// What a piece is decoded to, once it is.
-type Decoded<T> = Mutex<Option<Result<Vec<T>, ScanError>>>;
-
-/// Bytes read together and decoded in parallel.
-struct Group<T> {
+/// Bytes read together, whose pieces are decoded in parallel.
+struct Group {
     bytes: Vec<u8>,
     pieces: Vec<Piece>,
-    /// Of each piece.
-    decoded: Vec<Decoded<T>>,
-    /// Pieces that are not decoded.
-    left: Mutex<usize>,
-    is_done: Condvar,
 }
 
 /// A run of records or a chunk in a group.
@@ -97,40 +90,41 @@ impl Points {
         if let Some(c) = self.compression.as_ref().filter(|c| c.chunks.is_none()) {
             return self.stream(&mut reader, c, c.chunk_points, end, task, convert, sink);
         }
-        // Groups are decoded on the pool while, on this thread, the next one is read and the sink takes what came before.
-        // One that follows is under way when the last pieces of the one before are, so that no core waits for them.
+        // Pieces are decoded on the pool while, on this thread, the next ones are read and the sink takes what came before.
         rayon::in_place_scope_fifo(|scope| {
-            let (mut ready, mut spare) = (Vec::new(), Vec::new());
-            let (mut window, mut filled) = (VecDeque::<Arc<Group<T>>>::new(), Ok(()));
+            let mut spare = Vec::new();
+            let (mut window, mut filled) = (VecDeque::new(), Ok(()));
+            let (mut raw_bytes, group_bytes) = (0, self.group_bytes());
             loop {
                 task.check()?;
                 let pieces_max = PIECES_A_THREAD * rayon::current_num_threads();
-                let pieces: usize = window.iter().map(|group| group.pieces.len()).sum();
-                let points: usize = window.iter().map(|group| group.points()).sum();
-                let has_room = (points * self.record_bytes) as u64 <= self.window_bytes_max;
+                let has_room = raw_bytes as u64 <= self.window_bytes_max;
                 if filled.is_ok()
                     && reader.point < end
                     && self.large_chunk(&reader).is_none()
-                    && (window.len() < 2 || (pieces < pieces_max && has_room))
+                    && (raw_bytes <= group_bytes || (window.len() < pieces_max && has_room))
                 {
                     match self.fill(std::mem::take(&mut spare), &mut reader, end) {
                         Ok(group) => {
                             let group = Arc::new(group);
-                            for piece in 0..group.pieces.len() {
-                                let group = Arc::clone(&group);
-                                scope.spawn_fifo(move |_| self.decode(&group, piece, convert));
+                            for (i, piece) in group.pieces.iter().enumerate() {
+                                let bytes = piece.points * self.record_bytes;
+                                let shared = Arc::clone(&group);
+                                let decode = move || self.decode(&shared, i, convert);
+                                let decoded = Ahead::begin(scope, decode);
+                                raw_bytes += bytes;
+                                window.push_back((bytes, Arc::clone(&group), decoded));
                             }
-                            window.push_back(group);
                         }
                         // What comes before it is taken first, or is at fault first.
                         Err(error) => filled = Err(error),
                     }
-                    continue;
-                }
-                std::mem::take(&mut ready).into_iter().try_for_each(&mut *sink)?;
-                if let Some(group) = window.pop_front() {
-                    ready = group.wait()?;
-                    spare = Arc::into_inner(group).map(|group| group.bytes).unwrap_or_default();
+                } else if let Some((bytes, group, decoded)) = window.pop_front() {
+                    for run in decoded.wait().transpose()?.unwrap_or_default() {
+                        sink(run)?;
+                    }
+                    raw_bytes -= bytes;
+                    spare = Arc::into_inner(group).map_or(spare, |group| group.bytes);
                 } else if let Some((compression, chunk)) = self.large_chunk(&reader)
                     && filled.is_ok()
                     && reader.point < end
@@ -148,15 +142,18 @@ impl Points {
     }
 
     /// Decodes a piece of a group.
-    fn decode<T: Send>(&self, group: &Group<T>, piece: usize, convert: &Convert<'_, T>) {
-        let _left = Left(group);
-        let (piece, slot) = (&group.pieces[piece], &group.decoded[piece]);
+    fn decode<T>(
+        &self,
+        group: &Group,
+        piece: usize,
+        convert: &Convert<'_, T>,
+    ) -> Result<Vec<T>, ScanError> {
+        let piece = &group.pieces[piece];
         let bytes = &group.bytes[piece.bytes.clone()];
-        let decoded = match &self.compression {
+        match &self.compression {
             None => convert(bytes).map(|run| vec![run]),
             Some(compression) => self.decode_chunk(compression, bytes, piece, convert),
-        };
-        *lock(slot) = Some(decoded);
+        }
     }
 
     fn decode_chunk<T>(
@@ -283,16 +280,9 @@ impl Points {
         }
     }
 
-    /// Reads the next group: at least one chunk or run, into `buffer`.
-    fn fill<T>(
-        &self,
-        mut buffer: Vec<u8>,
-        reader: &mut Reader,
-        end: u64,
-    ) -> Result<Group<T>, ScanError> {
-        let mut pieces: Vec<Piece> = Vec::new();
-        let (mut compressed, mut raw) = (0, 0);
-        let group_bytes = match &self.compression {
+    /// Raw records of a group at most, but for its first.
+    fn group_bytes(&self) -> usize {
+        match &self.compression {
             Some(_) => GROUP_BYTES,
             // What is only copied is still in a cache when it is.
             None => {
@@ -300,7 +290,14 @@ impl Points {
                 let room = self.window_bytes_max as usize / 2;
                 (rayon::current_num_threads() * run).min(room).max(run)
             }
-        };
+        }
+    }
+
+    /// Reads the next group: at least one chunk or run, into `buffer`.
+    fn fill(&self, mut buffer: Vec<u8>, reader: &mut Reader, end: u64) -> Result<Group, ScanError> {
+        let mut pieces: Vec<Piece> = Vec::new();
+        let (mut compressed, mut raw) = (0, 0);
+        let group_bytes = self.group_bytes();
         while reader.point < end {
             let (points, bytes) = match self.compression.as_ref().and_then(|c| c.chunks.as_ref()) {
                 None => {
@@ -335,13 +332,7 @@ impl Points {
             return Err(self.damaged("the file was cut short while it was read".into()));
         }
         reader.at += compressed as u64;
-        Ok(Group {
-            bytes: buffer,
-            decoded: pieces.iter().map(|_| Mutex::new(None)).collect(),
-            left: Mutex::new(pieces.len()),
-            is_done: Condvar::new(),
-            pieces,
-        })
+        Ok(Group { bytes: buffer, pieces })
     }
 
     fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(
@@ -390,44 +381,4 @@ impl Points {
     fn damaged(&self, what: String) -> ScanError {
         ScanError::damaged(&self.path, what)
     }
-}
-
-impl<T> Group<T> {
-    fn points(&self) -> usize {
-        self.pieces.iter().map(|piece| piece.points).sum()
-    }
-
-    /// What its pieces are decoded to, in order, or the first fault in the file's order. Helps meanwhile.
-    fn wait(&self) -> Result<Vec<T>, ScanError> {
-        while *lock(&self.left) > 0 {
-            if rayon::yield_now() != Some(rayon::Yield::Executed) {
-                let left = lock(&self.left);
-                drop(self.is_done.wait_while(left, |left| *left > 0));
-            }
-        }
-        let mut runs = Vec::with_capacity(self.decoded.len());
-        for piece in &self.decoded {
-            if let Some(decoded) = lock(piece).take() {
-                runs.append(&mut decoded?);
-            }
-        }
-        Ok(runs)
-    }
-}
-
-/// A piece that is not decoded until this is dropped, also where decoding panics.
-struct Left<'a, T>(&'a Group<T>);
-
-impl<T> Drop for Left<'_, T> {
-    fn drop(&mut self) {
-        let mut left = lock(&self.0.left);
-        *left -= 1;
-        if *left == 0 {
-            self.0.is_done.notify_all();
-        }
-    }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -2,9 +2,10 @@
 //! byte stream; out: blocks of at most 256 KiB, so that neither long files nor long lines cost memory.
 //! Serves the text reader and the ASCII body of PLY; the ordered work serves binary PLY as well.
 
+use crate::ahead::Ahead;
 use crate::error::ScanError;
 use esker_points::Task;
-use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::io::Read;
 use std::path::PathBuf;
 
@@ -104,23 +105,27 @@ pub(crate) fn in_order<B: Send, T: Send>(
     mut each: impl FnMut(T) -> Result<(), ScanError>,
 ) -> Result<(), ScanError> {
     let at_once = (2 * rayon::current_num_threads()).min(BLOCKS_AT_ONCE_MAX);
-    loop {
-        task.check()?;
-        let mut blocks = Vec::with_capacity(at_once);
-        while blocks.len() < at_once {
-            match next()? {
-                Some(block) => blocks.push(block),
-                None => break,
+    let work = &work;
+    rayon::in_place_scope_fifo(|scope| {
+        let (mut under_way, mut end) = (VecDeque::with_capacity(at_once), None);
+        loop {
+            task.check()?;
+            while end.is_none() && under_way.len() < at_once {
+                match next() {
+                    Ok(Some(block)) => {
+                        under_way.push_back(Ahead::begin(scope, move || work(block)));
+                    }
+                    Ok(None) => end = Some(Ok(())),
+                    // What comes before it is taken first, or is at fault first.
+                    Err(error) => end = Some(Err(error)),
+                }
+            }
+            match under_way.pop_front().map(Ahead::wait) {
+                Some(result) => result.map_or(Ok(()), |result| each(result?))?,
+                None => return end.unwrap_or(Ok(())),
             }
         }
-        if blocks.is_empty() {
-            return Ok(());
-        }
-        let done: Vec<Result<T, ScanError>> = blocks.into_par_iter().map(&work).collect();
-        for result in done {
-            each(result?)?;
-        }
-    }
+    })
 }
 
 #[cfg(test)]
