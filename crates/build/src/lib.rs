@@ -34,13 +34,13 @@ mod palette;
 mod parting;
 mod partition;
 mod pending;
+mod pipeline;
 mod places;
 mod proof;
 #[cfg(test)]
 mod random;
 mod record;
 mod rest;
-mod rounds;
 mod row;
 mod sample;
 mod scratch;

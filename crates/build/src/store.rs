@@ -93,7 +93,7 @@ impl Store {
         Err(self.journal.damaged("its scratch file"))
     }
 
-    /// The rows of a chunk, wherever they lie.
+    /// The rows of a chunk, wherever they lie; and what others have put aside for it, where any has.
     ///
     /// # Errors
     /// Where scratch fails, or rows of an earlier build are damaged.
@@ -101,9 +101,10 @@ impl Store {
         &mut self,
         buckets: Vec<Bucket>,
         layout: &RowLayout,
+        has_borders: bool,
     ) -> Result<Stored, BuildError> {
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
-        let is_needed = is_stored || self.borders.is_some();
+        let is_needed = is_stored || has_borders;
         let map = if is_needed { Some(self.scratch.map()?) } else { None };
         buckets.par_iter().try_for_each(|bucket| {
             self.check(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)

@@ -12,7 +12,7 @@ use std::thread::{self, JoinHandle};
 /// Bytes that are written together.
 const BLOCK_BYTES: usize = 4 << 20;
 /// One is filled while one is written and one waits.
-const BLOCKS: usize = 3;
+const BLOCKS: usize = 8;
 /// What writing past the cache wants all places to be multiples of: in the file and in memory.
 const SECTOR: usize = 4096;
 /// A small file, up to so many bytes, goes through the cache: it is likely to be read at once.
