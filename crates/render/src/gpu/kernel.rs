@@ -5,6 +5,7 @@
 use super::device::{Gpu, Runs};
 use super::error::GpuError;
 use super::shader::{Source, folder};
+use std::thread::{self, Scope, ScopedJoinHandle};
 use std::time::SystemTime;
 
 /// A compute pipeline and how it is made.
@@ -112,6 +113,31 @@ impl Kernel {
         pass.set_bind_group(0, bind, &[]);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
         self.runs.count();
+    }
+}
+
+/// What is made on a thread of its own: a driver compiles on the thread that asks it to.
+pub struct Beside<'s, T>(ScopedJoinHandle<'s, Result<T, GpuError>>);
+
+impl<'s, T: Send + 's> Beside<'s, T> {
+    /// Begins to make it.
+    ///
+    /// # Errors
+    /// Where the system has no thread to give.
+    pub fn begin(
+        scope: &'s Scope<'s, '_>,
+        make: impl FnOnce() -> Result<T, GpuError> + Send + 's,
+    ) -> Result<Self, GpuError> {
+        let begun = thread::Builder::new().name("esker-compile".into()).spawn_scoped(scope, make);
+        begun.map(Self).map_err(|e| GpuError::Shader(format!("compilation got no thread: {e}")))
+    }
+
+    /// What was made.
+    ///
+    /// # Errors
+    /// Where the driver refuses it.
+    pub fn get(self) -> Result<T, GpuError> {
+        self.0.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 

@@ -4,7 +4,7 @@
 use super::device::{Counted, Gpu};
 use super::dispatch::{Dispatch, Groups};
 use super::error::GpuError;
-use super::kernel::Kernel;
+use super::kernel::{Beside, Kernel};
 use super::mend::Mend;
 use super::picture::GpuPicture;
 use super::pull::Pull;
@@ -19,6 +19,7 @@ use crate::plan::{FramePlan, Pass};
 use crate::pyramid::Planes;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::thread;
 use wgpu::{BufferUsages, CommandEncoder};
 
 /// The passes, and the memory that they keep from frame to frame.
@@ -172,15 +173,29 @@ impl Scratch {
 impl Kernels {
     fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let has_normals = planes == Planes::Normals;
-        Ok(Self {
-            edges: Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?,
-            pull: Pull::new(gpu, planes)?,
-            push: Push::new(gpu, planes)?,
-            mend: Mend::new(gpu, planes)?,
-            trim: Trim::new(gpu, has_normals)?,
-            relief: if has_normals { None } else { Some(Relief::new(gpu)?) },
-            shade: Shade::new(gpu, has_normals)?,
-            soften: Soften::new(gpu, has_normals)?,
+        thread::scope(|scope| {
+            let trim = Beside::begin(scope, || Trim::new(gpu, has_normals))?;
+            let mend = Beside::begin(scope, || Mend::new(gpu, planes))?;
+            let push = Beside::begin(scope, || Push::new(gpu, planes))?;
+            let shade = Beside::begin(scope, || {
+                Ok((Shade::new(gpu, has_normals)?, Soften::new(gpu, has_normals)?))
+            })?;
+            let relief = Beside::begin(scope, || {
+                if has_normals { Ok(None) } else { Relief::new(gpu).map(Some) }
+            })?;
+            let edges = Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?;
+            let pull = Pull::new(gpu, planes)?;
+            let (shade, soften) = shade.get()?;
+            Ok(Self {
+                edges,
+                pull,
+                push: push.get()?,
+                mend: mend.get()?,
+                trim: trim.get()?,
+                relief: relief.get()?,
+                shade,
+                soften,
+            })
         })
     }
 

@@ -4,11 +4,12 @@
 use super::device::{Counted, Gpu};
 use super::dispatch::{Dispatch, Groups, fixed_uniform};
 use super::error::GpuError;
-use super::kernel::Kernel;
+use super::kernel::{Beside, Kernel};
 use super::shader::sources;
 use super::surface::Target;
 use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
+use std::thread;
 use wgpu::{BindingResource, BufferBinding, BufferSize, BufferUsages};
 
 /// Turns, and waves of half a turn: all together as many as the twin's at most.
@@ -70,14 +71,24 @@ impl Trim {
     /// # Errors
     /// Where a shader or memory is refused.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
-        let constants = [("NORMALS", f64::from(has_normals))];
-        Ok(Self {
-            start: Kernel::new(gpu, sources::TRIM_START, "main", &[])?,
-            tiles: Kernel::new(gpu, sources::TRIM_TILES, "main", &[])?,
-            rims: Kernel::new(gpu, sources::TRIM_RIMS, "main", &constants)?,
-            waves: Kernel::unzeroed(gpu, sources::TRIM_WAVES, "main", &constants)?,
-            settle: Kernel::new(gpu, sources::TRIM_SETTLE, "main", &[])?,
-            halves: halves(gpu)?,
+        let normals = f64::from(has_normals);
+        thread::scope(|scope| {
+            let [rims, waves] = [
+                Beside::begin(scope, || {
+                    Kernel::new(gpu, sources::TRIM_RIMS, "main", &[("NORMALS", normals)])
+                })?,
+                Beside::begin(scope, || {
+                    Kernel::unzeroed(gpu, sources::TRIM_WAVES, "main", &[("NORMALS", normals)])
+                })?,
+            ];
+            Ok(Self {
+                start: Kernel::new(gpu, sources::TRIM_START, "main", &[])?,
+                tiles: Kernel::new(gpu, sources::TRIM_TILES, "main", &[])?,
+                settle: Kernel::new(gpu, sources::TRIM_SETTLE, "main", &[])?,
+                rims: rims.get()?,
+                waves: waves.get()?,
+                halves: halves(gpu)?,
+            })
         })
     }
 
