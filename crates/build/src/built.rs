@@ -157,13 +157,14 @@ impl Held {
 
     /// Writes it down; all pages below it have their places.
     pub fn put(&self, record: &mut Record) {
-        let Pending { cell, moments, sampled, turns, radii, below, .. } = &self.pending;
+        let Pending { cell, moments, sampled, turns, radii, shares, below, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
         record.put(*sampled as u64);
         record.put_all(turns);
         record.put_all(radii);
+        record.put_all(shares);
         record.put_all(&self.rows);
         // Children before parents, in their order; without recursion, since chains are long.
         let (mut open, mut nodes): (Vec<&Subtree>, Vec<_>) = (vec![], vec![]);
@@ -190,11 +191,12 @@ impl Held {
         let moments = Moments::from_numbers(from.get()?);
         let sampled = usize::try_from(from.get::<u64>()?).ok()?;
         let (turns, radii): (Vec<u16>, Vec<f32>) = (from.get_all()?, from.get_all()?);
-        let rows: Vec<u8> = from.get_all()?;
+        let (shares, rows): (Vec<f32>, Vec<u8>) = (from.get_all()?, from.get_all()?);
         let count = rows.len() / stride;
         let fits = |len: usize| len == 0 || len == count;
         let fits_rows = rows.len().is_multiple_of(stride) && sampled <= count;
-        if !fits_rows || turns.len() != radii.len() || !fits(turns.len()) {
+        let fits_shares = shares.is_empty() || shares.len() == sampled;
+        if !fits_rows || !fits_shares || turns.len() != radii.len() || !fits(turns.len()) {
             return None;
         }
         let mut trees: Vec<Subtree> = Vec::new();
@@ -209,7 +211,7 @@ impl Held {
         }
         let below = Below::Finished(trees.into());
         let offered = (0..count as u32).collect();
-        let pending = Pending { cell, moments, offered, sampled, turns, radii, below };
+        let pending = Pending { cell, moments, offered, sampled, turns, radii, shares, below };
         Some(Self { pending, rows })
     }
 }

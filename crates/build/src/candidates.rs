@@ -83,12 +83,12 @@ impl Candidates {
         Self { q, offer, shared_log2, firsts, step }
     }
 
-    /// Turns by offered point, brought along the curve; none stay none.
-    pub fn along_curve<'a>(&self, turns: &'a [u16]) -> Cow<'a, [u16]> {
-        if turns.is_empty() || self.offer.is_empty() {
-            return turns.into();
+    /// What there is for each offered point, brought along the curve; nothing stays nothing.
+    pub fn along_curve<'a, T: Copy>(&self, values: &'a [T]) -> Cow<'a, [T]> {
+        if values.is_empty() || self.offer.is_empty() {
+            return values.into();
         }
-        self.offer.iter().map(|&offer| turns[offer as usize]).collect()
+        self.offer.iter().map(|&offer| values[offer as usize]).collect()
     }
 
     /// What there is for each point along the curve, brought into the order in which they were offered.

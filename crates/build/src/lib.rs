@@ -18,6 +18,7 @@ mod eigen;
 pub mod error;
 pub mod export;
 mod finishing;
+mod fringe;
 mod gather;
 mod identity;
 mod intake;

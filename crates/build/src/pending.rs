@@ -22,6 +22,9 @@ pub struct Pending {
     pub turns: Vec<u16>,
     /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
     pub radii: Vec<f32>,
+    /// For each point that it offers, the share of its radius that it has wherever it is drawn ([`crate::fringe`]);
+    /// empty where all have all of it.
+    pub shares: Vec<f32>,
     /// What lies below.
     pub below: Below,
 }
@@ -52,6 +55,13 @@ impl Pending {
         Picked::of(&self.turns[..self.sampled])
     }
 
+    /// Gives what it offers, whose spacing is told, its share of the radius.
+    pub fn narrow(&mut self, spacing: f64) {
+        for (radius, share) in self.radii.iter_mut().zip(&self.shares).filter(|(_, s)| **s < 1.0) {
+            *radius = share * if *radius > 0.0 { *radius } else { spacing as f32 };
+        }
+    }
+
     /// Whether there are, or will be, nodes below.
     pub fn has_below(&self) -> bool {
         match &self.below {
@@ -78,6 +88,21 @@ impl Pending {
             turns.resize(turns.len() + child.sampled - known.len(), LAST_TURN);
         }
         turns
+    }
+}
+
+impl Pending {
+    /// The shares of what cells offer, in all so many; empty where all have all of theirs.
+    pub fn shares(children: &[Self], offered: usize) -> Vec<f32> {
+        if children.iter().all(|c| c.shares.is_empty()) {
+            return Vec::new();
+        }
+        let mut shares = Vec::with_capacity(offered);
+        for child in children {
+            shares.extend_from_slice(&child.shares);
+            shares.resize(shares.len() + child.sampled - child.shares.len(), 1.0);
+        }
+        shares
     }
 }
 

@@ -6,6 +6,7 @@ use crate::candidates::Candidates;
 use crate::clips::Clips;
 use crate::contour;
 use crate::counts::Counts;
+use crate::fringe::{self, Offer};
 use crate::order::{order, parts};
 use crate::pending::{Below, Cut, Pending};
 use crate::places::places_of;
@@ -61,6 +62,7 @@ impl Context {
             offered: points.collect(),
             turns: Vec::new(),
             radii: Vec::new(),
+            shares: Vec::new(),
             below: Below::default(),
         }
     }
@@ -117,6 +119,7 @@ impl Context {
         let shape = Shape::of(moments.covariance(self.scale));
         let dimension = shape.dimension_of(points.min(candidates.places()));
         let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
+        let shares = Pending::shares(&children, offered.len());
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
         for child in children {
@@ -129,22 +132,31 @@ impl Context {
             parts.push((child, part));
         }
         let chosen = places_of(&turns, |&turn| turn != LAST_TURN);
-        let radii = self.radii(&candidates, &turns, dimension);
-        drop(candidates);
+        // Right above leaves it would cost three times as much for half as many radii, of which none is as far off.
+        let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
+        let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
+        let drawn = [chosen.len(), moments.count as usize];
+        let above = self.spacing(&Picked::of(&own), drawn, dimension, None);
         let mut pending = Pending {
             cell,
             moments,
             offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
             sampled: chosen.len(),
-            turns: chosen.iter().map(|&i| turns[i as usize]).collect(),
-            radii,
+            turns: own,
+            radii: self.radii(&candidates, &turns, dimension, is_high.then_some(above)),
+            shares: Vec::new(),
             below: Below::default(),
         };
-        let drawn = [chosen.len(), moments.count as usize];
-        let above = self.spacing(&Picked::of(&pending.turns), drawn, dimension, None);
+        let shares = self.shares(&candidates, shares, &parts, (&few, &turns), above);
+        drop(candidates);
+        if !shares.is_empty() {
+            pending.shares = chosen.iter().map(|&i| shares[i as usize]).collect();
+            pending.narrow(above);
+        }
         let mut few = few.into_iter();
         for (child, part) in parts.extract_if(.., |_| few.next() == Some(true)) {
-            self.give(rows, child, &turns[part], above, &mut pending);
+            let shares = shares.get(part.clone()).unwrap_or_default();
+            self.give(rows, child, (&turns[part], shares), above, &mut pending);
         }
         let parts = parts.into_iter();
         let cut = parts.map(|(pending, part)| Cut { pending, taken: turns[part].to_vec(), above });
@@ -184,12 +196,39 @@ impl Context {
         (few, points)
     }
 
+    /// The shares of what is offered, and of which cells below have told `shares`, as the cells in `parts` that end now change
+    /// them; the sample has the spacing `above`.
+    fn shares(
+        &self,
+        candidates: &Candidates,
+        mut shares: Vec<f32>,
+        parts: &[(Pending, Range<usize>)],
+        (few, turns): (&[bool], &[u16]),
+        above: f64,
+    ) -> Vec<f32> {
+        let offer = |((child, part), &is_few): (&(Pending, Range<usize>), &bool)| {
+            let is_taken = || turns[part.clone()].iter().all(|turn| *turn != LAST_TURN);
+            let weight = child.moments.count as f32 / child.sampled as f32;
+            Offer { ends: is_few || (child.is_leaf() && is_taken()), weight }
+        };
+        let offers: Vec<Offer> = parts.iter().zip(few).map(offer).collect();
+        if offers.iter().all(|offer| !offer.ends) {
+            return shares;
+        }
+        let from: Vec<u8> =
+            (0..).zip(parts).flat_map(|(i, (_, part))| part.clone().map(move |_| i)).collect();
+        let own = fringe::shares(candidates, &from, &offers, above);
+        shares.resize(own.len(), 1.0);
+        shares.iter_mut().zip(own).for_each(|(share, own)| *share *= own);
+        shares
+    }
+
     /// Gives what is left of a leaf to the cell above, whose sample has the spacing `above`.
     fn give(
         &self,
         rows: &Rows<'_>,
         mut leaf: Pending,
-        taken: &[u16],
+        (taken, shares): (&[u16], &[f32]),
         above: f64,
         to: &mut Pending,
     ) {
@@ -201,7 +240,8 @@ impl Context {
             to.offered.push(leaf.offered[i]);
             to.turns.push(leaf.turns[i]);
             let radius = if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing };
-            to.radii.push(radius.min(widest(above)));
+            let share = shares.get(i).copied().unwrap_or(1.0);
+            to.radii.push(radius.min(widest(above)) * share);
         }
     }
 
@@ -217,7 +257,7 @@ impl Context {
         let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale);
         let dimension = shape.dimension_of(candidates.places());
         leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
-        leaf.radii = self.radii(&candidates, &leaf.turns, dimension);
+        leaf.radii = self.radii(&candidates, &leaf.turns, dimension, None);
         dimension
     }
 
@@ -277,11 +317,25 @@ impl Context {
         None
     }
 
-    /// The radii, in the file's unit, of those of the offered points that have a turn.
-    fn radii(&self, candidates: &Candidates, turns: &[u16], dimension: u32) -> Vec<f32> {
+    /// The radii, in the file's unit, of those of the offered points that have a turn; where these are a sample with a
+    /// spacing, what is wide is looked at again.
+    fn radii(
+        &self,
+        candidates: &Candidates,
+        turns: &[u16],
+        dimension: u32,
+        spacing: Option<f64>,
+    ) -> Vec<f32> {
         let turns = candidates.along_curve(turns);
         let is_wanted = || turns.iter().map(|&turn| turn != LAST_TURN);
-        let steps = radii(&candidates.shared_of(is_wanted()), dimension);
+        let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
+        if let Some(spacing) = spacing {
+            let q = || {
+                let wanted = places_of(&turns, |&turn| turn != LAST_TURN);
+                wanted.iter().map(|&i| candidates.q[i as usize]).collect()
+            };
+            fringe::narrow(&mut steps, q, spacing / candidates.step);
+        }
         let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
         candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
     }

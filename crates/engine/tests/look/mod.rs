@@ -45,7 +45,7 @@ fn two_exposures(folder: &Path) -> Forest {
         let (u, v) = (f64::from(i) * 0.754_877_67 % 1.0, f64::from(i) * 0.569_840_29 % 1.0);
         let (x, y) = (12.0 * (u * 2.0 + f64::from(scan)) / 3.0, 9.0 * v);
         let z = (x * 0.7).sin() + (y * 0.5).cos();
-        let light = (1.0 + f64::from(scan)) * (50.0 + 8.0 * (x + y).sin());
+        let light = (1.0 + f64::from(scan)) * (60.0 + 8.0 * (x + y).sin());
         let [red, green, blue] = [1.2, 1.0, 0.7].map(|c| (light * c) as u8);
         rows += &format!("{x:.4},{y:.4},{z:.4},{},{red},{green},{blue}\n", scan + 1);
     }
