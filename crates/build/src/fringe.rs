@@ -14,9 +14,6 @@ use std::ops::Range;
 const NEIGHBOURS: f32 = 4.0;
 /// Radii of a sample are looked at again where they are so many times its spacing.
 const WIDE_SPACINGS: f64 = 2.0;
-/// Points around which so few cells, of all 27, have any may be on a wire: how many these are tells nothing of distances.
-const LINE_CELLS: usize = 4;
-
 /// What a cell offers to the one above.
 #[derive(Clone, Copy, Debug)]
 pub struct Offer {
@@ -40,10 +37,9 @@ pub fn shares(candidates: &Candidates, from: &[u8], offers: &[Offer], spacing: f
             (cells, points) = (cells + 1, points + run.len() as f32 * weight);
             run.filter(|&j| j != i).for_each(|j| nearest.add(near.away2(i, j), weight));
         });
-        // As evenly as on surfaces through the cells that have any.
-        let each =
-            if cells > LINE_CELLS { cells as f64 / f64::from(points) } else { f64::INFINITY };
-        let typical = each.sqrt() * near.edge();
+        // As evenly as on surfaces through the cells that have any; on a wire, for which that is not so, still wider than
+        // its points stand apart.
+        let typical = near.edge() * (cells as f64 / f64::from(points)).sqrt();
         (typical.min(nearest.distance()) / spacing).min(1.0) as f32
     };
     let shares = (0..candidates.len()).map(|i| if offer(i).ends { share(i) } else { 1.0 });
@@ -158,5 +154,87 @@ impl Nearest {
             sum >= NEIGHBOURS
         });
         enough.map_or(f64::INFINITY, |(away2, _)| (away2 * PI / f64::from(NEIGHBOURS)).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::candidates::tests::candidates_of;
+    use esker_points::morton;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn runs_are_the_points_of_27_cells(points in prop::collection::vec([0u32..900, 0u32..900, 0u32..40], 1..300), far in 1.0..200.0) {
+            let candidates = candidates_of(&points, [0.01; 3]);
+            let near = Near::new(&candidates.q, far);
+            prop_assert!(near.edge() >= far);
+            let cell = |i: usize| candidates.q[i].map(|c| c >> near.log2);
+            for i in 0..candidates.len() {
+                let mut found = Vec::new();
+                near.each_run(i, |run| {
+                    assert!(run.clone().all(|j| cell(j) == cell(run.start)));
+                    found.extend(run);
+                });
+                found.sort_unstable();
+                let is_near = |&j: &usize| (0..3).all(|axis| cell(i)[axis].abs_diff(cell(j)[axis]) < 2);
+                prop_assert_eq!(found, (0..candidates.len()).filter(is_near).collect::<Vec<_>>());
+            }
+        }
+
+        #[test]
+        fn the_nearest_are_those_of_a_sorted_list(points in prop::collection::vec((0.0..100.0, 0.0f32..6.0), 0..30)) {
+            let mut nearest = Nearest::default();
+            points.iter().for_each(|&(away2, weight)| nearest.add(away2, weight));
+            let mut sorted: Vec<(f64, f32)> = points;
+            sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+            sorted.truncate(NEIGHBOURS as usize);
+            let mut sum = 0.0;
+            let reached = sorted.iter().find(|p| { sum += p.1; sum >= NEIGHBOURS });
+            let expected = reached.map_or(f64::INFINITY, |p| (p.0 * PI / 4.0).sqrt());
+            prop_assert_eq!(nearest.distance(), expected);
+        }
+    }
+
+    /// The least share of points beyond x = 2,048, which are those that end, where each of the others stands for 16.
+    fn share_beyond(points: &[[u32; 3]]) -> f32 {
+        let mut points = points.to_vec();
+        points.sort_unstable_by_key(|&p| morton::encode3(p));
+        let candidates = candidates_of(&points, [0.01; 3]);
+        let from: Vec<u8> = points.iter().map(|p| u8::from(p[0] >= 2048)).collect();
+        let offers = [Offer { ends: false, weight: 16.0 }, Offer { ends: true, weight: 1.0 }];
+        let shares = shares(&candidates, &from, &offers, 1.0);
+        assert!(shares.iter().zip(&from).all(|(share, from)| *from == 1 || *share == 1.0));
+        shares.into_iter().fold(1.0, f32::min)
+    }
+
+    #[test]
+    fn the_border_of_a_floor_is_narrow_and_wires_stay_closed() {
+        let floor: Vec<_> = (0..10_000).map(|i| [1050 + i % 100 * 10, i / 100 * 10, 100]).collect();
+        let with = |more: &[[u32; 3]]| share_beyond(&[&floor, more].concat());
+        // Its points stand 0.1 m apart, and each for 16: 0.025 m, of 1 m.
+        let border: Vec<_> = (0..100).map(|i| [2050, i * 10, 100]).collect();
+        let share = with(&border);
+        assert!((0.01..0.06).contains(&share), "{share}");
+        // A wire, with points 0.5 m apart, each of which closes it beyond the next; and a bird.
+        let wire: Vec<_> = (0..40).map(|i| [3000, i * 50, 1500]).collect();
+        assert!(with(&wire) > 0.5);
+        assert_eq!(with(&[[3000, 500, 1500]]), 1.0);
+    }
+
+    #[test]
+    fn wide_radii_reach_to_the_points_around_and_others_stay() {
+        let q: Vec<[i32; 3]> =
+            (0..64).map(|i| morton::decode3(i).map(|c| c as i32 * 100)).collect();
+        let mut radii = vec![130.0f32; q.len()];
+        radii[5] = 800.0;
+        narrow(&mut radii, || q.clone(), 100.0);
+        assert!(radii.iter().enumerate().all(|(i, r)| i == 5 || *r == 130.0));
+        assert!((80.0..150.0).contains(&radii[5]), "{}", radii[5]);
+        // Alone it stays as it is.
+        let mut alone = [900.0];
+        narrow(&mut alone, || vec![[5; 3]], 100.0);
+        assert_eq!(alone, [900.0]);
     }
 }

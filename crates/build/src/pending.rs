@@ -22,8 +22,8 @@ pub struct Pending {
     pub turns: Vec<u16>,
     /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
     pub radii: Vec<f32>,
-    /// For each point that it offers, the share of its radius that it has wherever it is drawn ([`crate::fringe`]);
-    /// empty where all have all of it.
+    /// For each point that it offers, the share of the spacing around that its radius has at most, wherever it
+    /// is drawn ([`crate::fringe`]); empty where that is 1.
     pub shares: Vec<f32>,
     /// What lies below.
     pub below: Below,
@@ -55,10 +55,11 @@ impl Pending {
         Picked::of(&self.turns[..self.sampled])
     }
 
-    /// Gives what it offers, whose spacing is told, its share of the radius.
+    /// What it offers, with this spacing, gets no more than its share of that for a radius.
     pub fn narrow(&mut self, spacing: f64) {
         for (radius, share) in self.radii.iter_mut().zip(&self.shares).filter(|(_, s)| **s < 1.0) {
-            *radius = share * if *radius > 0.0 { *radius } else { spacing as f32 };
+            let widest = share * spacing as f32;
+            *radius = if *radius > 0.0 { radius.min(widest) } else { widest };
         }
     }
 
@@ -92,7 +93,7 @@ impl Pending {
 }
 
 impl Pending {
-    /// The shares of what cells offer, in all so many; empty where all have all of theirs.
+    /// The shares of what cells offer, in all so many; empty where all are 1.
     pub fn shares(children: &[Self], offered: usize) -> Vec<f32> {
         if children.iter().all(|c| c.shares.is_empty()) {
             return Vec::new();

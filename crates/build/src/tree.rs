@@ -241,7 +241,8 @@ impl Context {
             to.turns.push(leaf.turns[i]);
             let radius = if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing };
             let share = shares.get(i).copied().unwrap_or(1.0);
-            to.radii.push(radius.min(widest(above)) * share);
+            let widest = if share < 1.0 { share * above as f32 } else { widest(above) };
+            to.radii.push(radius.min(widest));
         }
     }
 

@@ -218,6 +218,30 @@ fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
     assert!(widest < 1.8, "a radius of {widest} times its node's spacing");
 }
 
+/// A floor that reaches over a border of cells by a hand's breadth: no node holds what lies there but the root, whose points
+/// are six times as far apart as the floor's.
+#[test]
+fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
+    let position = |i: u64| [below(2 * i, 20_020) - 20_000, below(2 * i + 1, 20_000), 0];
+    let options = esker_build::Options { node_capacity: 4096, ..Default::default() };
+    let (_, file, _folder) = built(vec![cloud("floor", 0.001, 160_000, position)], &options);
+    let (mut beyond, mut widest) = (0, 0.0f32);
+    for (i, node) in (0..).zip(&file.table().nodes) {
+        let planes = file.read_planes(i, &[PlaneKind::Position]).unwrap();
+        let points = planes.get(PlaneKind::Position).unwrap().as_chunks::<HOT_POSITION_BYTES>().0;
+        for point in points {
+            let x = u32::from(u16::from_le_bytes([point[0], point[1]])) << node.hot_shift;
+            if file.metadata().lattice.world([node.box_min[0] + x, 0, 0])[0] >= 0.0 {
+                assert_eq!(i, 0, "only the root's");
+                beyond += 1;
+                widest = widest.max(radius_factor(point[RADIUS_AT]) * node.spacing);
+            }
+        }
+    }
+    assert!(beyond > 100, "{beyond} points beyond the border");
+    assert!(widest < 0.15, "{widest} m, where points stand 0.05 m apart");
+}
+
 /// A few points are no surface: seen whole, they are dots beside each other.
 #[test]
 fn a_few_points_are_dots() {
