@@ -105,7 +105,7 @@ impl Built {
         // The points have been told of.
         let finish = |i| unfinished.finish(i, context, &rows, &context.counts, &Silent);
         (0..unfinished.len()).into_par_iter().for_each(finish);
-        pending.below = Below::Finished(unfinished.into_children());
+        pending.below = Below::Finished(unfinished.into_children().unwrap_or_default());
         self.hold(Held::new(pending, &rows));
     }
 }

@@ -81,20 +81,20 @@ impl Unfinished {
         task.advance(*points);
     }
 
-    /// The nodes right below the cell, with those below them, where all are finished.
-    pub fn into_children(self) -> Children {
+    /// The nodes right below the cell, with those below them, where all are finished; `None` where one has panicked.
+    pub fn into_children(self) -> Option<Children> {
         let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
         let mut top = Vec::new();
         for (i, Unit { parent, state, .. }) in self.cells.into_iter().enumerate().rev() {
             let mut children = std::mem::take(&mut below[i]);
             children.reverse();
-            let state = state.into_inner().unwrap_or_else(PoisonError::into_inner);
+            let state = state.into_inner().ok()?;
             if let State::Finished(Some(mut tree)) = state {
                 tree.last_mut().children.extend(children);
                 parent.map_or(&mut top, |parent| &mut below[parent]).push(*tree);
             }
         }
         top.reverse();
-        top.into()
+        Some(top.into())
     }
 }

@@ -94,7 +94,7 @@ impl<'a> Near<'a> {
     /// The points of each cell that has any, of that of a point and the 26 around it.
     fn each_run(&self, i: usize, mut f: impl FnMut(Range<usize>)) {
         let cell = self.q[i].map(|c| c >> self.log2);
-        let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 1));
+        let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c.saturating_add(1)));
         let tiles = |axis: usize| low[axis] >> TILE_LOG2..=high[axis] >> TILE_LOG2;
         for z in tiles(2) {
             for (x, y) in tiles(1).flat_map(|y| tiles(0).map(move |x| (x, y))) {
@@ -138,7 +138,8 @@ impl Default for Nearest {
 impl Nearest {
     fn add(&mut self, away2: f64, weight: f32) {
         let Self([.., last]) = self;
-        if away2 < last.0 {
+        // What coincides with the place tells of no distance.
+        if away2 > 0.0 && away2 < last.0 {
             let place = self.0.partition_point(|other| other.0 <= away2);
             self.0[place..].rotate_right(1);
             self.0[place] = (away2, weight);
@@ -184,7 +185,7 @@ mod tests {
         }
 
         #[test]
-        fn the_nearest_are_those_of_a_sorted_list(points in prop::collection::vec((0.0..100.0, 0.0f32..6.0), 0..30)) {
+        fn the_nearest_are_those_of_a_sorted_list(points in prop::collection::vec((0.01..100.0, 0.0f32..6.0), 0..30)) {
             let mut nearest = Nearest::default();
             points.iter().for_each(|&(away2, weight)| nearest.add(away2, weight));
             let mut sorted: Vec<(f64, f32)> = points;
@@ -221,6 +222,23 @@ mod tests {
         let wire: Vec<_> = (0..40).map(|i| [3000, i * 50, 1500]).collect();
         assert!(with(&wire) > 0.5);
         assert_eq!(with(&[[3000, 500, 1500]]), 1.0);
+        // Stored often, it is no denser than its place.
+        let share = with(&[[3000, 500, 1500]; 9]);
+        assert!(share > 0.3, "{share}");
+        let share = with(&[border[3]; 9]);
+        assert!((0.01..0.1).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn the_ends_of_the_lattice_are_looked_at() {
+        let end = i32::MAX;
+        let q = [[0; 3], [1; 3], [end - 1, end, end], [end; 3]];
+        for far in [0.5, 1.0, 3.0, 1e9] {
+            let near = Near::new(&q, far);
+            let mut found = 0;
+            (0..q.len()).for_each(|i| near.each_run(i, |run| found += run.len()));
+            assert!(found >= q.len(), "{found}");
+        }
     }
 
     #[test]

@@ -134,9 +134,16 @@ impl Raiser<'_> {
         };
         rayon::scope(|scope| pipeline.go_on(scope));
         let front = pipeline.front.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let fault = front.fault;
+        let (fault, is_left) = (front.fault, !front.under_way.is_empty());
         self.store.borders = borders;
-        fault.map_or(Ok(()), Err)
+        if let Some(fault) = fault {
+            return Err(fault);
+        }
+        if is_left {
+            self.task.check()?;
+            return Err(BuildError::Proof("a chunk was not built".into()));
+        }
+        Ok(())
     }
 }
 
@@ -152,8 +159,8 @@ impl<'a> Pipeline<'a> {
                 front.fault = self.advance(&mut front, scope).err();
             }
             drop(front);
-            // Who asked meanwhile has found it locked.
-            if self.asked.load(Ordering::SeqCst) == asked {
+            // Who asked meanwhile has found it locked; by a write, which what was asked before comes before.
+            if self.asked.fetch_add(0, Ordering::SeqCst) == asked {
                 return;
             }
         }
@@ -213,8 +220,11 @@ impl<'a> Pipeline<'a> {
         Ok(())
     }
 
-    /// Loads and sorts a chunk, and chooses what each of its cells offers.
+    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request it is left as it is.
     fn choose<'s>(&'s self, stored: Stored, slot: Slot, scope: &Scope<'s>) {
+        if self.task.is_cancelled() {
+            return;
+        }
         let mut rows = lock(&self.spare).pop().unwrap_or_default();
         let extents = stored.load(&self.context.rows, self.borders, &mut rows);
         let sorted = self.rows(&rows);
@@ -243,7 +253,9 @@ impl<'a> Pipeline<'a> {
         let sorted = self.rows(&rows);
         self.task.advance(unfinished.others());
         let mut children = self.context.nodes_below(&sorted, &mut pending, &counts);
-        children.extend(unfinished.into_children().take());
+        // Where one has panicked, the scope does, too.
+        let Some(mut others) = unfinished.into_children() else { return };
+        children.extend(others.take());
         pending.below = Below::Finished(children);
         let held = Held::new(pending, &sorted);
         if self.left.load(Ordering::SeqCst) > 0 {

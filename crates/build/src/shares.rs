@@ -46,9 +46,8 @@ impl Shares {
         Self { buffer_bytes_max: self.buffer_bytes_max.min(room), ..self }
     }
 
-    /// Rows of a chunk of several buckets, and of all chunks that are built at once, or of one bucket alone. Their sorted
-    /// rows, those of the chunks behind, pages of about the rows' size, those of the chunks before, and the samples must
-    /// fit. Small chunks share out better among threads; where memory is ample, they use the same memory again.
+    /// Rows of a chunk of several buckets, and half of those of all chunks that are under way, or those of one bucket alone. Their sorted
+    /// rows, pages of about the rows' size, and the samples must fit. Small chunks share out better among threads; where memory is ample, they use the same memory again.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
         let rows = self.rows_of(4.2, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;

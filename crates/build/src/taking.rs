@@ -156,7 +156,8 @@ impl<'a> Taking<'a> {
     fn hold_first(&mut self) -> Result<(), BuildError> {
         let Some((points, parted)) = self.under_way.pop_front() else { return Ok(()) };
         self.points_under_way -= points;
-        let Some(parted) = parted.wait() else { return Ok(()) };
+        // Where it has panicked, the scope does, too; nothing behind it is taken in.
+        let parted = parted.wait().ok_or_else(|| BuildError::Proof("a batch was lost".into()))?;
         let Parted { source, points, block, hash, ranges, knows_scanner } = parted;
         if self.partition.is_full_for(&block) {
             self.spill()?;

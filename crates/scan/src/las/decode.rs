@@ -1,6 +1,6 @@
 //! The points of a file as runs of raw records, in order: uncompressed or LASzip-compressed bytes in,
-//! whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are decoded on
-//! all cores of the current pool, two groups at a time, while the sink takes the group before. What a
+//! whatever `convert` makes of each run out, to `sink`, on the caller's thread. Chunks are read in groups and decoded
+//! on all cores of the current pool, each by itself, while the sink takes those before. What a
 //! chunk claims is checked before the decoder allocates for it.
 
 use super::laszip::{Chunk, Compression, layered_chunk};
@@ -102,13 +102,15 @@ impl Points {
                 if filled.is_ok()
                     && reader.point < end
                     && self.large_chunk(&reader).is_none()
-                    && (raw_bytes <= group_bytes || (window.len() < pieces_max && has_room))
+                    && ((raw_bytes <= group_bytes && window.len() <= GROUP_PIECES)
+                        || (window.len() < pieces_max && has_room))
                 {
                     match self.fill(std::mem::take(&mut spare), &mut reader, end) {
                         Ok(group) => {
                             let group = Arc::new(group);
                             for (i, piece) in group.pieces.iter().enumerate() {
-                                let bytes = piece.points * self.record_bytes;
+                                let bytes =
+                                    (piece.points * self.record_bytes).max(piece.bytes.len());
                                 let shared = Arc::clone(&group);
                                 let decode = move || self.decode(&shared, i, convert);
                                 let decoded = Ahead::begin(scope, decode);
@@ -120,7 +122,11 @@ impl Points {
                         Err(error) => filled = Err(error),
                     }
                 } else if let Some((bytes, group, decoded)) = window.pop_front() {
-                    for run in decoded.wait().transpose()?.unwrap_or_default() {
+                    // Where it has panicked, the scope does, too.
+                    for run in decoded
+                        .wait()
+                        .unwrap_or(Err(ScanError::Cancelled(esker_points::task::Cancelled)))?
+                    {
                         sink(run)?;
                     }
                     raw_bytes -= bytes;

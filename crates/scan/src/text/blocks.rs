@@ -121,7 +121,10 @@ pub(crate) fn in_order<B: Send, T: Send>(
                 }
             }
             match under_way.pop_front().map(Ahead::wait) {
-                Some(result) => result.map_or(Ok(()), |result| each(result?))?,
+                // Where it has panicked, the scope does, too.
+                Some(result) => each(
+                    result.unwrap_or(Err(ScanError::Cancelled(esker_points::task::Cancelled)))?,
+                )?,
                 None => return end.unwrap_or(Ok(())),
             }
         }
