@@ -14,6 +14,7 @@ use std::ops::Range;
 const NEIGHBOURS: f32 = 4.0;
 /// Radii of a sample are looked at again where they are so many times its spacing.
 const WIDE_SPACINGS: f64 = 2.0;
+
 /// What a cell offers to the one above.
 #[derive(Clone, Copy, Debug)]
 pub struct Offer {

@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 
 /// Bytes that are written together.
 const BLOCK_BYTES: usize = 4 << 20;
-/// One is filled while one is written and one waits.
+/// One is filled while one is written; as many as a chunk's pages fill may wait.
 const BLOCKS: usize = 8;
 /// What writing past the cache wants all places to be multiples of: in the file and in memory.
 const SECTOR: usize = 4096;
