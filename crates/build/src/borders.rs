@@ -7,11 +7,10 @@ use crate::error::BuildError;
 use crate::normals::{Bounds, estimate, turned_to};
 use crate::partition::Bucket;
 use crate::row::{RowLayout, position};
-use crate::scratch::{Extent, Scratch};
+use crate::scratch::{Extent, Map, Scratch};
 use crate::sharp::{Edge, detect};
 use crate::tangents::shapes;
 use esker_points::{Cell, Grain, quant};
-use memmap2::Mmap;
 use rayon::prelude::*;
 
 /// Rows that are looked at by one task, and tasks whose positions are put aside together.
@@ -115,7 +114,7 @@ impl Borders {
     }
 
     /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.
-    pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Mmap) {
+    pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
         let halo = self.halo(cell, scratch);
@@ -149,7 +148,7 @@ impl Borders {
     }
 
     /// The code of the normal of a point that is alone in its cell.
-    pub fn estimate_one(&self, cell: &Cell, scratch: &Mmap) -> [i16; 2] {
+    pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
         estimate(&[cell.corner], &self.halo(cell, scratch), &self.bounds)[0]
     }
 
@@ -160,7 +159,7 @@ impl Borders {
     }
 
     /// The positions within the reach of a cell that others have put aside; some more than once.
-    fn halo(&self, cell: &Cell, scratch: &Mmap) -> Vec<[u32; 3]> {
+    fn halo(&self, cell: &Cell, scratch: &Map) -> Vec<[u32; 3]> {
         let steps = self.bounds.steps();
         let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
         let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));

@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::time::UNIX_EPOCH;
 
 /// Of what records of the journal hold; another where that changes.
-const FORM: &str = "3";
+const FORM: &str = "4";
 
 /// Names and what stands behind them.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -232,7 +232,7 @@ impl Journal {
     /// Deletes what an earlier build has left.
     fn delete(&mut self) {
         if let Some(rows) = self.rows.take().filter(|path| crate::scratch::is_ours(path)) {
-            let _ = fs::remove_file(rows);
+            crate::scratch::remove(&rows);
         }
         (self.file, self.upcoming, self.bytes) = (None, None, 0);
         let _ = fs::remove_file(&self.path);

@@ -6,9 +6,8 @@
 use crate::error::BuildError;
 use crate::record::{Reading, Record};
 use crate::row::position;
-use crate::scratch::{Extent, Run, Scratch};
+use crate::scratch::{Extent, Map, Run, Scratch};
 use esker_points::{Cell, morton};
-use memmap2::Mmap;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
@@ -141,25 +140,20 @@ impl Spilled {
     /// Adds them to a record.
     pub fn put(&self, record: &mut Record) {
         record.put(self.log2);
-        record.put(self.parts.first().map_or(0, |part| part.extent.offset));
         record.put(self.parts.len() as u64);
         for part in &self.parts {
             record.put(part.corner);
-            record.put(part.extent.bytes);
+            part.extent.put(record);
         }
     }
 
     /// Reads them from a record.
     pub fn get(from: &mut Reading<'_>) -> Option<Self> {
         let log2 = from.get::<u8>().filter(|&log2| log2 <= 32)?;
-        let (mut offset, count) = (from.get::<u64>()?, from.get::<u64>()?);
-        let mut parts = Vec::new();
-        for _ in 0..count {
-            let (corner, bytes) = (from.get()?, from.get()?);
-            parts.push(Stored { corner, extent: Extent { offset, bytes } });
-            offset = offset.checked_add(bytes)?;
-        }
-        Some(Self { log2, parts })
+        let count = from.get::<u64>()?;
+        let stored = |_| Some(Stored { corner: from.get()?, extent: Extent::get(from)? });
+        let parts: Option<Vec<_>> = (0..count).map(stored).collect();
+        Some(Self { log2, parts: parts? })
     }
 }
 
@@ -183,7 +177,7 @@ impl Bucket {
     }
 
     /// Its rows, as whole runs; those in scratch by a mapping made since.
-    pub fn runs<'a>(&'a self, map: Option<&'a Mmap>, stride: usize) -> Vec<&'a [u8]> {
+    pub fn runs<'a>(&'a self, map: Option<&'a Map>, stride: usize) -> Vec<&'a [u8]> {
         let bytes = |p: &Piece| p.rows.start as usize * stride..p.rows.end as usize * stride;
         let held = self.pieces.iter().map(|p| &p.block[bytes(p)]);
         let stored = self.extents.iter().filter_map(|e| e.of(map?));
@@ -311,19 +305,15 @@ impl Partition {
         let mut along: Vec<&mut Bucket> =
             self.buckets.iter_mut().filter(|bucket| !bucket.pieces.is_empty()).collect();
         along.sort_unstable_by_key(|b| morton::encode3(b.cell.corner));
-        let (mut runs, mut parts) = (Vec::new(), Vec::with_capacity(along.len()));
-        let mut offset = scratch.end();
-        for bucket in along {
-            let pieces = bucket.pieces.drain(..).map(|piece| piece.run(self.stride));
-            let before = runs.len();
-            runs.extend(pieces);
-            let bytes = runs[before..].iter().map(|run| run.bytes.len() as u64).sum();
-            let extent = Extent { offset, bytes };
-            offset += bytes;
+        let runs = along
+            .iter_mut()
+            .map(|bucket| bucket.pieces.drain(..).map(|piece| piece.run(self.stride)).collect());
+        let extents = scratch.append_meanwhile(runs.collect())?;
+        let mut parts = Vec::with_capacity(along.len());
+        for (bucket, extent) in along.into_iter().zip(extents) {
             parts.push(Stored { corner: bucket.cell.corner, extent });
             bucket.extents.push(extent);
         }
-        scratch.append_meanwhile(runs)?;
         // More than half of the memory is not to be filled beside.
         if self.buffered_bytes > self.buffer_bytes_max / 2 {
             scratch.flush()?;

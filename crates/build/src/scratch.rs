@@ -1,8 +1,9 @@
-//! Scratch space: one file of rows, appended to, also by a thread of its own meanwhile, mapped to read, given back piece
-//! by piece as it is consumed. It has no name, or one where a later build may go on with it. Its pages are the system's to drop: they are no anonymous
-//! memory.
+//! Scratch space: few files of rows, appended to, also by a thread for each meanwhile, mapped to read, given back piece
+//! by piece as they are consumed. They have no names, or some where a later build may go on with them. Their pages are the system's to drop: they are no
+//! anonymous memory.
 
 use crate::error::BuildError;
+use crate::record::{Reading, Record};
 use memmap2::Mmap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
@@ -11,16 +12,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-/// Bytes written to the file together.
-const WRITE_BYTES: usize = 4 << 20;
+/// Files at most. As many as threads are written to at once, since a system lets one thread at a time write to a file.
+const FILES_MAX: usize = 8;
+/// Bytes written to a file together.
+const WRITE_BYTES: usize = 1 << 20;
 /// All that a thread needs that waits for the disk.
 const STACK_BYTES: usize = 128 << 10;
-/// How names of files of rows begin and end.
+/// How names of files of rows begin and end; those of all but the first have a number before the end.
 const NAME: [&str; 2] = [".esker-", ".rows"];
 
-/// A run of bytes in the scratch file.
+/// A run of bytes in a scratch file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
+    /// Which file.
+    pub file: u32,
     /// Where it begins.
     pub offset: u64,
     /// How long it is.
@@ -28,19 +33,36 @@ pub struct Extent {
 }
 
 impl Extent {
+    /// Adds it to a record.
+    pub fn put(&self, record: &mut Record) {
+        record.put(self.file);
+        record.put([self.offset, self.bytes]);
+    }
+
+    /// Reads it from a record.
+    pub fn get(from: &mut Reading<'_>) -> Option<Self> {
+        let (file, [offset, bytes]) = (from.get()?, from.get()?);
+        Some(Self { file, offset, bytes })
+    }
+
     /// Its bytes in a mapping made since it was appended.
-    pub fn of<'a>(&self, map: &'a Mmap) -> Option<&'a [u8]> {
-        map.get(self.offset as usize..(self.offset + self.bytes) as usize)
+    pub fn of<'a>(&self, map: &'a Map) -> Option<&'a [u8]> {
+        map.0
+            .get(self.file as usize)?
+            .get(self.offset as usize..(self.offset + self.bytes) as usize)
     }
 }
+
+/// The content of all files at a moment.
+pub struct Map(Vec<Mmap>);
 
 /// Takes so many bytes from the front of extents.
 pub fn take_first(extents: &mut Vec<Extent>, bytes: u64) -> Vec<Extent> {
     let (mut taken, mut left) = (Vec::new(), bytes);
     for extent in &mut *extents {
         let bytes = extent.bytes.min(left);
-        taken.push(Extent { offset: extent.offset, bytes });
-        *extent = Extent { offset: extent.offset + bytes, bytes: extent.bytes - bytes };
+        taken.push(Extent { bytes, ..*extent });
+        (extent.offset, extent.bytes) = (extent.offset + bytes, extent.bytes - bytes);
         left -= bytes;
         if left == 0 {
             break;
@@ -64,14 +86,78 @@ pub fn is_ours(path: &Path) -> bool {
     name.starts_with(NAME[0]) && name.ends_with(NAME[1])
 }
 
-/// A growing file, gone with the process where it has no name.
-pub struct Scratch {
+/// Deletes files of rows, by the name of the first.
+pub fn remove(first: &Path) {
+    for number in 0.. {
+        if fs::remove_file(name_of(first, number)).is_err() {
+            return;
+        }
+    }
+}
+
+/// The name of one of the files of which the first has this name.
+fn name_of(first: &Path, number: usize) -> PathBuf {
+    if number == 0 { first.into() } else { first.with_extension(format!("{number}{}", NAME[1])) }
+}
+
+/// A new file, for this user alone.
+fn create(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options.open(path)
+}
+
+fn not_made(folder: &Path, e: io::Error) -> BuildError {
+    BuildError::scratch(folder, "cannot make a scratch file", e)
+}
+
+/// A growing file.
+struct Rows {
     file: BufWriter<File>,
+    /// Its length, once all is written.
+    bytes: u64,
     /// Writes what is appended meanwhile.
     writing: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Rows {
+    fn new(file: File) -> Self {
+        Self { file: BufWriter::with_capacity(WRITE_BYTES, file), bytes: 0, writing: None }
+    }
+
+    /// Waits for what is written meanwhile.
+    fn settle(&mut self) -> io::Result<()> {
+        let Some(writing) = self.writing.take() else { return Ok(()) };
+        writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    }
+
+    /// Hands all that was appended to the system.
+    fn flush(&mut self) -> io::Result<()> {
+        self.settle()?;
+        self.file.flush()
+    }
+
+    /// Appends runs meanwhile; where the system gives no thread, it says so.
+    fn append_meanwhile(&mut self, runs: Vec<Run>) -> io::Result<io::Result<()>> {
+        self.flush()?;
+        let file = self.file.get_ref().try_clone()?;
+        let write = move || {
+            let mut file = BufWriter::with_capacity(WRITE_BYTES, file);
+            // A block that is written is let go of.
+            runs.into_iter().try_for_each(|run| file.write_all(&run.block[run.bytes]))?;
+            file.flush()
+        };
+        let thread = thread::Builder::new().name("esker-scratch".into()).stack_size(STACK_BYTES);
+        Ok(thread.spawn(write).map(|writing| self.writing = Some(writing)))
+    }
+}
+
+/// Growing files, gone with the process where they have no names.
+pub struct Scratch {
+    files: Vec<Rows>,
     folder: PathBuf,
-    /// Length of the file, once all is written.
-    file_bytes: u64,
     /// Bytes ever written.
     written_bytes: u64,
     /// Bytes not yet released.
@@ -80,23 +166,21 @@ pub struct Scratch {
     /// Bytes that the file being built has.
     beside_bytes: u64,
     disk_bytes_peak: u64,
+    /// The name of the first.
     path: Option<PathBuf>,
     is_kept: bool,
 }
 
 impl Scratch {
-    /// A new scratch file in this folder.
+    /// A new scratch file in this folder; more where they are needed.
     ///
     /// # Errors
     /// Where the folder takes no file.
     pub fn new(folder: &Path) -> Result<Self, BuildError> {
-        let file = tempfile::tempfile_in(folder)
-            .map_err(|e| BuildError::scratch(folder, "cannot make a scratch file", e))?;
+        let file = tempfile::tempfile_in(folder).map_err(|e| not_made(folder, e))?;
         Ok(Self {
-            file: BufWriter::with_capacity(WRITE_BYTES, file),
-            writing: None,
+            files: vec![Rows::new(file)],
             folder: folder.to_owned(),
-            file_bytes: 0,
             written_bytes: 0,
             held_bytes: 0,
             held_bytes_peak: 0,
@@ -107,62 +191,78 @@ impl Scratch {
         })
     }
 
-    /// Gives the file, in which nothing is yet, a name that can be kept in a journal, if its folder's has letters.
+    /// Gives the files, in which nothing is yet, names that can be kept in a journal, if their folder's has letters. That of
+    /// the first.
     ///
     /// # Errors
     /// Where the folder takes no file.
     pub fn name(&mut self) -> Result<Option<&Path>, BuildError> {
-        debug_assert_eq!(self.file_bytes, 0);
+        debug_assert!(self.is_empty());
         if self.path.is_none() && self.folder.to_str().is_some() {
-            let failed = |e| BuildError::scratch(&self.folder, "cannot make a scratch file", e);
+            let failed = |e| not_made(&self.folder, e);
             // A name from the root leads to it from wherever a later build begins.
             let folder = self.folder.canonicalize().map_err(failed)?;
             let mut named = tempfile::Builder::new();
             let named = named.prefix(NAME[0]).suffix(NAME[1]).tempfile_in(folder);
             let (file, path) =
                 named.and_then(|n| n.keep().map_err(io::Error::from)).map_err(failed)?;
-            self.file = BufWriter::with_capacity(WRITE_BYTES, file);
+            self.files = vec![Rows::new(file)];
             self.path = Some(path);
         }
         Ok(self.path.as_deref())
     }
 
-    /// Takes the file of an earlier build, which is to be told by [`Scratch::restore`] what is in it.
+    /// Takes the files of an earlier build, which is to be told by [`Scratch::restore`] what is in them.
     ///
     /// # Errors
-    /// Where it is not there.
+    /// Where the first is not there.
     pub fn reopen(&mut self, path: &Path) -> io::Result<()> {
         if !is_ours(path) {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
-        let file = OpenOptions::new().read(true).write(true).open(path)?;
-        self.file = BufWriter::with_capacity(WRITE_BYTES, file);
+        let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
+        self.files = vec![Rows::new(open(0)?)];
+        self.files.extend((1..FILES_MAX).map_while(|number| open(number).ok()).map(Rows::new));
         self.path = Some(path.into());
         Ok(())
     }
 
-    /// These extents are in the file that was reopened, and nothing behind them. Whether that can be.
+    /// One more file.
+    fn add_file(&mut self) -> Result<(), BuildError> {
+        let file = match &self.path {
+            None => tempfile::tempfile_in(&self.folder),
+            Some(first) => create(&name_of(first, self.files.len())),
+        };
+        self.files.push(Rows::new(file.map_err(|e| not_made(&self.folder, e))?));
+        Ok(())
+    }
+
+    /// These extents are in the files that were reopened, and nothing behind them. Whether that can be.
     ///
     /// # Errors
     /// Where the disk fails.
     pub fn restore(&mut self, extents: &[Extent]) -> Result<bool, BuildError> {
         for extent in extents {
+            let Some(file) = self.files.get_mut(extent.file as usize) else { return Ok(false) };
             let Some(end) = extent.offset.checked_add(extent.bytes) else { return Ok(false) };
-            self.file_bytes = self.file_bytes.max(end);
+            file.bytes = file.bytes.max(end);
             self.written_bytes += extent.bytes;
             self.held_bytes += extent.bytes;
         }
         self.note_peaks();
-        let sought = self.file.seek(io::SeekFrom::Start(self.file_bytes));
-        let length = sought.and_then(|_| self.file.get_ref().metadata());
-        length
-            .map(|m| m.len() >= self.file_bytes)
-            .map_err(|e| BuildError::scratch(&self.folder, "cannot read scratch data", e))
+        let mut is_there = true;
+        for Rows { file, bytes, .. } in &mut self.files {
+            let sought = file.seek(io::SeekFrom::Start(*bytes));
+            let length = sought.and_then(|_| file.get_ref().metadata()).map(|m| m.len());
+            let failed = |e| BuildError::scratch(&self.folder, "cannot read scratch data", e);
+            is_there &= length.map_err(failed)? >= *bytes;
+        }
+        Ok(is_there)
     }
 
     /// Whether nothing is in it.
     pub fn is_empty(&self) -> bool {
-        self.file_bytes == 0
+        self.files.iter().all(|file| file.bytes == 0)
     }
 
     /// Whether it stays when it is dropped, where it has a name.
@@ -170,26 +270,14 @@ impl Scratch {
         self.is_kept = is_kept;
     }
 
-    /// Where the next byte goes.
-    pub fn end(&self) -> u64 {
-        self.file_bytes
-    }
-
-    /// Hands all that was appended to the system; the file has it then.
+    /// Hands all that was appended to the system; the files have it then.
     ///
     /// # Errors
     /// Where the disk is full.
     pub fn flush(&mut self) -> Result<(), BuildError> {
-        self.settle()?;
-        let flushed = self.file.flush();
-        flushed.map_err(|e| self.not_written(e))
-    }
-
-    /// Waits for what is written meanwhile.
-    fn settle(&mut self) -> Result<(), BuildError> {
-        let Some(writing) = self.writing.take() else { return Ok(()) };
-        let written = writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        written.map_err(|e| self.not_written(e))
+        // Each is waited for, whatever becomes of the others.
+        let flushed: Vec<io::Result<()>> = self.files.iter_mut().map(Rows::flush).collect();
+        flushed.into_iter().collect::<io::Result<()>>().map_err(|e| self.not_written(e))
     }
 
     fn not_written(&self, e: io::Error) -> BuildError {
@@ -201,40 +289,54 @@ impl Scratch {
     /// # Errors
     /// Where the disk is full.
     pub fn append(&mut self, bytes: &[u8]) -> Result<Extent, BuildError> {
-        self.settle()?;
-        self.file.write_all(bytes).map_err(|e| self.not_written(e))?;
-        let extent = Extent { offset: self.file_bytes, bytes: bytes.len() as u64 };
+        let first = &mut self.files[0];
+        let written = first.settle().and_then(|()| first.file.write_all(bytes));
+        let extent = Extent { file: 0, offset: first.bytes, bytes: bytes.len() as u64 };
+        first.bytes += extent.bytes;
+        written.map_err(|e| self.not_written(e))?;
         self.grow(extent.bytes);
         Ok(extent)
     }
 
-    /// Appends runs, one behind the other, while the caller goes on: what it asks next of the file waits for them, and has
-    /// their errors.
+    /// Appends parts, each of which is runs that come to lie behind each other, while the caller goes on: what it asks next of
+    /// the files waits for them, and has their errors. Where each part will be.
     ///
     /// # Errors
     /// Where the disk is full, for what was appended before; where the system gives no thread.
-    pub fn append_meanwhile(&mut self, runs: Vec<Run>) -> Result<(), BuildError> {
+    pub fn append_meanwhile(&mut self, parts: Vec<Vec<Run>>) -> Result<Vec<Extent>, BuildError> {
         self.flush()?;
-        if runs.is_empty() {
-            return Ok(());
+        let bytes_of = |runs: &[Run]| runs.iter().map(|run| run.bytes.len() as u64).sum::<u64>();
+        let total: u64 = parts.iter().map(|runs| bytes_of(runs)).sum();
+        let files = rayon::current_num_threads().clamp(1, FILES_MAX);
+        let share = total.div_ceil(files as u64).max(1);
+        let mut runs_of: Vec<Vec<Run>> = Vec::new();
+        let mut extents = Vec::with_capacity(parts.len());
+        let mut before = 0;
+        for mut runs in parts {
+            let file = ((before / share) as usize).min(files - 1);
+            while runs_of.len() <= file {
+                runs_of.push(Vec::new());
+                if self.files.len() < runs_of.len() {
+                    self.add_file()?;
+                }
+            }
+            let bytes = bytes_of(&runs);
+            let end = &mut self.files[file].bytes;
+            extents.push(Extent { file: file as u32, offset: *end, bytes });
+            *end += bytes;
+            before += bytes;
+            runs_of[file].append(&mut runs);
         }
-        let bytes = runs.iter().map(|run| run.bytes.len() as u64).sum();
-        let file = self.file.get_ref().try_clone().map_err(|e| self.not_written(e))?;
-        let write = move || {
-            let mut file = BufWriter::with_capacity(WRITE_BYTES, file);
-            // A block that is written is let go of.
-            runs.into_iter().try_for_each(|run| file.write_all(&run.block[run.bytes]))?;
-            file.flush()
-        };
-        let thread = thread::Builder::new().name("esker-scratch".into()).stack_size(STACK_BYTES);
-        self.writing = Some(thread.spawn(write).map_err(BuildError::no_thread)?);
-        self.grow(bytes);
-        Ok(())
+        for (file, runs) in runs_of.into_iter().enumerate().filter(|(_, runs)| !runs.is_empty()) {
+            let begun = self.files[file].append_meanwhile(runs).map_err(|e| self.not_written(e))?;
+            begun.map_err(BuildError::no_thread)?;
+        }
+        self.grow(total);
+        Ok(extents)
     }
 
-    /// So many bytes more are in the file, or on their way to it.
+    /// So many bytes more are in the files, or on their way to them.
     fn grow(&mut self, bytes: u64) {
-        self.file_bytes += bytes;
         self.written_bytes += bytes;
         self.held_bytes += bytes;
         self.note_peaks();
@@ -271,38 +373,45 @@ impl Scratch {
     /// # Errors
     /// Where the system refuses.
     pub fn clear(&mut self) -> Result<(), BuildError> {
-        // What could not be written is void too.
-        let _ = self.settle();
-        (self.file_bytes, self.held_bytes) = (0, 0);
-        self.file
-            .flush()
-            .and_then(|()| self.file.get_ref().set_len(0))
-            .and_then(|()| self.file.rewind())
-            .map_err(|e| BuildError::scratch(&self.folder, "cannot clear scratch data", e))
+        self.held_bytes = 0;
+        for rows in &mut self.files {
+            // What could not be written is void too.
+            let _ = rows.settle();
+            rows.bytes = 0;
+            rows.file
+                .flush()
+                .and_then(|()| rows.file.get_ref().set_len(0))
+                .and_then(|()| rows.file.rewind())
+                .map_err(|e| BuildError::scratch(&self.folder, "cannot clear scratch data", e))?;
+        }
+        Ok(())
     }
 
-    /// The file's content so far.
+    /// The files' content so far.
     ///
     /// # Errors
-    /// Where the disk is full, or the system refuses the mapping.
-    pub fn map(&mut self) -> Result<Mmap, BuildError> {
+    /// Where the disk is full, or the system refuses a mapping.
+    pub fn map(&mut self) -> Result<Map, BuildError> {
         self.flush()?;
-        // SAFETY: this process alone holds the file: it has no name, or a random one of this user's, which the
-        // journal of an output alone knows, and the output is locked; it is only appended to, cut only when
+        // SAFETY: this process alone holds the files: they have no names, or random ones of this user's, which the
+        // journal of an output alone knows, and the output is locked; they are only appended to, cut only when
         // no extent is left (`clear` takes `&mut self` where no map lives), and holes
         // are punched only in extents that nobody reads any more (whoever parts rows may still have slices of them, but is
-        // past them), so the mapped bytes never change under a reader and the mapping never reaches past the file's end.
-        unsafe { Mmap::map(self.file.get_ref()) }
-            .map_err(|e| BuildError::scratch(&self.folder, "cannot map scratch data", e))
+        // past them), so the mapped bytes never change under a reader and a mapping never reaches past its file's end.
+        let map = |rows: &Rows| unsafe { Mmap::map(rows.file.get_ref()) };
+        let maps: io::Result<Vec<Mmap>> = self.files.iter().map(map).collect();
+        let failed = |e| BuildError::scratch(&self.folder, "cannot map scratch data", e);
+        maps.map(Map).map_err(failed)
     }
 
     /// Gives the space of extents back to the system, neighbours together. Best effort: what is not given
     /// back is freed at the end.
     pub fn release(&mut self, mut extents: Vec<Extent>) {
-        extents.sort_unstable_by_key(|e| e.offset);
-        for run in extents.chunk_by(|a, b| a.offset + a.bytes == b.offset) {
+        extents.sort_unstable_by_key(|e| (e.file, e.offset));
+        for run in extents.chunk_by(|a, b| a.file == b.file && a.offset + a.bytes == b.offset) {
             let bytes = run.iter().map(|e| e.bytes).sum();
-            if punch(self.file.get_ref(), Extent { offset: run[0].offset, bytes }) {
+            let file = self.files.get(run[0].file as usize);
+            if file.is_some_and(|rows| punch(rows.file.get_ref(), run[0].offset, bytes)) {
                 self.held_bytes -= bytes;
             }
         }
@@ -312,23 +421,23 @@ impl Scratch {
 impl Drop for Scratch {
     fn drop(&mut self) {
         // Whoever wants to know whether all was written has asked.
-        let _ = self.writing.take().map(JoinHandle::join);
+        self.files.iter_mut().for_each(|rows| drop(rows.writing.take().map(JoinHandle::join)));
         if let Some(path) = self.path.take().filter(|_| !self.is_kept) {
-            let _ = fs::remove_file(path);
+            remove(&path);
         }
     }
 }
 
-/// Whether the system took it back: not every file system knows holes.
+/// Whether the system took so many bytes back: not every file system knows holes.
 #[cfg(target_os = "linux")]
-fn punch(file: &File, extent: Extent) -> bool {
+fn punch(file: &File, offset: u64, bytes: u64) -> bool {
     use rustix::fs::{FallocateFlags, fallocate};
     let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-    fallocate(file, hole, extent.offset, extent.bytes).is_ok()
+    fallocate(file, hole, offset, bytes).is_ok()
 }
 
 #[cfg(not(target_os = "linux"))]
-fn punch(_file: &File, _extent: Extent) -> bool {
+fn punch(_file: &File, _offset: u64, _bytes: u64) -> bool {
     false
 }
 
@@ -346,31 +455,68 @@ mod tests {
         scratch.release(vec![a]);
         scratch.set_beside(7_000);
         let map = scratch.map().unwrap();
-        assert_eq!(&map[b.offset as usize..][..b.bytes as usize], &[2; 10_000]);
+        assert_eq!(b.of(&map), Some(&[2; 10_000][..]));
         assert_eq!(scratch.bytes(), 20_000);
         drop(map);
         scratch.clear().unwrap();
         let block = Arc::new(vec![1, 2, 3, 3, 4]);
         let run = |bytes| Run { block: Arc::clone(&block), bytes };
-        let end = scratch.end();
-        scratch.append_meanwhile(vec![run(3..5), run(0..1)]).unwrap();
-        assert_eq!(scratch.map().unwrap()[end as usize..], [3, 4, 1]);
+        let parts = vec![vec![run(3..5), run(0..1)], vec![], vec![run(1..3)]];
+        let extents = scratch.append_meanwhile(parts).unwrap();
+        let map = scratch.map().unwrap();
+        let read: Vec<_> = extents.iter().map(|extent| extent.of(&map).unwrap()).collect();
+        assert_eq!(read, [&[3, 4, 1][..], &[], &[2, 3]]);
         assert_eq!(Arc::strong_count(&block), 1);
+        drop(map);
         scratch.clear().unwrap();
         let c = scratch.append(&[3; 10]).unwrap();
-        assert_eq!(scratch.map().unwrap()[c.offset as usize..], [3; 10]);
-        assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_013, 20_000));
+        assert_eq!(c.of(&scratch.map().unwrap()), Some(&[3; 10][..]));
+        assert_eq!((scratch.bytes(), scratch.bytes_peak()), (20_015, 20_000));
         assert_eq!(scratch.disk_bytes_peak(), 20_500);
     }
 
     #[test]
     fn the_first_bytes_of_extents_are_taken_across_their_ends() {
-        let extent = |offset, bytes| Extent { offset, bytes };
+        let extent = |offset, bytes| Extent { file: 3, offset, bytes };
         let mut extents = vec![extent(100, 10), extent(7, 20), extent(500, 5)];
         assert_eq!(take_first(&mut extents, 10), [extent(100, 10)]);
         assert_eq!(take_first(&mut extents, 3), [extent(7, 3)]);
         assert_eq!(take_first(&mut extents, 18), [extent(10, 17), extent(500, 1)]);
         assert_eq!(extents, [extent(501, 4)]);
+    }
+
+    #[test]
+    fn as_many_files_as_threads_are_written_and_found_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || std::fs::read_dir(folder.path()).unwrap().count();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let block = Arc::new((0..=255).collect::<Vec<u8>>());
+        let parts = || -> Vec<Vec<Run>> {
+            let run = |bytes| vec![Run { block: Arc::clone(&block), bytes }];
+            [0..100, 100..130, 130..131, 131..256].map(run).into()
+        };
+        let mut scratch = Scratch::new(folder.path()).unwrap();
+        let first = scratch.name().unwrap().unwrap().to_owned();
+        let mut extents = pool.install(|| scratch.append_meanwhile(parts())).unwrap();
+        assert_eq!(extents.iter().map(|e| e.file).collect::<Vec<_>>(), [0, 1, 1, 1]);
+        extents.extend(pool.install(|| scratch.append_meanwhile(parts())).unwrap());
+        scratch.flush().unwrap();
+        scratch.keep(true);
+        drop(scratch);
+        assert_eq!(names(), 2);
+        let mut scratch = Scratch::new(folder.path()).unwrap();
+        scratch.reopen(&first).unwrap();
+        assert!(scratch.restore(&extents).unwrap());
+        extents.push(scratch.append(&[9; 50]).unwrap());
+        let map = scratch.map().unwrap();
+        let read: Vec<u8> = extents.iter().flat_map(|e| e.of(&map).unwrap().to_vec()).collect();
+        assert_eq!(read, [&block[..], &block[..], &[9; 50]].concat());
+        // What was never written, and a file that never was.
+        let behind = Extent { offset: 1 << 40, ..extents[0] };
+        assert!(!scratch.restore(&[behind]).unwrap());
+        assert!(!scratch.restore(&[Extent { file: 2, ..behind }]).unwrap());
+        drop((map, scratch));
+        assert_eq!(names(), 0);
     }
 
     #[test]

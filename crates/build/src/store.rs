@@ -7,11 +7,10 @@ use crate::journal::Journal;
 use crate::partition::{Bucket, Spilled};
 use crate::record::{Kind, Reading, Record};
 use crate::row::{RowLayout, position};
-use crate::scratch::{Extent, Scratch, take_first};
+use crate::scratch::{Extent, Map, Scratch, take_first};
 use crate::sort::sort;
 use esker_format::FileWriter;
 use esker_points::Cell;
-use memmap2::Mmap;
 use rayon::prelude::*;
 
 /// The files.
@@ -66,7 +65,7 @@ impl Store {
     ///
     /// # Errors
     /// Where scratch fails.
-    pub fn map(&mut self, bucket: &Bucket) -> Result<Option<Mmap>, BuildError> {
+    pub fn map(&mut self, bucket: &Bucket) -> Result<Option<Map>, BuildError> {
         if bucket.extents.is_empty() { Ok(None) } else { self.scratch.map().map(Some) }
     }
 
@@ -238,7 +237,7 @@ impl Store {
 pub struct Stored {
     buckets: Vec<Bucket>,
     /// The content of scratch, where any need it.
-    map: Option<Mmap>,
+    map: Option<Map>,
 }
 
 impl Stored {
@@ -261,11 +260,10 @@ impl Stored {
 }
 
 fn put_extents(extents: &[Extent], record: &mut Record) {
-    let numbers: Vec<_> = extents.iter().map(|e| [e.offset, e.bytes]).collect();
-    record.put_all(&numbers);
+    record.put(extents.len() as u64);
+    extents.iter().for_each(|extent| extent.put(record));
 }
 
 fn extents(from: &mut Reading<'_>) -> Option<Vec<Extent>> {
-    let numbers = from.get_all::<[u64; 2]>()?.into_iter();
-    Some(numbers.map(|[offset, bytes]| Extent { offset, bytes }).collect())
+    (0..from.get::<u64>()?).map(|_| Extent::get(from)).collect()
 }
