@@ -38,24 +38,60 @@ struct Part {
     is_told: bool,
 }
 
-impl Built {
-    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
-    pub fn place(&mut self, siblings: &mut [Subtree]) {
+/// Pages of nodes, in the order in which they are to stand.
+#[derive(Default)]
+pub struct Pages {
+    pages: Vec<Vec<u8>>,
+    bytes: u64,
+    /// Of all of them, where that is wanted.
+    crc: crc32fast::Hasher,
+}
+
+impl Pages {
+    /// Takes those of siblings, then of what lies below each, where they have not been taken: the nodes are told their places
+    /// from this offset on.
+    pub fn take(siblings: &mut [Subtree], offset: u64, with_crc: bool) -> Self {
+        let mut taken = Self::default();
         let mut open = vec![siblings];
         while let Some(group) = open.pop() {
             for tree in group.iter_mut().filter(|t| !t.page.is_empty()) {
                 let page = std::mem::take(&mut tree.page);
                 tree.node.page_bytes = page.len() as u32;
-                tree.node.page_offset = self.page_offset;
-                self.page_offset += page.len() as u64;
-                if self.part.is_told {
-                    self.part.pages.update(&page);
+                tree.node.page_offset = offset + taken.bytes;
+                taken.bytes += page.len() as u64;
+                if with_crc {
+                    taken.crc.update(&page);
                 }
-                self.outgoing.pages.push(page);
+                taken.pages.push(page);
             }
             let below = group.iter_mut().map(|t| t.children.as_mut_slice());
             open.extend(below.filter(|b| b.iter().any(|c| !c.page.is_empty())).rev());
         }
+        taken
+    }
+}
+
+impl Built {
+    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
+    pub fn place(&mut self, siblings: &mut [Subtree]) {
+        let pages = Pages::take(siblings, self.page_offset, self.part.is_told);
+        self.add(pages);
+    }
+
+    /// The same with pages that were taken from all nodes of these trees, as if they stood at the beginning.
+    pub fn place_taken(&mut self, trees: &mut [Subtree], pages: Pages) {
+        let mut open: Vec<&mut Subtree> = trees.iter_mut().collect();
+        while let Some(tree) = open.pop() {
+            tree.node.page_offset += self.page_offset;
+            open.extend(tree.children.iter_mut());
+        }
+        self.add(pages);
+    }
+
+    fn add(&mut self, pages: Pages) {
+        self.page_offset += pages.bytes;
+        self.part.pages.combine(&pages.crc);
+        self.outgoing.pages.extend(pages.pages);
     }
 
     /// A part begins.
@@ -63,51 +99,57 @@ impl Built {
         self.part = Part { page_offset: self.page_offset, is_told, ..Part::default() };
     }
 
-    /// The part, of so many rows, has ended, and what it has built is held last: this is what the journal wants to know.
-    pub fn end(&mut self, context: &Context, counts: Counts, rows: u64) {
+    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as [`Held::offer`] has it, and what
+    /// nodes are below.
+    pub fn end(
+        &mut self,
+        context: &Context,
+        (counts, rows): (Counts, u64),
+        offer: Option<&Record>,
+        below: &[Subtree],
+    ) {
         let Part { page_offset, pages, is_told } = std::mem::take(&mut self.part);
-        if is_told {
+        if let Some(offer) = offer.filter(|_| is_told) {
             let mut record = Record::new(Kind::Built);
             record.put([rows, page_offset, self.page_offset]);
             record.put(pages.finalize());
             counts.put(context.rows.attribute_count(), &mut record);
-            if let Some(held) = self.held.last() {
-                held.put(&mut record);
-            }
+            record.append(offer);
+            put_nodes(below, &mut record);
             self.outgoing.record = Some(record);
         }
         context.counts.merge(&counts);
-    }
-
-    /// Keeps a cell.
-    pub fn hold(&mut self, mut held: Held) {
-        if let Below::Finished(children) = &mut held.pending.below {
-            self.place(children);
-        }
-        self.held.push(held);
     }
 
     /// Chooses a cell's points from what its children offer.
     pub fn combine(&mut self, context: &Context, cell: Cell, children: usize) {
         let stride = context.rows.bytes();
         let children = self.held.split_off(self.held.len() - children);
-        let mut bytes = Vec::with_capacity(children.iter().map(|c| c.rows.len()).sum());
-        let mut pending = Vec::with_capacity(children.len());
-        for mut child in children {
-            let before = (bytes.len() / stride) as u32;
-            child.pending.offered.iter_mut().for_each(|i| *i += before);
-            bytes.extend_from_slice(&child.rows);
-            pending.push(child.pending);
-        }
+        let (bytes, pending) = join(children, stride);
         let rows = Rows { bytes: &bytes, stride };
         let mut pending = context.combine(&rows, cell, pending);
         let unfinished = Unfinished::below(&mut pending);
         // The points have been told of.
         let finish = |i| unfinished.finish(i, context, &rows, &context.counts, &Silent);
         (0..unfinished.len()).into_par_iter().for_each(finish);
-        pending.below = Below::Finished(unfinished.into_children().unwrap_or_default());
-        self.hold(Held::new(pending, &rows));
+        let (mut children, _) = unfinished.into_children().unwrap_or_default();
+        self.place(&mut children);
+        pending.below = Below::Finished(children);
+        self.held.push(Held::new(pending, &rows));
     }
+}
+
+/// Cells that one above is made of, with all their rows.
+pub fn join(cells: Vec<Held>, stride: usize) -> (Vec<u8>, Vec<Pending>) {
+    let mut bytes = Vec::with_capacity(cells.iter().map(|c| c.rows.len()).sum());
+    let mut pending = Vec::with_capacity(cells.len());
+    for mut cell in cells {
+        let before = (bytes.len() / stride) as u32;
+        cell.pending.offered.iter_mut().for_each(|i| *i += before);
+        bytes.extend_from_slice(&cell.rows);
+        pending.push(cell.pending);
+    }
+    (bytes, pending)
 }
 
 /// A part as the journal has it.
@@ -155,9 +197,10 @@ impl Held {
         Self { pending, rows: bytes }
     }
 
-    /// Writes it down; all pages below it have their places.
-    pub fn put(&self, record: &mut Record) {
-        let Pending { cell, moments, sampled, turns, radii, shares, below, .. } = &self.pending;
+    /// What it offers, for the journal; the nodes below follow.
+    pub fn offer(&self) -> Record {
+        let mut record = Record::new(Kind::Built);
+        let Pending { cell, moments, sampled, turns, radii, shares, .. } = &self.pending;
         record.put(cell.corner);
         record.put(cell.log2);
         record.put(moments.to_numbers());
@@ -166,23 +209,7 @@ impl Held {
         record.put_all(radii);
         record.put_all(shares);
         record.put_all(&self.rows);
-        // Children before parents, in their order; without recursion, since chains are long.
-        let (mut open, mut nodes): (Vec<&Subtree>, Vec<_>) = (vec![], vec![]);
-        if let Below::Finished(children) = below {
-            open.extend(children.iter());
-        }
-        while let Some(tree) = open.pop() {
-            open.extend(tree.children.iter());
-            nodes.push(tree);
-        }
-        record.put(nodes.len() as u64);
-        for tree in nodes.into_iter().rev() {
-            record.put(tree.node);
-            record.put_all(&tree.statistics.to_words());
-            record.put(tree.hash.0);
-            record.put(tree.bounds);
-            record.put(tree.children.len() as u64);
-        }
+        record
     }
 
     /// What was written down, of rows of `stride` bytes with so many attributes.
@@ -213,5 +240,23 @@ impl Held {
         let offered = (0..count as u32).collect();
         let pending = Pending { cell, moments, offered, sampled, turns, radii, shares, below };
         Some(Self { pending, rows })
+    }
+}
+
+/// Writes down nodes whose pages have their places, and all below them.
+fn put_nodes(nodes: &[Subtree], record: &mut Record) {
+    // Children before parents, in their order; without recursion, since chains are long.
+    let (mut open, mut all): (Vec<&Subtree>, Vec<_>) = (nodes.iter().collect(), vec![]);
+    while let Some(tree) = open.pop() {
+        open.extend(tree.children.iter());
+        all.push(tree);
+    }
+    record.put(all.len() as u64);
+    for tree in all.into_iter().rev() {
+        record.put(tree.node);
+        record.put_all(&tree.statistics.to_words());
+        record.put(tree.hash.0);
+        record.put(tree.bounds);
+        record.put(tree.children.len() as u64);
     }
 }

@@ -1,7 +1,7 @@
 //! The nodes below a cell: each is finished by itself, in any order and on any thread, then they are put together.
 
 use crate::counts::Counts;
-use crate::pending::{Cut, Pending};
+use crate::pending::{Below, Cut, Pending};
 use crate::row::Rows;
 use crate::subtree::{Children, Subtree};
 use crate::tree::Context;
@@ -21,6 +21,8 @@ struct Unit {
     parent: Option<usize>,
     /// Points that are in none of those below.
     points: u64,
+    /// Of nodes that are finished elsewhere, where those below it are.
+    elsewhere: Option<usize>,
     state: Mutex<State>,
 }
 
@@ -42,8 +44,13 @@ impl Unfinished {
                     Some(parent) => cells[parent].points -= points,
                     None => others -= points,
                 }
+                let elsewhere = match cut.pending.below {
+                    Below::Elsewhere { of, .. } => Some(of),
+                    _ => None,
+                };
                 open.push((Some(cells.len()), cut.pending.below.take_cut()));
-                cells.push(Unit { parent, points, state: Mutex::new(State::Cut(Box::new(cut))) });
+                let state = Mutex::new(State::Cut(Box::new(cut)));
+                cells.push(Unit { parent, points, elsewhere, state });
             }
         }
         Self { cells, others }
@@ -81,20 +88,25 @@ impl Unfinished {
         task.advance(*points);
     }
 
-    /// The nodes right below the cell, with those below them, where all are finished; `None` where one has panicked.
-    pub fn into_children(self) -> Option<Children> {
+    /// The nodes right below the cell, with those below them, where all are finished, and of each where the nodes below it are
+    /// that are finished elsewhere; `None` where one has panicked.
+    pub fn into_children(self) -> Option<(Children, Vec<Option<usize>>)> {
         let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
-        let mut top = Vec::new();
-        for (i, Unit { parent, state, .. }) in self.cells.into_iter().enumerate().rev() {
+        let (mut top, mut top_elsewhere) = (Vec::new(), Vec::new());
+        for (i, Unit { parent, elsewhere, state, .. }) in self.cells.into_iter().enumerate().rev() {
             let mut children = std::mem::take(&mut below[i]);
             children.reverse();
             let state = state.into_inner().ok()?;
             if let State::Finished(Some(mut tree)) = state {
                 tree.last_mut().children.extend(children);
+                if parent.is_none() {
+                    top_elsewhere.push(elsewhere);
+                }
                 parent.map_or(&mut top, |parent| &mut below[parent]).push(*tree);
             }
         }
         top.reverse();
-        Some(top.into())
+        top_elsewhere.reverse();
+        Some((top.into(), top_elsewhere))
     }
 }

@@ -212,8 +212,13 @@ impl Raiser<'_> {
             node.children = head.pending.below.take();
             head.pending.below = Below::Finished(vec![node].into());
         }
+        let offer = is_told.then(|| head.offer());
+        let below = match &head.pending.below {
+            Below::Finished(nodes) => nodes.as_slice(),
+            _ => &[],
+        };
+        built.end(self.context, (counts, bucket.rows), offer.as_ref(), below);
         built.held.push(head);
-        built.end(self.context, counts, bucket.rows);
         built.outgoing.extents = bucket.extents;
         Ok(())
     }

@@ -37,6 +37,8 @@ pub enum Below {
     Cut(Vec<Cut>),
     /// Rows that coincide with those that the cell offers.
     Coincident(Range<u32>),
+    /// Nodes that are finished elsewhere: of which of the cells that are chosen from together, and whether there are any.
+    Elsewhere { of: usize, is_any: bool },
 }
 
 /// A cell that can be finished.
@@ -69,6 +71,7 @@ impl Pending {
             Below::Finished(children) => !children.is_empty(),
             Below::Cut(cells) => cells.iter().any(Cut::is_left),
             Below::Coincident(rows) => !rows.is_empty(),
+            Below::Elsewhere { is_any, .. } => *is_any,
         }
     }
 
@@ -120,8 +123,15 @@ impl Below {
     pub fn take(&mut self) -> Children {
         match std::mem::take(self) {
             Self::Finished(children) => children,
-            Self::Cut(_) | Self::Coincident(_) => Children::default(),
+            Self::Cut(_) | Self::Coincident(_) | Self::Elsewhere { .. } => Children::default(),
         }
+    }
+
+    /// The finished nodes, which from now on are elsewhere.
+    pub fn put_elsewhere(&mut self) -> Children {
+        let children = self.take();
+        *self = Self::Elsewhere { of: 0, is_any: !children.is_empty() };
+        children
     }
 
     /// Cells that are not finished.

@@ -50,6 +50,11 @@ impl Record {
         self.0.extend_from_slice(bytemuck::cast_slice(values));
     }
 
+    /// Adds what another has.
+    pub fn append(&mut self, other: &Self) {
+        self.0.extend_from_slice(&other.0[HEAD_BYTES..]);
+    }
+
     /// Its bytes in the journal.
     pub fn seal(mut self) -> Vec<u8> {
         let bytes = (self.0.len() - HEAD_BYTES) as u64;

@@ -488,7 +488,7 @@ mod tests {
     #[test]
     fn as_many_files_as_threads_are_written_and_found_again() {
         let folder = tempfile::tempdir().unwrap();
-        let names = || std::fs::read_dir(folder.path()).unwrap().count();
+        let names = || fs::read_dir(folder.path()).unwrap().count();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         let block = Arc::new((0..=255).collect::<Vec<u8>>());
         let parts = || -> Vec<Vec<Run>> {

@@ -169,15 +169,28 @@ impl Context {
         let mut below = Children::default();
         match std::mem::take(&mut pending.below) {
             Below::Finished(children) => below = children,
-            Below::Cut(_) => (),
+            Below::Cut(_) | Below::Elsewhere { .. } => (),
             Below::Coincident(rest) => {
-                for rest in self.nodeful(rest).rev() {
-                    let leaf = self.leaf(rows, rest, pending.cell);
-                    if let Some((_, mut node)) = self.continuation(rows, leaf, counts) {
-                        node.children = std::mem::take(&mut below);
-                        below.push(node);
-                    }
-                }
+                below = self.coincident_below(rows, rest, pending.cell, counts);
+            }
+        }
+        below
+    }
+
+    /// The nodes of rows that coincide with what a cell offers, a chain.
+    pub fn coincident_below(
+        &self,
+        rows: &Rows<'_>,
+        rest: Range<u32>,
+        cell: Cell,
+        counts: &Counts,
+    ) -> Children {
+        let mut below = Children::default();
+        for rest in self.nodeful(rest).rev() {
+            let leaf = self.leaf(rows, rest, cell);
+            if let Some((_, mut node)) = self.continuation(rows, leaf, counts) {
+                node.children = std::mem::take(&mut below);
+                below.push(node);
             }
         }
         below
