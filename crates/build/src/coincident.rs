@@ -1,11 +1,14 @@
-//! More coincident points than memory holds, in the order of their records: a quicksort that compares
-//! against bounds instead of moving rows, so that it needs passes rather than space.
+//! More coincident points than memory holds, in the order of their records: as many at a time as it holds, between rows
+//! that a sample tells, so that it needs passes rather than space.
 
 use crate::error::BuildError;
 use esker_points::Task;
+use rayon::prelude::*;
 
-/// Rows sampled for a pivot.
-const SAMPLE_ROWS: u64 = 1024;
+/// Rows sampled for each pivot.
+const SAMPLE_ROWS: u64 = 64;
+/// Rows that a thread looks at, at least.
+const TASK_ROWS: usize = 1 << 14;
 
 /// Rows of one lattice point.
 pub struct Coincident<'a> {
@@ -28,37 +31,82 @@ impl<'a> Coincident<'a> {
     /// # Errors
     /// Those of `take`; on request.
     pub fn in_order(&self, take: &mut Take<'_>) -> Result<(), BuildError> {
-        self.between(None, None, take)
+        let rows = self.runs.iter().map(|run| (run.len() / self.stride) as u64).sum();
+        self.between([None; 2], rows, take)
     }
 
-    /// Hands over the rows between two bounds, both exclusive.
+    /// Hands over the rows, so many, between two bounds, both exclusive.
     fn between(
         &self,
-        low: Option<&'a [u8]>,
-        high: Option<&'a [u8]>,
+        bounds: [Option<&'a [u8]>; 2],
+        count: u64,
         take: &mut Take<'_>,
     ) -> Result<(), BuildError> {
         self.task.check()?;
-        let within = || {
-            let rows = self.runs.iter().flat_map(|run| run.chunks_exact(self.stride));
-            rows.filter(|r| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h))
-        };
-        let count = within().count() as u64;
         if count <= self.rows_max {
-            let mut rows: Vec<&[u8]> = within().collect();
-            rows.sort_unstable();
+            let mut rows: Vec<&[u8]> = self.within(bounds).collect();
+            rows.par_sort_unstable();
             return rows.into_iter().try_for_each(take);
         }
-        let step = (count / SAMPLE_ROWS).max(1) as usize;
-        let mut sample: Vec<&[u8]> = within().step_by(step).collect();
-        sample.sort_unstable();
-        // Never out of bounds: there are more rows than fit, so at least one was sampled.
-        let pivot = sample[sample.len() / 2];
-        self.between(low, Some(pivot), take)?;
-        for row in within().filter(|r| *r == pivot) {
-            take(row)?;
+        let pivots = self.pivots(bounds, count);
+        let counts = self.counts(bounds, &pivots);
+        let mut low = bounds[0];
+        for (i, &count) in counts.iter().enumerate() {
+            let pivot = pivots.get(i / 2).copied();
+            match pivot {
+                // All of them are alike.
+                Some(pivot) if i % 2 == 1 => {
+                    (0..count).try_for_each(|_| take(pivot))?;
+                    low = Some(pivot);
+                }
+                _ => self.between([low, pivot.or(bounds[1])], count, take)?,
+            }
         }
-        self.between(Some(pivot), high, take)
+        Ok(())
+    }
+
+    /// The rows between two bounds.
+    fn within(&self, [low, high]: [Option<&'a [u8]>; 2]) -> impl ParallelIterator<Item = &'a [u8]> {
+        let rows = self
+            .runs
+            .par_iter()
+            .flat_map(|run| run.par_chunks_exact(self.stride).with_min_len(TASK_ROWS));
+        rows.filter(move |r| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h))
+    }
+
+    /// Rows between two bounds, ascending, at least one of the so many that there are: memory mostly holds what is between
+    /// neighbours.
+    fn pivots(&self, [low, high]: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
+        let parts = count.div_ceil(self.rows_max).saturating_mul(2);
+        let sample = |step: usize| {
+            let rows = self.runs.iter().flat_map(|run| run.chunks_exact(self.stride)).step_by(step);
+            let within = |r: &&[u8]| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h);
+            rows.filter(within).collect::<Vec<_>>()
+        };
+        let mut rows = sample((count / parts.saturating_mul(SAMPLE_ROWS)).max(1) as usize);
+        if rows.is_empty() {
+            rows = sample(1);
+        }
+        rows.par_sort_unstable();
+        let pivot = |part: u64| rows[(part * rows.len() as u64 / parts) as usize];
+        let mut pivots: Vec<&[u8]> = (1..parts).map(pivot).collect();
+        pivots.dedup();
+        pivots
+    }
+
+    /// How many rows there are between two bounds before the first pivot, like it, between it and the next one, and so on.
+    fn counts(&self, bounds: [Option<&'a [u8]>; 2], pivots: &[&[u8]]) -> Vec<u64> {
+        let none = || vec![0; 2 * pivots.len() + 1];
+        let count = |mut counts: Vec<u64>, row: &[u8]| {
+            let place = pivots.binary_search(&row).map_or_else(|i| 2 * i, |i| 2 * i + 1);
+            counts[place] += 1;
+            counts
+        };
+        let add = |mut a: Vec<u64>, b: Vec<u64>| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+            a
+        };
+        self.within(bounds).fold(none, count).reduce(none, add)
     }
 }
 
