@@ -31,6 +31,19 @@ pub fn trials(trials: &mut Vec<Trial>) {
         let name = format!("bad: {}", file.file_name().unwrap().display());
         trials.push(trial(&name, move || is_harmless(&file)));
     }
+    trials.push(trial("bad: bytes that a decoder panics at", move || is_damaged_within(&root)));
+}
+
+/// A LAZ file with bytes that its decoder panics at, which is nobody's concern.
+fn is_damaged_within(root: &Path) {
+    let folder = Folder::new();
+    let (scan, out) = (folder.file("damaged.laz"), folder.file("out.esker"));
+    let mut bytes = std::fs::read(root.join("las/pdrf/10pts-pdrf8.laz")).unwrap();
+    bytes[799..807].fill(u8::MAX);
+    std::fs::write(&scan, bytes).unwrap();
+    let outcome = run(&scan, &out);
+    assert!(outcome.error().contains("compressed points are damaged at or after point"));
+    assert_eq!(folder.names(), ["damaged.laz"]);
 }
 
 #[cfg(unix)]

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn main() -> ExitCode {
+    esker_engine::hide_caught_panics();
     let args = args::Args::parse();
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();

@@ -40,5 +40,6 @@ pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};
 pub use esker_points::{Cancelled, ColourDepth, Task};
 pub use esker_render::{Method, Picture};
+pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
 pub use serde_json::Value;

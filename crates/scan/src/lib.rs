@@ -10,6 +10,7 @@
 //! PCD, PTS and PTX are known by their content and refused by name.
 
 pub mod ahead;
+pub mod caught;
 pub mod error;
 pub mod las;
 pub mod ply;

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 fn main() -> ExitCode {
     let start = Instant::now();
+    esker_engine::hide_caught_panics();
     match window::run(Args::parse(), start) {
         Ok(code) => code,
         Err(error) => {

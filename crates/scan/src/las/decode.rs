@@ -5,6 +5,7 @@
 
 use super::laszip::{Chunk, Compression, layered_chunk};
 use crate::ahead::Ahead;
+use crate::caught;
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
 use esker_points::Task;
@@ -15,7 +16,6 @@ use laz::record::{
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -366,7 +366,7 @@ impl Points {
         decode: impl FnOnce() -> std::io::Result<()>,
     ) -> Result<(), ScanError> {
         let place = format!("at or after point {} of {}", point + 1, self.count);
-        match catch_unwind(AssertUnwindSafe(decode)) {
+        match caught::catch(decode) {
             Ok(Ok(())) => Ok(()),
             Ok(Err(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(self.damaged(
                 format!("its compressed points end {place}: the file is cut short or damaged"),

@@ -1,0 +1,44 @@
+//! Panics of other people's decoders on damaged bytes: they become errors, and programs may keep to themselves what they say.
+
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::thread::Result;
+
+thread_local! {
+    /// Whether a panic of this thread becomes an error.
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// What `f` returns, or with what it panicked.
+///
+/// # Errors
+/// Where it panicked.
+pub fn catch<T>(f: impl FnOnce() -> T) -> Result<T> {
+    let before = IS_CAUGHT.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(f));
+    IS_CAUGHT.set(before);
+    result
+}
+
+/// From now on panics that become errors say nothing on standard error, in the whole program. Others do as before.
+pub fn hide() {
+    let say = take_hook();
+    set_hook(Box::new(move |panic| {
+        if !IS_CAUGHT.get() {
+            say(panic);
+        }
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_are_caught_and_what_follows_is_not() {
+        assert!(catch(|| 7).is_ok_and(|seven| seven == 7) && !IS_CAUGHT.get());
+        // One within another does not end it.
+        assert!(catch(|| catch(|| IS_CAUGHT.get()).is_ok() && IS_CAUGHT.get()).is_ok_and(|is| is));
+        assert!(catch(|| assert!(!IS_CAUGHT.get())).is_err() && !IS_CAUGHT.get());
+    }
+}
