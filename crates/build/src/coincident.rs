@@ -43,6 +43,9 @@ impl<'a> Coincident<'a> {
         take: &mut Take<'_>,
     ) -> Result<(), BuildError> {
         self.task.check()?;
+        if count == 0 {
+            return Ok(());
+        }
         if count <= self.rows_max {
             let mut rows: Vec<&[u8]> = self.within(bounds).collect();
             rows.par_sort_unstable();
@@ -56,6 +59,7 @@ impl<'a> Coincident<'a> {
             match pivot {
                 // All of them are alike.
                 Some(pivot) if i % 2 == 1 => {
+                    self.task.check()?;
                     (0..count).try_for_each(|_| take(pivot))?;
                     low = Some(pivot);
                 }
@@ -78,12 +82,14 @@ impl<'a> Coincident<'a> {
     /// neighbours.
     fn pivots(&self, [low, high]: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
         let parts = count.div_ceil(self.rows_max).saturating_mul(2);
+        let wanted = parts.saturating_mul(SAMPLE_ROWS);
         let sample = |step: usize| {
             let rows = self.runs.iter().flat_map(|run| run.chunks_exact(self.stride)).step_by(step);
             let within = |r: &&[u8]| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h);
-            rows.filter(within).collect::<Vec<_>>()
+            rows.filter(within).take(wanted.saturating_mul(2) as usize).collect::<Vec<_>>()
         };
-        let mut rows = sample((count / parts.saturating_mul(SAMPLE_ROWS)).max(1) as usize);
+        // Odd: rows often take turns, as returns of pulses do.
+        let mut rows = sample((count / wanted) as usize | 1);
         if rows.is_empty() {
             rows = sample(1);
         }

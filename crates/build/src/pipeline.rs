@@ -23,7 +23,7 @@ use esker_points::{Cell, Task};
 use rayon::Scope;
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Chunks under way, for each thread: one whose nodes are finished while one is chosen from, and one that waits for those
@@ -36,7 +36,7 @@ type Slot = Arc<Mutex<Option<Finished>>>;
 /// What a cell offers, on its way to the one above.
 #[derive(Default)]
 enum Offer {
-    /// It has not chosen yet, nor does any wait for it.
+    /// It has not chosen yet, nor does any wait for it; or it has been handed over.
     #[default]
     Open,
     /// It has chosen, and none waits for it yet.
@@ -123,6 +123,8 @@ struct Pipeline<'a> {
     /// Whether the journal wants to know of chunks.
     is_told: bool,
     front: Mutex<Front<'a>>,
+    /// Whether something went wrong.
+    is_faulty: AtomicBool,
     /// How often the front was asked to go on.
     asked: AtomicUsize,
     /// Chunks that are loaded or chosen from.
@@ -178,6 +180,7 @@ impl Raiser<'_> {
                 below,
                 fault: None,
             }),
+            is_faulty: AtomicBool::new(false),
             asked: AtomicUsize::new(0),
             choosing: AtomicUsize::new(0),
             left: AtomicUsize::new(left),
@@ -213,6 +216,7 @@ impl<'a> Pipeline<'a> {
             let asked = self.asked.load(Ordering::SeqCst);
             if front.fault.is_none() {
                 front.fault = self.advance(&mut front, scope).err();
+                self.is_faulty.fetch_or(front.fault.is_some(), Ordering::Relaxed);
             }
             drop(front);
             // Who asked meanwhile has found it locked; by a write, which what was asked before comes before.
@@ -307,9 +311,14 @@ impl<'a> Pipeline<'a> {
         }
     }
 
-    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request it is left as it is.
+    /// Whether nothing more is to be begun.
+    fn is_ended(&self) -> bool {
+        self.is_faulty.load(Ordering::Relaxed) || self.task.is_cancelled()
+    }
+
+    /// Loads and sorts a chunk, and chooses what each of its cells offers. On request, or after a fault, it is left as it is.
     fn choose<'s>(&'s self, stored: Stored, (slot, desk): (Slot, Desk), scope: &Scope<'s>) {
-        if self.task.is_cancelled() {
+        if self.is_ended() {
             return;
         }
         let mut rows = lock(&self.spare).pop().unwrap_or_default();
@@ -323,8 +332,11 @@ impl<'a> Pipeline<'a> {
         self.go_on(scope);
     }
 
-    /// Chooses what a cell above offers.
+    /// Chooses what a cell above offers. On request, or after a fault, it is left as it is.
     fn combine<'s>(&'s self, above: &Above, mut cells: Vec<Held>, scope: &Scope<'s>) {
+        if self.is_ended() {
+            return;
+        }
         for (i, held) in cells.iter_mut().enumerate() {
             if let Below::Elsewhere { of, .. } = &mut held.pending.below {
                 *of = i;

@@ -1,5 +1,5 @@
-//! Scratch space: few files of rows, appended to, also by a thread for each meanwhile, mapped to read, given back piece
-//! by piece as they are consumed. They have no names, or some where a later build may go on with them. Their pages are the system's to drop: they are no
+//! Scratch space: few files of rows, each appended to, also by a thread of its own meanwhile, mapped to read, given back piece
+//! by piece as it is consumed. They have no names, or some where a later build may go on with them. Their pages are the system's to drop: they are no
 //! anonymous memory.
 
 use crate::error::BuildError;
@@ -86,13 +86,9 @@ pub fn is_ours(path: &Path) -> bool {
     name.starts_with(NAME[0]) && name.ends_with(NAME[1])
 }
 
-/// Deletes files of rows, by the name of the first.
+/// Deletes files of rows, by the name of the first, whichever are there.
 pub fn remove(first: &Path) {
-    for number in 0.. {
-        if fs::remove_file(name_of(first, number)).is_err() {
-            return;
-        }
-    }
+    (0..FILES_MAX).for_each(|number| drop(fs::remove_file(name_of(first, number))));
 }
 
 /// The name of one of the files of which the first has this name.
@@ -100,8 +96,9 @@ fn name_of(first: &Path, number: usize) -> PathBuf {
     if number == 0 { first.into() } else { first.with_extension(format!("{number}{}", NAME[1])) }
 }
 
-/// A new file, for this user alone.
+/// A new file, for this user alone, in place of one that an earlier build may have left.
 fn create(path: &Path) -> io::Result<File> {
+    let _ = fs::remove_file(path);
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true);
     #[cfg(unix)]
@@ -212,17 +209,23 @@ impl Scratch {
         Ok(self.path.as_deref())
     }
 
-    /// Takes the files of an earlier build, which is to be told by [`Scratch::restore`] what is in them.
+    /// Takes the files of an earlier build, up to one that is not there; [`Scratch::restore`] is to be told what is in them.
     ///
     /// # Errors
-    /// Where the first is not there.
+    /// Where the first is not there, or one cannot be opened.
     pub fn reopen(&mut self, path: &Path) -> io::Result<()> {
         if !is_ours(path) {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
         let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
         self.files = vec![Rows::new(open(0)?)];
-        self.files.extend((1..FILES_MAX).map_while(|number| open(number).ok()).map(Rows::new));
+        for number in 1..FILES_MAX {
+            match open(number) {
+                Ok(file) => self.files.push(Rows::new(file)),
+                Err(e) if e.kind() == io::ErrorKind::NotFound => break,
+                Err(e) => return Err(e),
+            }
+        }
         self.path = Some(path.into());
         Ok(())
     }
@@ -516,6 +519,13 @@ mod tests {
         assert!(!scratch.restore(&[behind]).unwrap());
         assert!(!scratch.restore(&[Extent { file: 2, ..behind }]).unwrap());
         drop((map, scratch));
+        assert_eq!(names(), 0);
+        // Whichever are left are deleted.
+        for number in [0, 1, 3, FILES_MAX - 1] {
+            fs::write(name_of(&first, number), []).unwrap();
+        }
+        fs::remove_file(&first).unwrap();
+        remove(&first);
         assert_eq!(names(), 0);
     }
 

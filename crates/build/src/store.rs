@@ -105,9 +105,11 @@ impl Store {
         let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
         let is_needed = is_stored || has_borders;
         let map = if is_needed { Some(self.scratch.map()?) } else { None };
-        buckets.par_iter().try_for_each(|bucket| {
-            self.check(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)
-        })?;
+        if self.journal.is_resumed() {
+            buckets.par_iter().try_for_each(|bucket| {
+                self.check(bucket, &bucket.runs(map.as_ref(), layout.bytes()), layout)
+            })?;
+        }
         Ok(Stored { buckets, map })
     }
 

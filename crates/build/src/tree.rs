@@ -126,8 +126,12 @@ impl Context {
             let part = start..start + child.sampled;
             start = part.end;
             // A node keeps a point of its own, or it could not stand between the one above and those below.
-            if child.has_below() && turns[part.clone()].iter().all(|t| *t != LAST_TURN) {
-                turns[part.start] = LAST_TURN;
+            let own = &mut turns[part.clone()];
+            if child.has_below()
+                && own.iter().all(|turn| *turn != LAST_TURN)
+                && let Some(first) = own.first_mut()
+            {
+                *first = LAST_TURN;
             }
             parts.push((child, part));
         }

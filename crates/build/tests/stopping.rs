@@ -62,6 +62,39 @@ fn a_build_stops_wherever_it_is_asked_to() {
 }
 
 #[test]
+fn cells_that_were_left_as_they_were_are_chosen_from_without_harm() {
+    // In an octant of each cell a lone point comes before 400 others, which may be left; the first octant has more of the kind.
+    let mut positions = Vec::new();
+    for level in 6..12 {
+        let half = 1u32 << level;
+        let in_octant = |corner: [u32; 3], i: u64| {
+            [0, 1, 2].map(|axis| corner[axis as usize] as i32 + below(3 * i + axis, half))
+        };
+        positions.push([half as i32; 3]);
+        positions.extend(
+            (0..400)
+                .map(|i| in_octant([half + half / 2; 3], i).map(|c| c.min(2 * half as i32 - 1))),
+        );
+        positions.extend((0..400).map(|i| in_octant([0, half, 0], i)));
+    }
+    let sources = [given("nested", [0.001; 3], positions)];
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    let run = |after| {
+        let task = Stops { asked: AtomicU64::new(0), after };
+        let options = Options { node_capacity: 64, ..Default::default() };
+        (build_sources(boxed(&sources), &out, &options, &task), task.asked.into_inner())
+    };
+    let (result, questions) = run(u64::MAX);
+    result.unwrap();
+    std::fs::remove_file(&out).unwrap();
+    for after in 0..questions.min(400) {
+        let (result, _) = run(after);
+        assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
+    }
+}
+
+#[test]
 fn an_earlier_file_survives_a_build_that_fails() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
