@@ -9,6 +9,7 @@ use crate::identity::Identity;
 use crate::intake::{Intake, Plan, Taken, open_with};
 use crate::journal::{Journal, Resume};
 use crate::levels::Raiser;
+use crate::lines::has_wires;
 use crate::memory::{self, Peak};
 use crate::normals::{Bounds, NormalsMode};
 use crate::onto::{OFF_LATTICE, Onto};
@@ -24,8 +25,9 @@ use esker_format::table::NODE_BYTES_MAX;
 use esker_format::{
     Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
 };
+use esker_points::attribute::names;
 use esker_points::palette::Misfit;
-use esker_points::{ColourDepth, MultisetHash, Task};
+use esker_points::{AttrType, ColourDepth, MultisetHash, Task};
 use esker_scan::las::gps_times;
 use esker_scan::{OpenOptions, ReadReport, Source};
 use rayon::ThreadBuilder;
@@ -324,8 +326,12 @@ fn build_into(
     let palette = store.palette(&buckets, &plan.rows(), &pages, options, task)?;
     let (palette, palette_misfit) = palette.unzip();
     let pages = pages.with_palette(palette.clone());
+    let rows = plan.rows();
+    let class = plan.schema.find_typed(names::CLASSIFICATION, AttrType::U8);
+    let class = class.filter(|&attribute| has_wires(ranges.of(attribute).into()));
     let context = Context {
-        rows: plan.rows(),
+        class_at: class.map(|attribute| rows.attribute(attribute).start),
+        rows,
         pages: pages.with_clip_lines(clips.is_some()).with_tangents(options.tangents),
         clips,
         scale: plan.lattice.scale,

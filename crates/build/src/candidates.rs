@@ -21,29 +21,46 @@ pub struct Candidates {
     pub firsts: [u32; Self::ALONE as usize],
     /// Length of a step, in the file's unit.
     pub step: f64,
+    /// ASPRS classes; empty where they matter not.
+    pub classes: Vec<u8>,
 }
 
 impl Candidates {
     /// Above the log2 of any cell's edge.
     pub const ALONE: u8 = 32;
 
-    /// The rows `offered`, which are sorted along the curve, of a cell.
-    pub fn new(rows: &Rows<'_>, offered: &[u32], cell: &Cell, scale: [f64; 3]) -> Self {
+    /// The rows `offered`, which are sorted along the curve, of a cell. Their classes, where these matter, are at `class_at` in
+    /// each.
+    pub fn new(
+        rows: &Rows<'_>,
+        offered: &[u32],
+        cell: &Cell,
+        scale: [f64; 3],
+        class_at: Option<usize>,
+    ) -> Self {
+        let mut classes = Vec::with_capacity(class_at.map_or(0, |_| offered.len()));
         if scale[0] == scale[1] && scale[1] == scale[2] {
             // A step is lost where a cell is the whole lattice, so that differences fit.
             let shift = u32::from(cell.log2 == 32);
             let local = |row| {
                 let ([x, y, z], [x0, y0, z0]) = (rows.position(row), cell.corner);
+                // Beside the position: read here, it waits for no memory.
+                classes.extend(class_at.map(|at| rows.row(row)[at]));
                 [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
             };
-            let q = offered.iter().map(|&row| local(row)).collect();
-            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift));
+            let q = offered.iter().copied().map(local).collect();
+            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift), classes);
         }
-        Self::resorted(rows, offered, scale)
+        Self::resorted(rows, offered, scale, class_at)
     }
 
     /// Where steps have other lengths along other axes, positions are quantised to cubes and sorted.
-    fn resorted(rows: &Rows<'_>, offered: &[u32], scale: [f64; 3]) -> Self {
+    fn resorted(
+        rows: &Rows<'_>,
+        offered: &[u32],
+        scale: [f64; 3],
+        class_at: Option<usize>,
+    ) -> Self {
         let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
         for p in offered.iter().map(|&row| rows.position(row)) {
             for i in 0..3 {
@@ -63,10 +80,13 @@ impl Candidates {
         let mut keyed: Vec<(u64, u32)> = (0..).zip(offered).map(keyed).collect();
         keyed.sort_unstable();
         let q = |(_, offer): &(u64, u32)| quantised(offered[*offer as usize]).map(|c| c as i32);
-        Self::sorted(keyed.iter().map(q).collect(), keyed.iter().map(|k| k.1).collect(), step)
+        let offer: Vec<u32> = keyed.iter().map(|k| k.1).collect();
+        let class = |at: usize| offer.iter().map(move |&i| rows.row(offered[i as usize])[at]);
+        let classes = class_at.map_or_else(Vec::new, |at| class(at).collect());
+        Self::sorted(keyed.iter().map(q).collect(), offer, step, classes)
     }
 
-    fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64) -> Self {
+    fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64, classes: Vec<u8>) -> Self {
         let shared_log2 = shared_log2(&q);
         let mut firsts = [0; Self::ALONE as usize];
         // Neighbours are mostly alike: each of four has a count of its own, so that none waits for the one before.
@@ -80,7 +100,7 @@ impl Candidates {
             above += counts.iter().map(|counts| counts[log2 + 1]).sum::<u32>();
             firsts[log2] = above;
         }
-        Self { q, offer, shared_log2, firsts, step }
+        Self { q, offer, shared_log2, firsts, step, classes }
     }
 
     /// What there is for each offered point, brought along the curve; nothing stays nothing.
@@ -175,7 +195,7 @@ pub(crate) mod tests {
         let bytes = rows_of(&points);
         let all: Vec<u32> = (0..points.len() as u32).collect();
         let cell = Cell::enclosing(points[0], points[points.len() - 1]);
-        Candidates::new(&Rows { bytes: &bytes, stride: 12 }, &all, &cell, scale)
+        Candidates::new(&Rows { bytes: &bytes, stride: 12 }, &all, &cell, scale, None)
     }
 
     proptest! {

@@ -7,6 +7,7 @@ use crate::clips::Clips;
 use crate::contour;
 use crate::counts::Counts;
 use crate::fringe::{self, Offer};
+use crate::lines;
 use crate::order::{order, parts};
 use crate::pending::{Below, Cut, Pending};
 use crate::places::places_of;
@@ -42,6 +43,8 @@ pub struct Context {
     pub rows: RowLayout,
     /// Pages.
     pub pages: PageLayout,
+    /// Where in a row the ASPRS class of a point is, where any is of a wire.
+    pub class_at: Option<usize>,
     /// Length of a step, an axis.
     pub scale: [f64; 3],
     /// The clip lines that points have, where any does.
@@ -109,7 +112,7 @@ impl Context {
         children.iter().for_each(|c| moments.merge(&c.moments));
         let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
-        let candidates = Candidates::new(rows, &offered, &cell, self.scale);
+        let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
         let placed = Pending::placed(&children, offered.len());
         // What is left of cells with few points has its place beside the sample.
         let (few, given_max) = self.few(&children);
@@ -147,7 +150,7 @@ impl Context {
             offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
             sampled: chosen.len(),
             turns: own,
-            radii: self.radii(&candidates, &turns, dimension, is_high.then_some(above)),
+            radii: self.radii(&candidates, &turns, dimension, (|| above, is_high)),
             shares: Vec::new(),
             below: Below::default(),
         };
@@ -272,10 +275,13 @@ impl Context {
         above: Option<f64>,
         shape: &Shape,
     ) -> u32 {
-        let candidates = Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale);
+        let candidates =
+            Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.class_at);
         let dimension = shape.dimension_of(candidates.places());
         leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
-        leaf.radii = self.radii(&candidates, &leaf.turns, dimension, None);
+        let drawn = [leaf.sampled, leaf.moments.count as usize];
+        let spacing = || self.spacing(&leaf.picked(), drawn, dimension, above);
+        leaf.radii = self.radii(&candidates, &leaf.turns, dimension, (spacing, false));
         dimension
     }
 
@@ -335,24 +341,26 @@ impl Context {
         None
     }
 
-    /// The radii, in the file's unit, of those of the offered points that have a turn; where these are a sample with a
-    /// spacing, what is wide is looked at again.
+    /// The radii, in the file's unit, of those of the offered points that have a turn, and this spacing; what is wide is looked
+    /// at again on wires, and of samples above others anywhere.
     fn radii(
         &self,
         candidates: &Candidates,
         turns: &[u16],
         dimension: u32,
-        spacing: Option<f64>,
+        (spacing, is_high): (impl FnOnce() -> f64, bool),
     ) -> Vec<f32> {
         let turns = candidates.along_curve(turns);
         let is_wanted = || turns.iter().map(|&turn| turn != LAST_TURN);
         let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
-        if let Some(spacing) = spacing {
-            let q = || {
-                let wanted = places_of(&turns, |&turn| turn != LAST_TURN);
-                wanted.iter().map(|&i| candidates.q[i as usize]).collect()
-            };
-            fringe::narrow(&mut steps, q, spacing / candidates.step);
+        if is_high || lines::has_any(&candidates.classes) {
+            let spacing = spacing() / candidates.step;
+            let places = places_of(&turns, |&turn| turn != LAST_TURN);
+            lines::narrow(&mut steps, spacing, &places, candidates);
+            if is_high {
+                let q = || places.iter().map(|&place| candidates.q[place as usize]).collect();
+                fringe::narrow(&mut steps, q, spacing);
+            }
         }
         let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
         candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
