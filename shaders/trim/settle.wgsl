@@ -8,6 +8,11 @@
 // pixels; not beside what went from a line.
 const ALONE: u32 = 7u;
 const ALONE_RADIUS_PX: f32 = 3.0;
+// What lies behind goes on as far as its depth changes by so many pixels' worth a pixel, and by so much of it at most.
+const STEEPEST: f32 = 4.0;
+// Nearer to the rim, pixels, it is shown as it is there.
+const MIRRORED_PX: i32 = 8;
+const RISE_MAX: f32 = 0.5;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> sources: array<u32>;
@@ -47,6 +52,29 @@ fn farther(found: u32, beside: u32, pixel: u32) -> u32 {
     return select(found, beside, is_farther);
 }
 
+// What lies behind goes on as it came to the rim, mirrored, where that is the same surface and has not gone itself.
+fn carry_on(at: vec2<i32>, pixel: u32, source: u32) {
+    let rim_pixel = (source & PIXEL_MASK) - 1u;
+    let rim = vec2<i32>(i32(rim_pixel % frame.width), i32(rim_pixel / frame.width));
+    let there = 2 * rim - at;
+    let here = depth[rim_pixel];
+    if any(there < vec2<i32>(0)) || any(there >= vec2<i32>(i32(frame.width), i32(frame.height))) || is_infinite(here) {
+        return;
+    }
+    let mirrored = u32(there.y) * frame.width + u32(there.x);
+    if sources[mirrored] != 0u || is_infinite(depth[mirrored]) {
+        return;
+    }
+    let apart = abs(rim - at);
+    let away = max(apart.x, apart.y);
+    let slack = (tint[rim_pixel].w + f32(away) * STEEPEST) * (1.0 / frame.focal_px);
+    let rise = depth[mirrored] - here;
+    if away >= MIRRORED_PX && abs(rise) <= here * min(slack, RISE_MAX) {
+        sources_after[pixel] = (mirrored + 1u) | (source & ~PIXEL_MASK);
+        settled[pixel] = here - rise;
+    }
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= frame.width || id.y >= frame.height {
@@ -67,4 +95,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     sources_after[pixel] = sources[after];
     settled[pixel] = depth[shown(after)];
+    if sources[after] != 0u {
+        carry_on(vec2<i32>(id.xy), pixel, sources[after]);
+    }
 }

@@ -209,6 +209,13 @@ impl Grid {
         Place { index, x: index % self.width, y: index / self.width }
     }
 
+    /// The pixel as far beyond another as a pixel is before it, where there is one.
+    pub fn mirrored(self, place: Place, at: Place) -> Option<usize> {
+        let x = (2 * at.x).checked_sub(place.x).filter(|&x| x < self.width)?;
+        let y = (2 * at.y).checked_sub(place.y).filter(|&y| y < self.height)?;
+        Some(y * self.width + x)
+    }
+
     /// By how much a pixel's index grows with a step in a direction.
     #[inline(always)]
     fn stride(self, [dx, dy]: [isize; 2]) -> isize {

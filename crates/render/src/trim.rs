@@ -40,6 +40,13 @@ const AHEAD: usize = 8;
 const ALONE: usize = 7;
 const ALONE_RADIUS_PX: f32 = 3.0;
 
+/// What lies behind goes on where a pixel has gone, as far as its depth changes by so many pixels' worth a pixel (ground seen
+/// aslant), and by so much of it at most.
+const STEEPEST: f32 = 4.0;
+/// Nearer to the rim, pixels, it is shown as it is there: what is mirrored flickers, and stripes are no longer than that.
+const MIRRORED_PX: usize = 8;
+const RISE_MAX: f32 = 0.5;
+
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::edges`]. Returns the pixels that changed and those beside them.
 pub fn trim(base: &mut Level, depth: &mut [f32], edges: &Marks, focal_px: f32) -> Marks {
@@ -67,12 +74,21 @@ pub(crate) fn trim_with(
             break;
         }
     }
-    waves.write(waves.left_alone());
-    let gone: Vec<_> = waves.gone.pixels().collect();
-    let sources: Vec<_> = gone.par_iter().map(|&p| waves.source_of(p)).collect();
+    let went: Vec<_> = waves.gone.pixels().collect();
+    let alone = waves.left_alone();
+    let of_went = went.par_iter().map(|&p| (p, waves.source_of(p), waves.depth[p]));
+    let of_alone = alone.par_iter().map(|step| (step.place.index, step.shown(), step.depth));
+    let carried = of_went.chain(of_alone).map(|(pixel, source, depth)| {
+        (pixel, waves.carried_on(waves.grid().place(pixel), source, depth))
+    });
+    let carried: Vec<_> = carried.collect();
+    alone.iter().for_each(|step| waves.gone.set(step.place.index));
     let touched = waves.gone.grown(false);
+    went.iter().for_each(|&pixel| waves.source[pixel] = 0);
+    carried.iter().for_each(|&(pixel, (_, depth))| waves.depth[pixel] = depth);
     *scratch = waves.source;
-    gone.iter().for_each(|&pixel| scratch[pixel] = 0);
+    let (gone, sources): (Vec<_>, Vec<_>) =
+        carried.into_iter().map(|(pixel, (source, _))| (pixel, source)).unzip();
     replace(base, &gone, &sources);
     touched
 }
@@ -96,6 +112,13 @@ struct Step {
     place: Place,
     source: u32,
     depth: f32,
+}
+
+impl Step {
+    /// The pixel whose attributes it is to show.
+    fn shown(&self) -> usize {
+        (self.source & PIXEL_MASK) as usize - 1
+    }
 }
 
 impl Place {
@@ -226,6 +249,26 @@ impl Waves<'_> {
         alone.collect()
     }
 
+    /// What a pixel shows in the end, and its depth, that has gone and shows `source`, which lies at `depth`, beyond the rim: what lies
+    /// behind goes on as it came there, mirrored, where that is the same surface and has not gone itself. (Shown as it is at the
+    /// rim, it would make stripes.)
+    fn carried_on(&self, place: Place, source: usize, depth: f32) -> (usize, f32) {
+        let rim = self.grid().place(source);
+        let Some(mirrored) = self.grid().mirrored(place, rim) else { return (source, depth) };
+        let away = rim.x.abs_diff(place.x).max(rim.y.abs_diff(place.y));
+        let slack = (self.base.tint[source].w + away as f32 * STEEPEST) * self.per_focal;
+        let rise = self.depth[mirrored] - depth;
+        if away >= MIRRORED_PX
+            && self.source[mirrored] == 0
+            && depth < f32::INFINITY
+            && rise.abs() <= depth * slack.min(RISE_MAX)
+        {
+            (mirrored, depth - rise)
+        } else {
+            (source, depth)
+        }
+    }
+
     fn picture(&self) -> Rims<'_> {
         Rims { base: self.base, per_focal: self.per_focal, depth: self.depth }
     }
@@ -303,13 +346,14 @@ mod tests {
         (pyramid, depth)
     }
 
-    /// The rule, pixel by pixel: what each shows, and where it went; and how many were left alone.
+    /// The rule, pixel by pixel: what each that went shows, and its depth; and how many were left alone, showed one that went
+    /// itself, and show what is mirrored.
     fn reference(
         base: &Level,
         depth: &mut [f32],
         edges: &Marks,
         order: &[usize],
-    ) -> (Vec<Option<usize>>, usize) {
+    ) -> (Vec<Option<usize>>, [usize; 3]) {
         let before = &depth.to_vec();
         let rim = Rims { base, per_focal: 1.0 / FOCAL_PX, depth: before };
         let mut source = vec![None; depth.len()];
@@ -372,29 +416,51 @@ mod tests {
             (source[pixel], depth[pixel]) = (went[after], shown[after]);
             left += 1;
         }
-        (source, left)
+        let (mut twice, mut carried) = (0, 0);
+        for pixel in 0..depth.len() {
+            let Some(rim) = source[pixel] else { continue };
+            twice += usize::from(source[rim].is_some());
+            let [x, y] = [pixel % WIDTH, pixel / WIDTH].map(|c| c as isize);
+            let [u, v] = [rim % WIDTH, rim / WIDTH].map(|c| c as isize);
+            let (there_x, there_y) = (2 * u - x, 2 * v - y);
+            let is_inside = |c: isize, end: usize| (0..end as isize).contains(&c);
+            if !is_inside(there_x, WIDTH) || !is_inside(there_y, HEIGHT) {
+                continue;
+            }
+            let there = there_y as usize * WIDTH + there_x as usize;
+            let away = (u - x).abs().max((v - y).abs()) as f32;
+            let slack = (base.tint[rim].w + away * 4.0) * (1.0 / FOCAL_PX);
+            let (here, beyond) = (before[rim], before[there]);
+            let is_same = (beyond - here).abs() <= here * slack.min(0.5);
+            if away >= 8.0 && went[there].is_none() && here.is_finite() && is_same {
+                (source[pixel], depth[pixel]) = (Some(there), here - (beyond - here));
+                carried += 1;
+            }
+        }
+        (source, [left, twice, carried])
     }
 
     #[test]
     fn what_goes_is_what_the_rule_says_of_each_pixel_in_whatever_order_they_are_asked() {
-        let (mut went_twice, mut went_alone) = (0, 0);
+        let mut counts = [0; 3];
         for (seed, has_normals) in (1..40).flat_map(|seed| [(seed, false), (seed, true)]) {
             let (mut pyramid, mut depth) = layers(seed * 0x9E37_79B9_7F4A_7C15, has_normals);
             let (base, untouched) = (&mut pyramid.levels[0], depth.clone());
             let edges = edges(&depth, WIDTH, 2.0 / FOCAL_PX);
             let forwards: Vec<usize> = (0..depth.len()).collect();
             let backwards: Vec<usize> = forwards.iter().rev().copied().collect();
-            let [expected, other] = [forwards, backwards]
-                .map(|order| reference(base, &mut untouched.clone(), &edges, &order));
+            let [expected, other] = [forwards, backwards].map(|order| {
+                let mut depth = untouched.clone();
+                (reference(base, &mut depth, &edges, &order), depth)
+            });
             assert_eq!(expected, other);
-            let (expected, left) = expected;
-            went_alone += left;
+            let ((expected, counted), expected_depth) = expected;
+            counts.iter_mut().zip(counted).for_each(|(sum, n)| *sum += n);
             let before = base.clone();
             let touched = trim(base, &mut depth, &edges, FOCAL_PX);
             for (pixel, source) in expected.iter().enumerate() {
                 let from = source.unwrap_or(pixel);
-                went_twice += usize::from(expected[from].is_some() && from != pixel);
-                assert_eq!(depth[pixel], untouched[from], "pixel {pixel}, seed {seed}");
+                assert_eq!(depth[pixel], expected_depth[pixel], "pixel {pixel}, seed {seed}");
                 assert_eq!(base.front[pixel], before.front[from]);
                 assert_eq!(base.tint[pixel], before.tint[from]);
                 assert_eq!(base.depth[pixel], before.depth[from]);
@@ -408,7 +474,6 @@ mod tests {
             assert_eq!(touched.pixels().collect::<Vec<_>>(), changed.collect::<Vec<_>>());
             assert!(expected.iter().flatten().count() > 300, "seed {seed}");
         }
-        assert!(went_twice > 100, "sources that went themselves: {went_twice}");
-        assert!(went_alone > 100, "pixels left alone: {went_alone}");
+        assert!(counts.iter().all(|n| *n > 100), "left alone, went twice, mirrored: {counts:?}");
     }
 }
