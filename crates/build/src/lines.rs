@@ -1,5 +1,5 @@
 //! Wires, by their class. A radius is told from how many points a cell has, as if they stood on a surface. Wires side by side
-//! might be one, by their points alone; where they are known to be none, what closes each by itself is half as wide or less.
+//! might be one, by their points alone; where it is known that they are none, half of that radius or less closes each by itself.
 
 use crate::candidates::Candidates;
 use crate::eigen::Eigen;
@@ -9,6 +9,8 @@ use crate::near::Near;
 const WIRES: [u8; 3] = [13, 14, 16];
 /// Radii are looked at that are so many times the spacing of the points they are among: wires are sparse beside surfaces.
 const WIDE_SPACINGS: f64 = 1.25;
+/// Gaps are looked for as far, in spacings: no radius is wider, and cells that are as large have few points where those are wide.
+const FAR_SPACINGS: f64 = 8.0;
 /// The radius that closes a wire, over the larger of its two gaps beside a point: half, and for what bends between.
 const GAP_SHARE: f64 = 0.6;
 /// Neighbours that tell a direction; more are as good.
@@ -31,15 +33,17 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     let is_wide = |radius: f32| f64::from(radius) > spacing * WIDE_SPACINGS;
     let class = |i: usize| candidates.classes.get(places[i] as usize);
     let is_wire = |i: usize| class(i).is_some_and(|class| WIRES.contains(class));
-    let wide = (0..radii.len()).filter(|&i| is_wide(radii[i]) && is_wire(i));
-    let Some(widest) = wide.map(|i| radii[i]).max_by(f32::total_cmp) else { return };
+    if !(0..radii.len()).any(|i| is_wide(radii[i]) && is_wire(i)) {
+        return;
+    }
     let wires: Vec<usize> = (0..radii.len()).filter(|&i| is_wire(i)).collect();
     let points: Vec<[i32; 3]> = wires.iter().map(|&i| candidates.q[places[i] as usize]).collect();
-    let near = Near::new(&points, f64::from(widest) / GAP_SHARE);
+    let far = spacing * FAR_SPACINGS;
+    let near = Near::new(&points, far);
     for (point, &i) in wires.iter().enumerate() {
         // A gap that is wider narrows nothing.
         if is_wide(radii[i])
-            && let Some(gap) = gap(&near, point, f64::from(radii[i]) / GAP_SHARE)
+            && let Some(gap) = gap(&near, point, far.min(f64::from(radii[i]) / GAP_SHARE))
         {
             radii[i] = radii[i].min((gap * GAP_SHARE) as f32);
         }

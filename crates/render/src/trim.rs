@@ -14,6 +14,8 @@
 //! Where two samples lie far apart, the pixels halfway between them have their mean in the middle: of what spans such a gap a
 //! pixel here and there would stay, and float in front of what is behind. So a pixel that is left alone goes too.
 //!
+//! What is behind goes on where a pixel went: it shows what lies as far beyond the rim, mirrored.
+//!
 //! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a chessboard a
 //! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
 //! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
