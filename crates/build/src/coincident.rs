@@ -70,23 +70,23 @@ impl<'a> Coincident<'a> {
     }
 
     /// The rows between two bounds.
-    fn within(&self, [low, high]: [Option<&'a [u8]>; 2]) -> impl ParallelIterator<Item = &'a [u8]> {
+    fn within(&self, bounds: [Option<&'a [u8]>; 2]) -> impl ParallelIterator<Item = &'a [u8]> {
         let rows = self
             .runs
             .par_iter()
             .flat_map(|run| run.par_chunks_exact(self.stride).with_min_len(TASK_ROWS));
-        rows.filter(move |r| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h))
+        rows.filter(move |row| is_within(row, bounds))
     }
 
     /// Rows between two bounds, ascending, at least one of the so many that there are: memory mostly holds what is between
     /// neighbours.
-    fn pivots(&self, [low, high]: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
+    fn pivots(&self, bounds: [Option<&'a [u8]>; 2], count: u64) -> Vec<&'a [u8]> {
         let parts = count.div_ceil(self.rows_max).saturating_mul(2);
         let wanted = parts.saturating_mul(SAMPLE_ROWS);
         let sample = |step: usize| {
             let rows = self.runs.iter().flat_map(|run| run.chunks_exact(self.stride)).step_by(step);
-            let within = |r: &&[u8]| low.is_none_or(|l| *r > l) && high.is_none_or(|h| *r < h);
-            rows.filter(within).take(wanted.saturating_mul(2) as usize).collect::<Vec<_>>()
+            let within = rows.filter(|row| is_within(row, bounds));
+            within.take(wanted.saturating_mul(2) as usize).collect::<Vec<_>>()
         };
         // Odd: rows often take turns, as returns of pulses do.
         let mut rows = sample((count / wanted) as usize | 1);
@@ -114,6 +114,10 @@ impl<'a> Coincident<'a> {
         };
         self.within(bounds).fold(none, count).reduce(none, add)
     }
+}
+
+fn is_within(row: &[u8], [low, high]: [Option<&[u8]>; 2]) -> bool {
+    low.is_none_or(|low| row > low) && high.is_none_or(|high| row < high)
 }
 
 #[cfg(test)]

@@ -58,10 +58,11 @@ fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
         let room = NEIGHBOURS_MAX - ways.len();
         ways.extend(more.filter(|way| length2(way) <= far * far).take(room));
     });
-    // What coincides with it is no neighbour, and the nearest tell its own wire's direction rather than that of several.
+    // What coincides with it is no neighbour. Directions are weighed by one over their length: the nearest tell that of its own
+    // wire rather than of several.
     ways.retain(|way| length2(way) > 0.0);
-    let drawing: Vec<_> = ways.iter().map(|way| way.map(|c| c / length2(way))).collect();
-    let along = Eigen::of(square(&drawing)).axes[0];
+    let directions: Vec<_> = ways.iter().map(|way| way.map(|c| c / length2(way))).collect();
+    let along = Eigen::of(square(&directions)).axes[0];
     let mut gaps = [f64::INFINITY; 2];
     for way in &ways {
         let on_it: f64 = way.iter().zip(along).map(|(a, b)| a * b).sum();

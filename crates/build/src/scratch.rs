@@ -111,7 +111,7 @@ fn not_made(folder: &Path, e: io::Error) -> BuildError {
 }
 
 /// A growing file.
-struct Rows {
+struct Growing {
     file: BufWriter<File>,
     /// Its length, once all is written.
     bytes: u64,
@@ -119,7 +119,7 @@ struct Rows {
     writing: Option<JoinHandle<io::Result<()>>>,
 }
 
-impl Rows {
+impl Growing {
     fn new(file: File) -> Self {
         Self { file: BufWriter::with_capacity(WRITE_BYTES, file), bytes: 0, writing: None }
     }
@@ -153,7 +153,7 @@ impl Rows {
 
 /// Growing files, gone with the process where they have no names.
 pub struct Scratch {
-    files: Vec<Rows>,
+    files: Vec<Growing>,
     folder: PathBuf,
     /// Bytes ever written.
     written_bytes: u64,
@@ -176,7 +176,7 @@ impl Scratch {
     pub fn new(folder: &Path) -> Result<Self, BuildError> {
         let file = tempfile::tempfile_in(folder).map_err(|e| not_made(folder, e))?;
         Ok(Self {
-            files: vec![Rows::new(file)],
+            files: vec![Growing::new(file)],
             folder: folder.to_owned(),
             written_bytes: 0,
             held_bytes: 0,
@@ -203,7 +203,7 @@ impl Scratch {
             let named = named.prefix(NAME[0]).suffix(NAME[1]).tempfile_in(folder);
             let (file, path) =
                 named.and_then(|n| n.keep().map_err(io::Error::from)).map_err(failed)?;
-            self.files = vec![Rows::new(file)];
+            self.files = vec![Growing::new(file)];
             self.path = Some(path);
         }
         Ok(self.path.as_deref())
@@ -218,10 +218,10 @@ impl Scratch {
             return Err(io::Error::other("it has another name than scratch files have"));
         }
         let open = |number| OpenOptions::new().read(true).write(true).open(name_of(path, number));
-        self.files = vec![Rows::new(open(0)?)];
+        self.files = vec![Growing::new(open(0)?)];
         for number in 1..FILES_MAX {
             match open(number) {
-                Ok(file) => self.files.push(Rows::new(file)),
+                Ok(file) => self.files.push(Growing::new(file)),
                 Err(e) if e.kind() == io::ErrorKind::NotFound => break,
                 Err(e) => return Err(e),
             }
@@ -236,7 +236,7 @@ impl Scratch {
             None => tempfile::tempfile_in(&self.folder),
             Some(first) => create(&name_of(first, self.files.len())),
         };
-        self.files.push(Rows::new(file.map_err(|e| not_made(&self.folder, e))?));
+        self.files.push(Growing::new(file.map_err(|e| not_made(&self.folder, e))?));
         Ok(())
     }
 
@@ -254,7 +254,7 @@ impl Scratch {
         }
         self.note_peaks();
         let mut is_there = true;
-        for Rows { file, bytes, .. } in &mut self.files {
+        for Growing { file, bytes, .. } in &mut self.files {
             let sought = file.seek(io::SeekFrom::Start(*bytes));
             let length = sought.and_then(|_| file.get_ref().metadata()).map(|m| m.len());
             let failed = |e| BuildError::scratch(&self.folder, "cannot read scratch data", e);
@@ -279,7 +279,7 @@ impl Scratch {
     /// Where the disk is full.
     pub fn flush(&mut self) -> Result<(), BuildError> {
         // Each is waited for, whatever becomes of the others.
-        let flushed: Vec<io::Result<()>> = self.files.iter_mut().map(Rows::flush).collect();
+        let flushed: Vec<io::Result<()>> = self.files.iter_mut().map(Growing::flush).collect();
         flushed.into_iter().collect::<io::Result<()>>().map_err(|e| self.not_written(e))
     }
 
@@ -401,7 +401,7 @@ impl Scratch {
         // no extent is left (`clear` takes `&mut self` where no map lives), and holes
         // are punched only in extents that nobody reads any more (whoever parts rows may still have slices of them, but is
         // past them), so the mapped bytes never change under a reader and a mapping never reaches past its file's end.
-        let map = |rows: &Rows| unsafe { Mmap::map(rows.file.get_ref()) };
+        let map = |rows: &Growing| unsafe { Mmap::map(rows.file.get_ref()) };
         let maps: io::Result<Vec<Mmap>> = self.files.iter().map(map).collect();
         let failed = |e| BuildError::scratch(&self.folder, "cannot map scratch data", e);
         maps.map(Map).map_err(failed)

@@ -34,7 +34,8 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of this much memory; what is left is for batches, held roots and pages on their way.
+    /// Of this much memory; what is left is for batches, cells above and what
+    /// they wait for, and pages on their way.
     pub fn of(memory_bytes: u64) -> Self {
         let part = |share: f64| (memory_bytes as f64 * share) as u64;
         Self { buffer_bytes_max: part(0.3), chunk_bytes_max: part(0.45) }
