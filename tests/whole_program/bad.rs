@@ -9,9 +9,11 @@ use libtest_mimic::Trial;
 use std::path::Path;
 
 /// Files that are read as far as they are sound.
-const SOUND_ENOUGH: [&str; 6] = [
+const SOUND_ENOUGH: [&str; 8] = [
     "bad-geotiff-keys.las",
     "bad_vlr_count.las",
+    "e57-invalid-cv-header.e57",
+    "e57-no-ext-namespace.e57",
     "gps-time-nan.las",
     "huge-count.las",
     "laz-pdal-fail.laz",

@@ -19,7 +19,7 @@ pub struct Args {
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Build an .esker file from scans (LAS, LAZ, PLY, XYZ, TXT, CSV; or generated ones,
+    /// Build an .esker file from scans (LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, TXT, CSV; or generated ones,
     /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED).
     Build(Build),
     /// Add scans to an .esker file without writing it again: a new file holds their points and names the old
@@ -64,7 +64,7 @@ pub enum Command {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans, or folders, for all scans directly in them (.las, .laz, .ply, .xyz, .txt, .csv), or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office,
+    /// The scans, or folders, for all scans directly in them (.las, .laz, .ply, .pcd, .e57, .ptx, .xyz, .txt, .csv, .pts), or with --merge .esker files; also generated ones, named as synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office,
     /// terrain, or a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G, SEED a whole number (1 where not said).
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,

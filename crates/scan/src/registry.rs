@@ -11,13 +11,20 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// All formats; text comes last, since nearly anything could be text.
-pub static FORMATS: &[Format] = &[crate::las::FORMAT, crate::ply::FORMAT, crate::text::FORMAT];
+pub static FORMATS: &[Format] = &[
+    crate::las::FORMAT,
+    crate::ply::FORMAT,
+    crate::pcd::FORMAT,
+    crate::e57::FORMAT,
+    crate::ptx::FORMAT,
+    crate::text::FORMAT,
+];
 
 /// Files that are known by their first bytes and not read, with what to do.
-const NAMED: &[(&[u8], &str)] = &[
-    (b"\x89ESKER", "is an .esker file already; give it to info, verify, render or build --merge"),
-    (b"ASTM-E57", "E57 is not read yet; convert it to LAZ or PLY"),
-];
+const NAMED: &[(&[u8], &str)] = &[(
+    b"\x89ESKER",
+    "is an .esker file already; give it to info, verify, render or build --merge",
+)];
 
 /// Bytes of a file's beginning by which its format is told: text may begin with many comments, or with one long line
 /// of names.

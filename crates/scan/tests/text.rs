@@ -188,9 +188,6 @@ fn what_is_not_read_is_named() {
     for (text, want) in [
         ("1,5;2,5;3,5\n", "line 1 writes decimals with a comma"),
         ("0;0;0\n1,5;2,5;3,5\n1,5;2,5;3,5\n", "line 2 writes decimals with a comma"),
-        ("# .PCD v0.7\nVERSION 0.7\n", "PCD files are not read"),
-        ("1\n1 2 3 4\n", "PTS files are not read"),
-        ("1\n1\n0 0 0\n", "PTX files are not read"),
         ("# nothing here\n", "not a scan file that Esker knows"),
         ("x,y,z\n1,,3\n", "line 2 has an empty field"),
         ("v 1 2 3\nf 1 1 1\n", "not a scan file that Esker knows"),
@@ -334,21 +331,8 @@ fn real_files_have_the_points_of_the_manifest() {
 }
 
 #[test]
-fn relatives_among_the_real_files_are_refused_by_name() {
+fn an_obj_file_is_no_scan() {
     let Some(data) = data() else { return };
-    for folder in ["pcd", "pts", "ptx"] {
-        for file in std::fs::read_dir(data.join(folder)).unwrap() {
-            let path = file.unwrap().path();
-            if path.ends_with("ripple.pts") {
-                // It lacks the count, and so is plain text.
-                assert_eq!(read_path(&path).unwrap().report.points, 10_201);
-                continue;
-            }
-            let error = read_path(&path).err().unwrap().to_string();
-            let want = format!("{} files are not read", folder.to_uppercase());
-            assert!(error.contains(&want), "{error}");
-        }
-    }
     let error = read_path(&data.join("bad/obj-no-vertex.obj")).err().unwrap().to_string();
     assert!(error.contains("obj-no-vertex.obj: not a scan file"), "{error}");
 }

@@ -57,7 +57,7 @@ pub(crate) fn parse_line(
 }
 
 /// Appends the value of a word; `false` where the declared type does not hold it.
-fn put(word: &[u8], declared: AttrType, target: AttrType, out: &mut Vec<u8>) -> bool {
+pub(crate) fn put(word: &[u8], declared: AttrType, target: AttrType, out: &mut Vec<u8>) -> bool {
     macro_rules! int {
         ($t:ty) => {
             match integer(word).and_then(|v| <$t>::try_from(v).ok()) {

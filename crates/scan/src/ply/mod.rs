@@ -2,10 +2,10 @@
 //! with all their scalar properties. Faces and other elements are ignored, lists left out, both with a
 //! word. One pass at opening finds the bounds; neither pass keeps more than a few blocks.
 
-mod ascii;
-mod header;
-mod plan;
-mod records;
+pub(crate) mod ascii;
+pub(crate) mod header;
+pub(crate) mod plan;
+pub(crate) mod records;
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};

@@ -1,9 +1,10 @@
 //! How a PLY file's vertices become points: which properties are coordinates, what the attributes are
-//! called, and, after one pass over the vertices, on which grid they lie.
+//! called, and, after one pass over the vertices, on which grid they lie. Serves PCD as well.
 
 use super::ascii::parse_line;
 use super::header::{Element, Encoding, Header, Shape};
 use super::records::{Field, Raw, Record};
+use crate::bounds::Bounds;
 use crate::error::ScanError;
 use crate::text::naming::{NOT_FINITE, axes, colour_max, named, schema_of, wide_colours};
 use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
@@ -35,7 +36,7 @@ pub(crate) struct Plan {
 /// What one pass over vertices finds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Survey {
-    bounds: [[f64; 3]; 2],
+    bounds: Bounds,
     decimals: [u32; 3],
     /// Greatest value of 16-bit colours.
     pub colour_max: u16,
@@ -44,31 +45,26 @@ pub(crate) struct Survey {
 }
 
 impl Survey {
-    pub const EMPTY: Self = Self {
-        bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
-        decimals: [0; 3],
-        colour_max: 0,
-        has_more_lines: false,
-    };
+    pub const EMPTY: Self =
+        Self { bounds: Bounds::EMPTY, decimals: [0; 3], colour_max: 0, has_more_lines: false };
 
     pub fn merge(&mut self, other: Self) {
-        for i in 0..3 {
-            self.bounds[0][i] = self.bounds[0][i].min(other.bounds[0][i]);
-            self.bounds[1][i] = self.bounds[1][i].max(other.bounds[1][i]);
-            self.decimals[i] = self.decimals[i].max(other.decimals[i]);
+        self.bounds.merge(other.bounds);
+        for (decimals, other) in self.decimals.iter_mut().zip(other.decimals) {
+            *decimals = (*decimals).max(other);
         }
         self.colour_max = self.colour_max.max(other.colour_max);
     }
 
     /// World bounds of the points that have a place.
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        (self.bounds[0][0] <= self.bounds[1][0]).then_some(self.bounds)
+        self.bounds.get()
     }
 
     /// The decimal grid of the text, where all its digits fit a lattice.
     fn decimal_grid(&self) -> Option<Grid> {
         let grid = decimal_grid(self.decimals);
-        let [lo, hi] = self.bounds;
+        let [lo, hi] = self.bounds()?;
         let fits = |i: usize| {
             let steps = |length: f64| length / grid.scale[i];
             self.decimals[i] <= DECIMALS_MAX
@@ -104,9 +100,15 @@ impl Plan {
             .iter()
             .position(is_vertex)
             .ok_or("has no element `vertex`: no points")?;
-        let scalars: Vec<(&str, AttrType)> = scalars(&header.elements[vertex]).collect();
-        let axes = axes(scalars.iter().map(|(name, _)| *name))
+        let plan = Self::of_element(&header.elements[vertex], header.encoding)
             .ok_or("its vertices lack x, y or z (as numbers, not lists): no points")?;
+        Ok(Self { vertex, ..plan })
+    }
+
+    /// The same of the only element that there is; `None` where it lacks a coordinate.
+    pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
+        let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
+        let axes = axes(scalars.iter().map(|(name, _)| *name))?;
         let others: Vec<usize> = (0..scalars.len()).filter(|f| !axes.contains(f)).collect();
         let attributes: Vec<_> = others.iter().map(|&f| scalars[f]).collect();
         let (schema, columns) = schema_of(named(&attributes));
@@ -114,13 +116,12 @@ impl Plan {
         for (&field, column) in others.iter().zip(columns) {
             sources[column] = field;
         }
-        let encoding = header.encoding;
         let ascii = encoding == Encoding::Ascii;
         let types = scalars
             .iter()
             .enumerate()
             .map(|(f, &(_, ty))| if ascii && axes.contains(&f) { AttrType::F64 } else { ty });
-        Ok(Self { vertex, encoding, record: Record::new(types), axes, schema, sources })
+        Some(Self { vertex: 0, encoding, record: Record::new(types), axes, schema, sources })
     }
 
     /// Decides the grid after the survey. Decimal text keeps its digits where they fit a lattice of
@@ -133,9 +134,8 @@ impl Plan {
     ) -> (GridKind, Grid, Option<[[f64; 3]; 2]>) {
         let bounds = survey.bounds();
         if self.encoding == Encoding::Ascii {
-            match survey.decimal_grid() {
-                Some(grid) if bounds.is_some() => return (GridKind::Decimal, grid, bounds),
-                _ => {}
+            if let Some(grid) = survey.decimal_grid() {
+                return (GridKind::Decimal, grid, bounds);
             }
             self.as_declared(element);
         }
@@ -200,10 +200,21 @@ impl Plan {
     pub fn survey(&self, path: &Path, element: &Element, raw: Raw) -> Result<Survey, ScanError> {
         let mut found = Survey::EMPTY;
         let records = self.records(path, element, raw, |field, word| {
-            if let Some(i) = self.axes.iter().position(|&a| a == field) {
-                found.decimals[i] = found.decimals[i].max(crate::text::number::decimals(word));
-            }
+            self.add_decimals(field, word, &mut found);
         })?;
+        self.survey_records(&records, &mut found);
+        Ok(found)
+    }
+
+    /// Tells a survey of the word that stands for a field.
+    pub fn add_decimals(&self, field: usize, word: &[u8], found: &mut Survey) {
+        if let Some(i) = self.axes.iter().position(|&a| a == field) {
+            found.decimals[i] = found.decimals[i].max(crate::text::number::decimals(word));
+        }
+    }
+
+    /// Tells a survey of whole little-endian records.
+    pub fn survey_records(&self, records: &[u8], found: &mut Survey) {
         let colours = wide_colours(&self.schema);
         let colours = colours.map(|rgb| rgb.map(|c| self.record.fields[self.sources[c]]));
         for record in records.chunks_exact(self.record.stride) {
@@ -211,15 +222,11 @@ impl Plan {
             if !world.iter().all(|c| c.is_finite()) {
                 continue;
             }
-            for (i, c) in world.into_iter().enumerate() {
-                found.bounds[0][i] = found.bounds[0][i].min(c);
-                found.bounds[1][i] = found.bounds[1][i].max(c);
-            }
+            found.bounds.add(world);
             for field in colours.into_iter().flatten() {
                 found.colour_max = found.colour_max.max(value(record, field) as u16);
             }
         }
-        Ok(found)
     }
 
     /// Places the points of a block on the lattice.
@@ -234,6 +241,19 @@ impl Plan {
         placement: &Placement,
     ) -> Result<Part, ScanError> {
         let records = self.records(path, element, raw, |_, _| {})?;
+        self.decode_records(path, &records, placement)
+    }
+
+    /// Places the points of whole little-endian records.
+    ///
+    /// # Errors
+    /// [`ScanError::OffLattice`].
+    pub fn decode_records(
+        &self,
+        path: &Path,
+        records: &[u8],
+        placement: &Placement,
+    ) -> Result<Part, ScanError> {
         let stride = self.record.stride;
         let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
         let (mut not_finite, mut rounding_error_max) = (0, 0.0);

@@ -1,8 +1,9 @@
-//! What a text file is, told by its first lines: columns of numbers with or without a line of names, a
-//! relative that is known but not read (PCD, PTS, PTX), or something else altogether.
+//! What a text file is, told by its first lines: columns of numbers with or without a line of names, or with
+//! counts of lines before them (PTS), or something else altogether.
 
 use super::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axes};
 use super::number::{fields, has_decimal_commas, number};
+use esker_points::attribute::names;
 
 /// What the first lines of a file say.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,8 +12,6 @@ pub(crate) enum Kind {
     Columns(Layout),
     /// Columns of numbers whose decimal point is a comma; the line that shows it.
     DecimalCommas(u64),
-    /// A format that looks like text and is not read.
-    Foreign(&'static str),
     /// A table that is not one of points: which line shows it, and why.
     NoPoints(String),
 }
@@ -26,7 +25,27 @@ pub(crate) struct Layout {
     pub names_line: Option<u64>,
     /// Numbers in a line.
     pub columns: usize,
+    /// Whether lines of a count alone stand before the lines that they count.
+    pub has_counts: bool,
 }
+
+impl Layout {
+    /// Whether a line (without blanks around it), of this number, is not meant as a point.
+    pub fn is_beside(&self, number: u64, line: &[u8]) -> bool {
+        is_comment(line)
+            || Some(number) == self.names_line
+            || self.has_counts && count(line).is_some()
+    }
+}
+
+/// What a PTS file's columns are, where there are so many; it names none.
+const PTS_COLUMNS: [&[&str]; 5] = [
+    &[],
+    &[names::INTENSITY],
+    &[names::RED, names::GREEN, names::BLUE],
+    &[names::INTENSITY, names::RED, names::GREEN, names::BLUE],
+    &[names::INTENSITY, names::RED, names::GREEN, names::BLUE, names::NX, names::NY, names::NZ],
+];
 
 /// Whether a line (without blanks around it) is a comment.
 pub(crate) fn is_comment(line: &[u8]) -> bool {
@@ -47,16 +66,12 @@ pub(crate) fn excerpt(line: &[u8]) -> String {
 /// Tells what a file is by its first lines; `None` where it is no text that could hold points. A file
 /// without any point is only told by its names.
 pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
-    // A PCD's body may be binary and begin within the head.
-    if [&b"# .PCD"[..], b"VERSION .7", b"VERSION 0.7"].iter().any(|m| head.starts_with(m)) {
-        return Some(Kind::Foreign("PCD"));
-    }
     // Form feeds and the end mark of DOS (0x1A) occur in real files.
     let printable = |b: &u8| *b >= 0x20 || b.is_ascii_whitespace() || *b == 0x1A;
     if !head.iter().all(printable) {
         return None;
     }
-    let (mut commented, mut named, mut counts) = (None, None, 0);
+    let (mut commented, mut named, mut has_count) = (None, None, false);
     for (n, line) in (1..).zip(head.split(|&b| b == b'\n')) {
         let line = line.trim_ascii();
         if line.is_empty() {
@@ -70,12 +85,10 @@ pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
             return Some(Kind::DecimalCommas(n));
         }
         let (columns, stray) = numbers_of(line);
-        let names = if counts == 0 && named.is_none() { names_of(line) } else { None };
+        let names = if !has_count && named.is_none() { names_of(line) } else { None };
         match (stray, columns) {
-            (None, 1) if counts < 2 && named.is_none() && is_count(line) => counts += 1,
-            (None, 3..=COLUMNS_MAX) if counts > 0 => {
-                return Some(Kind::Foreign(if counts == 1 { "PTS" } else { "PTX" }));
-            }
+            (None, 1) if !has_count && named.is_none() && count(line).is_some() => has_count = true,
+            (None, 3..=COLUMNS_MAX) if has_count => return Some(Kind::Columns(pts(columns))),
             (None, 3..=COLUMNS_MAX) => return Some(layout(n, columns, named, commented)),
             (Some(_), _) if names.is_some() => named = names.map(|names| (n, names)),
             _ => {
@@ -87,8 +100,9 @@ pub(crate) fn classify(head: &[u8]) -> Option<Kind> {
     }
     let names_line = named.as_ref().map(|(line, _)| *line);
     let names = named.map(|(_, names)| names).or(commented)?;
-    let is_table = counts == 0 && has_axes(&names);
-    let layout = Layout { columns: names.len(), names: Some(names), names_line };
+    let is_table = !has_count && has_axes(&names);
+    let columns = names.len();
+    let layout = Layout { columns, names: Some(names), names_line, has_counts: false };
     is_table.then_some(Kind::Columns(layout))
 }
 
@@ -109,7 +123,14 @@ fn layout(
         Some((line, names)) => (Some(line), Some(names)),
         None => (None, commented.filter(|names| names.len() == columns)),
     };
-    Kind::Columns(Layout { names, names_line, columns })
+    Kind::Columns(Layout { names, names_line, columns, has_counts: false })
+}
+
+/// The layout of a PTS file of so many columns.
+fn pts(columns: usize) -> Layout {
+    let more = PTS_COLUMNS.into_iter().find(|more| more.len() + 3 == columns);
+    let names = more.map(|more| ["x", "y", "z"].iter().chain(more).map(|n| (*n).into()).collect());
+    Layout { names, names_line: None, columns, has_counts: true }
 }
 
 /// How many numbers a line begins with; the field behind them, where something follows that counts.
@@ -166,8 +187,10 @@ fn has_axes(names: &[String]) -> bool {
     axes(names.iter().map(String::as_str)).is_some()
 }
 
-fn is_count(line: &[u8]) -> bool {
-    line.len() <= 20 && line.iter().all(u8::is_ascii_digit)
+/// The number in a line that has nothing but a count.
+pub(crate) fn count(line: &[u8]) -> Option<u64> {
+    let is_one = !line.is_empty() && line.iter().all(u8::is_ascii_digit);
+    std::str::from_utf8(line).ok().filter(|_| is_one)?.parse().ok()
 }
 
 /// A comment without its marks.
@@ -251,15 +274,17 @@ mod tests {
     }
 
     #[test]
-    fn relatives_are_known_by_name() {
+    fn a_count_before_the_points_makes_a_pts_file() {
         for (text, want) in [
-            ("# .PCD v0.7 - Point Cloud Data\nVERSION 0.7\n", "PCD"),
-            ("VERSION .7\nFIELDS x y z\n", "PCD"),
-            ("2\n1 2 3 4\n", "PTS"),
-            ("2\r\n3\r\n0 0 0\r\n", "PTX"),
+            ("2\n1 2 3\n", "x y z"),
+            ("2\r\n1 2 3 -4\r\n", "x y z intensity"),
+            ("2\n1 2 3 4 5 6\n", "x y z red green blue"),
+            ("# made by hand\n2\n1 2 3 4 5 6 7\n", "x y z intensity red green blue"),
+            ("2\n1 2 3 4 5 6 7 0 0 1\n", "x y z intensity red green blue nx ny nz"),
         ] {
-            assert_eq!(classify(text.as_bytes()), Some(Kind::Foreign(want)), "{text}");
+            assert_eq!(columns(text).unwrap().1, names(want), "{text}");
         }
+        assert_eq!(columns("2\n1 2 3 4 5\n"), Some((5, None)));
         assert_eq!(classify(b"x;y;z\n1,5;2,5;3,5\n"), Some(Kind::DecimalCommas(2)));
     }
 }

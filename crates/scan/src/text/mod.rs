@@ -1,5 +1,6 @@
-//! Points as text: XYZ, TXT, CSV. Lines of numbers separated by blanks, tabs, commas or semicolons,
-//! optionally after a line of names; `#`, `//` and `%` begin comments. Lines end with LF or CR LF, or all with
+//! Points as text: XYZ, TXT, CSV, PTS. Lines of numbers separated by blanks, tabs, commas or semicolons,
+//! optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines with a count alone before the
+//! points that it counts. Lines end with LF or CR LF, or all with
 //! CR. A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over; neither
 //! keeps more than a few blocks.
 //!
@@ -7,10 +8,10 @@
 //! 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file is.
 
 pub(crate) mod blocks;
-mod layout;
+pub(crate) mod layout;
 pub(crate) mod naming;
 pub(crate) mod number;
-mod start;
+pub(crate) mod start;
 mod survey;
 
 use crate::error::ScanError;
@@ -18,17 +19,17 @@ use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
 use blocks::{Block, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
-use layout::{Kind, Layout, classify, is_comment};
+use layout::{Kind, Layout, classify};
 use naming::{NOT_FINITE, colour_max, wide_colours};
 use start::{first_lines, lines_of, read_head};
 use std::fs::File;
 use std::path::Path;
 use survey::{Plan, Survey, axes_of, parse_row};
 
-/// XYZ, TXT and CSV, as the registry knows them.
+/// XYZ, TXT, CSV and PTS, as the registry knows them.
 pub const FORMAT: Format = Format {
-    name: "text (XYZ, TXT, CSV)",
-    endings: &["xyz", "txt", "csv"],
+    name: "text (XYZ, TXT, CSV, PTS)",
+    endings: &["xyz", "txt", "csv", "pts"],
     recognises: |head| classify(&first_lines(head)).is_some(),
     open,
 };
@@ -50,8 +51,16 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let survey = survey_file(path, &layout, task)?;
     check_malformed(path, &layout, &survey, true)?;
     let plan = Plan::new(&layout, &survey);
-    let named = if layout.names.is_some() { ", named" } else { "" };
+    let (name, named) = match (layout.has_counts, layout.names.is_some()) {
+        (true, _) => ("PTS", ""),
+        (false, true) => ("text", ", named"),
+        (false, false) => ("text", ""),
+    };
     let mut notes = plan.notes.clone();
+    let lines = survey.points + survey.not_finite + survey.malformed;
+    if layout.has_counts && survey.claimed != lines {
+        notes.push(format!("its counts say {} points, {lines} are there", survey.claimed));
+    }
     if survey.points == 0 {
         notes.push("has no points".into());
     }
@@ -60,7 +69,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     }
     let mut info = SourceInfo {
         path: path.to_owned(),
-        format: format!("text, {} columns{named}", layout.columns),
+        format: format!("{name}, {} columns{named}", layout.columns),
         grid: InputGrid {
             name: path.display().to_string(),
             kind: GridKind::Decimal,
@@ -76,7 +85,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         verbatim: Vec::new(),
         notes,
     };
-    if let Some(names) = &layout.names {
+    if let (Some(names), false) = (&layout.names, layout.has_counts) {
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
     }
     if wide_colours(&info.schema).is_some() {
@@ -92,10 +101,6 @@ fn read_layout(path: &Path) -> Result<Layout, ScanError> {
     match classify(&first_lines(&head)) {
         Some(Kind::Columns(layout)) => Ok(layout),
         Some(Kind::DecimalCommas(line)) => Err(decimal_commas(path, line)),
-        Some(Kind::Foreign(name)) => Err(ScanError::unsupported(
-            path,
-            format!("{name} files are not read yet; convert it to LAS, PLY or plain XYZ text"),
-        )),
         Some(Kind::NoPoints(why)) => Err(ScanError::damaged(path, why)),
         None => Err(ScanError::damaged(path, "its lines are not three or more numbers each")),
     }
@@ -168,7 +173,7 @@ impl TextSource {
         let mut part = Part { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
         let mut row = Vec::with_capacity(self.layout.columns);
         for (n, line) in block.lines() {
-            if is_comment(line) || Some(n) == self.layout.names_line {
+            if self.layout.is_beside(n, line) {
                 continue;
             }
             if !parse_row(line, self.layout.columns, &mut row) {

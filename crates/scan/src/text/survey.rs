@@ -3,7 +3,7 @@
 //! reads: attributes, their types and the grid.
 
 use super::blocks::Block;
-use super::layout::{Layout, excerpt, is_comment, is_end};
+use super::layout::{Layout, count, excerpt, is_end};
 use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
 use esker_points::attribute::names;
@@ -61,6 +61,8 @@ pub(crate) struct Survey {
     pub points: u64,
     /// Points without a place.
     pub not_finite: u64,
+    /// Points that lines of counts say there are.
+    pub claimed: u64,
     /// Lines that are no points.
     pub malformed: u64,
     /// The first of them.
@@ -91,6 +93,7 @@ impl Survey {
         Self {
             points: 0,
             not_finite: 0,
+            claimed: 0,
             malformed: 0,
             first_malformed: None,
             decimals: [0; 3],
@@ -103,7 +106,8 @@ impl Survey {
         let mut found = Self::empty(layout.columns);
         let mut row = Vec::with_capacity(layout.columns);
         for (n, line) in block.lines() {
-            if is_comment(line) || Some(n) == layout.names_line {
+            if layout.is_beside(n, line) {
+                found.claimed = found.claimed.saturating_add(count(line).unwrap_or(0));
                 continue;
             }
             if !parse_row(line, layout.columns, &mut row) {
@@ -136,6 +140,7 @@ impl Survey {
     pub fn merge(&mut self, later: Self) {
         self.points += later.points;
         self.not_finite += later.not_finite;
+        self.claimed = self.claimed.saturating_add(later.claimed);
         self.malformed += later.malformed;
         self.first_malformed = self.first_malformed.take().or(later.first_malformed);
         for (a, b) in self.decimals.iter_mut().zip(later.decimals) {

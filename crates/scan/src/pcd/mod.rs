@@ -1,0 +1,230 @@
+//! PCD (Point Cloud Library, 0.5 to 0.7): points as lines, as records, or compressed, with all their fields; colours that
+//! are packed into a number become red, green, blue (and alpha). Compressed points are held in memory, all of them, since
+//! fields stand one behind another. One pass at opening finds the bounds.
+
+mod header;
+mod lzf;
+mod points;
+
+use crate::error::ScanError;
+use crate::ply::plan::{Part, Plan, Survey};
+use crate::source::{
+    BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
+};
+use crate::text::blocks::in_order;
+use crate::text::naming::wide_colours;
+use esker_points::lattice::Placement;
+use esker_points::{ColourDepth, InputGrid, Task};
+use header::{Data, Header};
+use points::{Layout, Points, sizes, too_few};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+/// PCD, as the registry knows it.
+pub const FORMAT: Format = Format { name: "PCD", endings: &["pcd"], recognises, open };
+
+/// Bytes read from the file at once.
+const READ_BYTES: usize = 256 << 10;
+
+struct PcdSource {
+    info: SourceInfo,
+    layout: Layout,
+    plan: Plan,
+    held_bytes: u64,
+}
+
+fn recognises(head: &[u8]) -> bool {
+    let mut lines = head.split(|&b| b == b'\n').map(|line| line.trim_ascii());
+    let first = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
+    head.starts_with(b"# .PCD")
+        || [&b"VERSION "[..], b"FIELDS ", b"COLUMNS "]
+            .iter()
+            .any(|word| first.is_some_and(|line| line.starts_with(word)))
+}
+
+fn stream_of(path: &Path) -> Result<Box<dyn BufRead + Send>, ScanError> {
+    let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
+    Ok(Box::new(BufReader::with_capacity(READ_BYTES, file)))
+}
+
+fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let mut stream = stream_of(path)?;
+    let header = Header::read(&mut stream).map_err(|e| ScanError::io(path, e))?;
+    let header = header.map_err(|what| ScanError::damaged(path, what))?;
+    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    let held_bytes = check_room(path, &header, bytes)?;
+    if let Some(memory_bytes) = options.memory_bytes {
+        check_held(held_bytes, memory_bytes, path)?;
+    }
+    let layout = Layout::new(header);
+    let mut plan = Plan::of_element(&layout.element, layout.encoding())
+        .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
+    let survey = survey_stream(path, stream, &layout, &plan, task)?;
+    let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
+    let colour_depth = wide_colours(&plan.schema).map(|_| {
+        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
+        options.colour_depth.unwrap_or(detected)
+    });
+    let header = &layout.header;
+    let mut notes = Vec::new();
+    if survey.has_more_lines {
+        let points = header.points;
+        notes.push(format!("lines behind the {points} points that the header claims are left out"));
+    }
+    if header.points == 0 {
+        notes.push("has no points".into());
+    }
+    let data = match header.data {
+        Data::Ascii => "ASCII",
+        Data::Binary => "binary",
+        Data::Compressed => "compressed",
+    };
+    // Where nothing is said of it, the place is the origin: it is one where points are rows of an image.
+    let is_scanner = header.rows > 1 || header.viewpoint != [0.0; 3];
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("PCD {}, {data}", header.version),
+        grid: InputGrid { name: path.display().to_string(), kind, grid, bounds },
+        schema: plan.schema.clone(),
+        points_hint: header.points,
+        bytes,
+        colour_depth,
+        crs: None,
+        scanner: is_scanner.then_some(Scanner::At(header.viewpoint)),
+        verbatim: vec![("PCD header".into(), header.text.clone())],
+        notes,
+    };
+    Ok(Box::new(PcdSource { info, layout, plan, held_bytes }))
+}
+
+/// Refuses a count that the file has no room for. How many bytes are held at once while the points are read.
+fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError> {
+    let room = bytes.saturating_sub(header.text.len() as u64);
+    match header.data {
+        Data::Ascii => Ok(0),
+        Data::Binary => {
+            let available = room / header.stride as u64;
+            if available < header.points {
+                return Err(too_few(path, header.points, available));
+            }
+            Ok(0)
+        }
+        Data::Compressed => {
+            let io = |e| ScanError::io(path, e);
+            let mut file = File::open(path).map_err(io)?;
+            std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(header.text.len() as u64))
+                .map_err(io)?;
+            let [packed, unpacked] = sizes(path, &mut file, header)?;
+            if packed > room.saturating_sub(8) {
+                let what = format!(
+                    "{packed} bytes of compressed points should follow the header, {} do; the file is cut",
+                    room.saturating_sub(8)
+                );
+                return Err(ScanError::damaged(path, what));
+            }
+            Ok(packed + unpacked)
+        }
+    }
+}
+
+/// Whether memory has room for what is held.
+fn check_held(held_bytes: u64, memory_bytes: u64, path: &Path) -> Result<(), ScanError> {
+    let needed_bytes = held_bytes + BESIDE_HELD_BYTES;
+    if held_bytes == 0 || needed_bytes <= memory_bytes {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let what = format!(
+        "its compressed points are needed at once, {} MiB with the packed ones: give {} MiB of --memory, or write it with `DATA binary`",
+        mib(held_bytes),
+        mib(needed_bytes),
+    );
+    Err(ScanError::unsupported(path, what))
+}
+
+fn survey_stream(
+    path: &Path,
+    body: Box<dyn BufRead + Send>,
+    layout: &Layout,
+    plan: &Plan,
+    task: &dyn Task,
+) -> Result<Survey, ScanError> {
+    let mut points = Points::new(path, body, layout)?;
+    let mut found = Survey::EMPTY;
+    in_order(
+        task,
+        || points.next(),
+        |raw| {
+            let mut part = Survey::EMPTY;
+            let records = layout.records(path, plan, &raw, Some(&mut part))?;
+            plan.survey_records(&records, &mut part);
+            Ok(part)
+        },
+        |part| {
+            found.merge(part);
+            Ok(())
+        },
+    )?;
+    found.has_more_lines = points.has_more_lines();
+    Ok(found)
+}
+
+impl PcdSource {
+    /// The stream after the header.
+    fn body(&self) -> Result<Box<dyn BufRead + Send>, ScanError> {
+        let path = &self.info.path;
+        let mut stream = stream_of(path)?;
+        let mut header = vec![0; self.layout.header.text.len()];
+        stream.read_exact(&mut header).map_err(|e| ScanError::io(path, e))?;
+        if header != self.layout.header.text {
+            return Err(ScanError::damaged(path, "it changed since it was opened"));
+        }
+        Ok(stream)
+    }
+}
+
+impl Source for PcdSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let path = &self.info.path;
+        let mut report = ReadReport::default();
+        let mut points = Points::new(path, self.body()?, &self.layout)?;
+        in_order(
+            task,
+            || points.next(),
+            |raw| {
+                let records = self.layout.records(path, &self.plan, &raw, None)?;
+                self.plan.decode_records(path, &records, placement)
+            },
+            |part: Part| {
+                if part.not_finite > 0 {
+                    *report.refused.entry(Part::REASON.into()).or_default() += part.not_finite;
+                }
+                report.points += part.batch.len() as u64;
+                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
+                report.colour_max = report.colour_max.max(part.colour_max);
+                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+            },
+        )?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        let body = self.body()?;
+        Ok(survey_stream(&self.info.path, body, &self.layout, &self.plan, task)?.bounds())
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held_bytes
+    }
+}

@@ -1,0 +1,298 @@
+//! The points of a PCD file as records of the values that are taken, little-endian: from lines, from records that hold
+//! more, or from fields that stand one behind another and are compressed together.
+
+use super::header::{Data, Field, Header, Taken};
+use super::lzf::{BYTES_A_COPY, unpack};
+use crate::error::ScanError;
+use crate::ply::ascii::put;
+use crate::ply::header::{Element, Encoding};
+use crate::ply::plan::{Plan, Survey};
+use crate::source::BATCH_POINTS;
+use crate::text::blocks::{Block, LineBlocks};
+use crate::text::layout::excerpt;
+use crate::text::number::{fields, number};
+use esker_points::AttrType;
+use std::io::{BufRead, Read};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bytes of a block of records, unless one record is longer.
+const BLOCK_BYTES: usize = 1 << 20;
+
+/// How the points of a file are stored, and what is taken of them.
+pub(crate) struct Layout {
+    pub header: Header,
+    /// The values taken, as an element of scalars.
+    pub element: Element,
+    pub taken: Vec<Taken>,
+}
+
+/// Some points as they come from the file.
+pub(crate) enum Raw {
+    Lines {
+        block: Block,
+        rows: u64,
+    },
+    Records(Vec<u8>),
+    /// Of all points' fields these points.
+    Fields {
+        all: Arc<Vec<u8>>,
+        points: Range<usize>,
+    },
+}
+
+/// The points of a file, block by block.
+pub(crate) struct Points<'a> {
+    path: PathBuf,
+    layout: &'a Layout,
+    left: u64,
+    body: Body,
+}
+
+enum Body {
+    Lines { lines: LineBlocks<Box<dyn BufRead + Send>>, has_more: bool },
+    Records(Box<dyn BufRead + Send>),
+    Fields(Arc<Vec<u8>>),
+}
+
+impl Layout {
+    /// The layout that a header tells.
+    pub fn new(header: Header) -> Self {
+        let (element, taken) = header.element();
+        Self { header, element, taken }
+    }
+
+    /// Lines are decimals, all else is binary.
+    pub fn encoding(&self) -> Encoding {
+        match self.header.data {
+            Data::Ascii => Encoding::Ascii,
+            Data::Binary | Data::Compressed => Encoding::LittleEndian,
+        }
+    }
+
+    /// The records of some points; a survey is told of decimals.
+    ///
+    /// # Errors
+    /// Where a line is not what the header says.
+    pub fn records(
+        &self,
+        path: &Path,
+        plan: &Plan,
+        raw: &Raw,
+        mut found: Option<&mut Survey>,
+    ) -> Result<Vec<u8>, ScanError> {
+        let mut out = Vec::new();
+        match raw {
+            Raw::Lines { block, rows } => {
+                for (n, line) in block.lines().take(*rows as usize) {
+                    let on_scalar = |field: usize, word: &[u8]| {
+                        if let Some(found) = found.as_deref_mut() {
+                            plan.add_decimals(field, word, found);
+                        }
+                    };
+                    self.parse_line(line, plan, &mut out, on_scalar)
+                        .map_err(|why| ScanError::damaged(path, format!("line {n} {why}")))?;
+                }
+            }
+            Raw::Records(records) => {
+                let points = records.len() / self.header.stride;
+                out.reserve(points * plan.record.stride);
+                for record in records.chunks_exact(self.header.stride) {
+                    for taken in &self.taken {
+                        let at = self.field(taken).offset + taken.at;
+                        out.extend_from_slice(&record[at..at + taken.bytes]);
+                    }
+                }
+            }
+            Raw::Fields { all, points } => {
+                let count = all.len() / self.header.stride;
+                out.reserve(points.len() * plan.record.stride);
+                for point in points.clone() {
+                    for taken in &self.taken {
+                        let field = self.field(taken);
+                        let at = field.offset * count + field.bytes() * point + taken.at;
+                        out.extend_from_slice(&all[at..at + taken.bytes]);
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    fn field(&self, taken: &Taken) -> &Field {
+        &self.header.fields[taken.field]
+    }
+
+    /// Reads a line into a record; `on_scalar` is told the place of each value taken and its word.
+    fn parse_line(
+        &self,
+        line: &[u8],
+        plan: &Plan,
+        out: &mut Vec<u8>,
+        mut on_scalar: impl FnMut(usize, &[u8]),
+    ) -> Result<(), String> {
+        let mut words = fields(line);
+        let mut target = 0;
+        for field in &self.header.fields {
+            for _ in 0..field.count {
+                let word = words.next().ok_or("has fewer numbers than the header has fields")?;
+                let is_held = if field.is_padding() {
+                    true
+                } else if let Some(has_alpha) = field.packed() {
+                    target += if has_alpha { 4 } else { 3 };
+                    unpacked(word, field.ty).is_some_and(|[blue, green, red, alpha]| {
+                        out.extend_from_slice(&[red, green, blue]);
+                        out.extend(has_alpha.then_some(alpha));
+                        true
+                    })
+                } else {
+                    on_scalar(target, word);
+                    target += 1;
+                    put(word, field.ty, plan.record.fields[target - 1].ty, out)
+                };
+                if !is_held {
+                    let (word, ty) = (excerpt(word), field.ty.name());
+                    return Err(format!("has `{word}` for {}, which is {ty}", field.name));
+                }
+            }
+        }
+        match words.next() {
+            Some(_) => Err("has more numbers than the header has fields".into()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The bytes of a number that holds colours: blue, green, red, alpha.
+fn unpacked(word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
+    // Old files write colours as the float that has their bits; others as the number that they make.
+    match ty {
+        AttrType::F32 => fast_float2::parse::<f32, _>(word).ok().map(f32::to_le_bytes),
+        _ => {
+            let whole = number(word).filter(|v| v.fract() == 0.0)?;
+            let range = f64::from(i32::MIN)..=f64::from(u32::MAX);
+            range.contains(&whole).then(|| (whole as i64 as u32).to_le_bytes())
+        }
+    }
+}
+
+impl<'a> Points<'a> {
+    /// Begins at the points.
+    ///
+    /// # Errors
+    /// Where compressed points are damaged, or the file cannot be read.
+    pub fn new(
+        path: &Path,
+        mut input: Box<dyn BufRead + Send>,
+        layout: &'a Layout,
+    ) -> Result<Self, ScanError> {
+        let header = &layout.header;
+        let body = match header.data {
+            Data::Ascii => {
+                let first_line = 1 + header.text.iter().filter(|&&b| b == b'\n').count() as u64;
+                let lines = LineBlocks::new(input, path.to_owned(), first_line);
+                Body::Lines { lines, has_more: false }
+            }
+            Data::Binary => Body::Records(input),
+            Data::Compressed => {
+                let [packed, bytes] = sizes(path, &mut input, header)?;
+                let mut all = Vec::new();
+                let read = input.by_ref().take(packed).read_to_end(&mut all);
+                read.map_err(|e| ScanError::io(path, e))?;
+                let damaged = || ScanError::damaged(path, "its compressed points are damaged");
+                Body::Fields(Arc::new(unpack(&all, bytes as usize).ok_or_else(damaged)?))
+            }
+        };
+        Ok(Self { path: path.to_owned(), layout, left: header.points, body })
+    }
+
+    /// The next points; `None` after the last.
+    ///
+    /// # Errors
+    /// Where there are fewer than the header claims, or the file cannot be read.
+    pub fn next(&mut self) -> Result<Option<Raw>, ScanError> {
+        let Header { stride, points, .. } = self.layout.header;
+        if self.left == 0 {
+            return Ok(None);
+        }
+        let block = (BLOCK_BYTES / stride).clamp(1, BATCH_POINTS) as u64;
+        let count = self.left.min(block);
+        let raw = match &mut self.body {
+            Body::Lines { lines, has_more } => loop {
+                let Some(block) = lines.next()? else { break None };
+                let rows = block.rows.min(self.left);
+                *has_more = block.rows > rows;
+                if rows > 0 {
+                    break Some((Raw::Lines { block, rows }, rows));
+                }
+            },
+            Body::Records(input) => {
+                let mut bytes = Vec::new();
+                let read = input.take(count * stride as u64).read_to_end(&mut bytes);
+                read.map_err(|e| ScanError::io(&self.path, e))?;
+                bytes.truncate(bytes.len() / stride * stride);
+                let there = (bytes.len() / stride) as u64;
+                (there > 0).then_some((Raw::Records(bytes), there))
+            }
+            Body::Fields(all) => {
+                let first = (points - self.left) as usize;
+                let raw = Raw::Fields { all: all.clone(), points: first..first + count as usize };
+                Some((raw, count))
+            }
+        };
+        let Some((raw, there)) = raw else {
+            return Err(too_few(&self.path, points, points - self.left));
+        };
+        self.left -= there;
+        Ok(Some(raw))
+    }
+
+    /// After the last point: whether lines that are not blank follow, as far as the next block tells.
+    pub fn has_more_lines(&mut self) -> bool {
+        match &mut self.body {
+            Body::Lines { lines, has_more } => {
+                *has_more || lines.next().map_or(true, |block| block.is_some_and(|b| b.rows > 0))
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Bytes of compressed points, packed and not, as their head tells and the header bears out.
+///
+/// # Errors
+/// Where it does not, or the file is cut.
+pub(crate) fn sizes(
+    path: &Path,
+    input: &mut impl Read,
+    header: &Header,
+) -> Result<[u64; 2], ScanError> {
+    let mut head = [0; 8];
+    match input.read_exact(&mut head) {
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            return Err(too_few(path, header.points, 0));
+        }
+        read => read.map_err(|e| ScanError::io(path, e))?,
+    }
+    let [packed, bytes] =
+        [0, 4].map(|at| head[at..at + 4].iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte)));
+    if header.points.checked_mul(header.stride as u64) != Some(bytes) {
+        let points = header.points;
+        let what = format!(
+            "the header claims {points} points of {} bytes, but its compressed points are {bytes} bytes",
+            header.stride
+        );
+        return Err(ScanError::damaged(path, what));
+    }
+    if bytes > packed.saturating_mul(BYTES_A_COPY) {
+        return Err(ScanError::damaged(path, "its compressed points are damaged"));
+    }
+    Ok([packed, bytes])
+}
+
+/// The error of a header that claims more points than there are.
+pub(crate) fn too_few(path: &Path, claimed: u64, available: u64) -> ScanError {
+    let what = format!("the header claims {claimed} points, the file holds {available}; it is cut");
+    ScanError::damaged(path, what)
+}

@@ -1,0 +1,348 @@
+//! PTX (Leica Cyclone): scans as text, each with the place and the turn of its scanner. Points come in the file's
+//! coordinates. Directions without a return (`0 0 0`) are no points, and counted. A first pass finds bounds, digits and
+//! types, a second one hands the points over; neither keeps more than a few blocks.
+//!
+//! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
+
+mod scans;
+
+use crate::bounds::Bounds;
+use crate::error::ScanError;
+use crate::source::{Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
+use crate::text::blocks::in_order;
+use crate::text::layout::{count, excerpt};
+use crate::text::naming::{NOT_FINITE, schema_of};
+use crate::text::number::{decimals, fields, number};
+use crate::text::start::{first_lines, lines_of};
+use esker_points::attribute::names;
+use esker_points::lattice::{Grid, GridKind, OffLattice, Placement, decimal_grid, float_grid};
+use esker_points::{AttrType, Batch, InputGrid, Schema, Task};
+use scans::{Piece, Scans};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// PTX, as the registry knows it.
+pub const FORMAT: Format = Format { name: "PTX", endings: &["ptx"], recognises, open };
+
+/// Why directions are no points.
+const NO_RETURN: &str = "no return";
+/// Digits with which an `f32` holds every decimal.
+const F32_DIGITS: usize = 6;
+/// Digits after the point up to which decimal text has a grid of its own.
+const DECIMALS_MAX: u32 = 15;
+/// Points have place and intensity; some have colours, too.
+const COLUMNS: [usize; 2] = [4, 7];
+
+struct PtxSource {
+    info: SourceInfo,
+    columns: usize,
+    /// Types of intensity; and whether the scan is an attribute.
+    intensity: AttrType,
+    has_scans: bool,
+    /// The columns of the schema: intensity, red, green, blue, and the scan.
+    attributes: Vec<usize>,
+}
+
+/// What the first pass finds.
+#[derive(Clone, Debug)]
+struct Survey {
+    points: u64,
+    /// Lines without a point.
+    others: u64,
+    scans: BTreeMap<u64, [f64; 3]>,
+    bounds: Bounds,
+    decimals: [u32; 3],
+    is_only_moved: bool,
+    /// Digits of an intensity, at most.
+    digits: usize,
+}
+
+/// A line of a piece.
+enum Line {
+    Point { world: [f64; 3], rest: [f64; 4] },
+    NoReturn,
+    NotFinite,
+}
+
+/// The points of a piece, and what became of the others.
+struct Part {
+    batch: Batch,
+    no_return: u64,
+    not_finite: u64,
+    rounding_error_max: f64,
+}
+
+fn recognises(head: &[u8]) -> bool {
+    let lines = first_lines(head);
+    let mut lines =
+        lines.split(|&b| b == b'\n').map(|l| l.trim_ascii()).filter(|line| !line.is_empty());
+    let is_count = |line: Option<&[u8]>| line.and_then(count).is_some();
+    is_count(lines.next())
+        && is_count(lines.next())
+        && lines.next().is_some_and(|line| fields(line).count() == 3)
+}
+
+/// How many numbers a point's line has, by the first one; the least where there is none.
+fn columns_of(path: &Path) -> Result<usize, ScanError> {
+    let mut scans = Scans::new(path, lines_of(path)?);
+    let piece = scans.next()?;
+    let first = piece.as_ref().and_then(|piece| piece.block.lines().next());
+    let columns = first.map_or(COLUMNS[0], |(_, line)| fields(line).count());
+    match (first, COLUMNS.contains(&columns)) {
+        (Some((n, line)), false) => Err(ScanError::damaged(
+            path,
+            format!("line {n} is not four or seven numbers (`{}`)", excerpt(line)),
+        )),
+        _ => Ok(columns),
+    }
+}
+
+fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
+    let columns = columns_of(path)?;
+    let survey = survey_file(path, columns, task)?;
+    let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
+    let intensity = if survey.digits <= F32_DIGITS { AttrType::F32 } else { AttrType::F64 };
+    let mut attributes = vec![(names::INTENSITY.to_owned(), intensity)];
+    if columns == COLUMNS[1] {
+        let colours = [names::RED, names::GREEN, names::BLUE];
+        attributes.extend(colours.map(|name| (name.to_owned(), AttrType::U8)));
+    }
+    let has_scans = survey.scans.len() > 1;
+    if has_scans {
+        attributes.push((names::POINT_SOURCE_ID.to_owned(), AttrType::U16));
+        if survey.scans.len() > usize::from(u16::MAX) {
+            let what = "has more than 65,535 scans, which are not told apart; part it";
+            return Err(ScanError::unsupported(path, what));
+        }
+    }
+    let (schema, attributes) = schema_of(attributes);
+    let (kind, grid) = survey.grid();
+    let mut notes = Vec::new();
+    if survey.points == 0 {
+        notes.push("has no points".into());
+    }
+    let scanner = match survey.scans.len() {
+        0 => None,
+        1 => survey.scans.values().next().copied().map(Scanner::At),
+        _ => Some(Scanner::BySource(survey.scans.iter().map(|(&n, &at)| (n as u16, at)).collect())),
+    };
+    let scans = match survey.scans.len() {
+        1 => "one scan".to_owned(),
+        n => format!("{n} scans"),
+    };
+    let info = SourceInfo {
+        path: path.to_owned(),
+        format: format!("PTX, {scans}"),
+        grid: InputGrid {
+            name: path.display().to_string(),
+            kind,
+            grid,
+            bounds: survey.bounds.get(),
+        },
+        schema,
+        points_hint: survey.points + survey.others,
+        bytes,
+        colour_depth: None,
+        crs: None,
+        scanner,
+        verbatim: Vec::new(),
+        notes,
+    };
+    Ok(Box::new(PtxSource { info, columns, intensity, has_scans, attributes }))
+}
+
+fn survey_file(path: &Path, columns: usize, task: &dyn Task) -> Result<Survey, ScanError> {
+    let mut scans = Scans::new(path, lines_of(path)?);
+    let mut found = Survey::empty();
+    in_order(
+        task,
+        || scans.next(),
+        |piece| Survey::of_piece(path, &piece, columns),
+        |part| {
+            found.merge(part);
+            Ok(())
+        },
+    )?;
+    Ok(found)
+}
+
+/// Reads a line of a piece.
+fn read_line(
+    path: &Path,
+    (n, line): (u64, &[u8]),
+    piece: &Piece,
+    columns: usize,
+) -> Result<Line, ScanError> {
+    let mut row = [0.0; COLUMNS[1]];
+    let mut count = 0;
+    for field in fields(line) {
+        match (number(field), row.get_mut(count)) {
+            (Some(value), Some(at)) => *at = value,
+            _ => count = columns,
+        }
+        count += 1;
+    }
+    let [x, y, z, rest @ ..] = row;
+    let is_byte = |v: &f64| v.fract() == 0.0 && (0.0..=255.0).contains(v);
+    if count != columns || columns == COLUMNS[1] && !rest[1..].iter().all(is_byte) {
+        let colours = if columns == COLUMNS[1] { ", the last three of 0 to 255" } else { "" };
+        let what = format!("line {n} is not {columns} numbers{colours} (`{}`)", excerpt(line));
+        return Err(ScanError::damaged(path, what));
+    }
+    if [x, y, z] == [0.0; 3] {
+        return Ok(Line::NoReturn);
+    }
+    let world = piece.scan.placed([x, y, z]);
+    Ok(if world.iter().all(|c| c.is_finite()) {
+        Line::Point { world, rest }
+    } else {
+        Line::NotFinite
+    })
+}
+
+impl Survey {
+    fn empty() -> Self {
+        Self {
+            points: 0,
+            others: 0,
+            scans: BTreeMap::new(),
+            bounds: Bounds::EMPTY,
+            decimals: [0; 3],
+            is_only_moved: true,
+            digits: 0,
+        }
+    }
+
+    fn of_piece(path: &Path, piece: &Piece, columns: usize) -> Result<Self, ScanError> {
+        let mut found = Self::empty();
+        found.scans.insert(piece.scan.number, piece.scan.placed([0.0; 3]));
+        found.is_only_moved = piece.scan.is_only_moved();
+        found.decimals = piece.scan.decimals;
+        for (n, line) in piece.block.lines() {
+            let Line::Point { world, .. } = read_line(path, (n, line), piece, columns)? else {
+                found.others += 1;
+                continue;
+            };
+            found.points += 1;
+            found.bounds.add(world);
+            let mut words = fields(line);
+            for (digits, word) in found.decimals.iter_mut().zip(&mut words) {
+                *digits = (*digits).max(decimals(word));
+            }
+            let digits = words.next().map_or(0, significant);
+            found.digits = found.digits.max(digits);
+        }
+        Ok(found)
+    }
+
+    fn merge(&mut self, later: Self) {
+        self.points += later.points;
+        self.others += later.others;
+        self.scans.extend(later.scans);
+        self.bounds.merge(later.bounds);
+        for (decimals, later) in self.decimals.iter_mut().zip(later.decimals) {
+            *decimals = (*decimals).max(later);
+        }
+        self.is_only_moved &= later.is_only_moved;
+        self.digits = self.digits.max(later.digits);
+    }
+
+    /// Where scans are only moved, the decimals that are written; else the grid for floats.
+    fn grid(&self) -> (GridKind, Grid) {
+        let grid = decimal_grid(self.decimals);
+        let [lo, hi] = self.bounds.get().unwrap_or_default();
+        let fits = |i: usize| {
+            self.decimals[i] <= DECIMALS_MAX
+                && (hi[i] - lo[i]) / grid.scale[i] <= f64::from(u32::MAX) - 2.0
+        };
+        if self.is_only_moved && (0..3).all(fits) {
+            (GridKind::Decimal, grid)
+        } else {
+            (GridKind::Float, float_grid([lo, hi]))
+        }
+    }
+}
+
+/// Digits of a number from its first that is not 0.
+fn significant(word: &[u8]) -> usize {
+    let mantissa = word.split(|b| matches!(b, b'e' | b'E')).next().unwrap_or(word);
+    mantissa.iter().filter(|b| b.is_ascii_digit()).skip_while(|&&b| b == b'0').count()
+}
+
+impl PtxSource {
+    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Part, ScanError> {
+        let path = &self.info.path;
+        let schema: Arc<Schema> = self.info.schema.clone();
+        // A point takes eight bytes of text at least.
+        let room = piece.block.rows.min(piece.block.bytes.len() as u64 / 8 + 1);
+        let batch = Batch::with_capacity(schema, room as usize);
+        let mut part = Part { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        for (n, line) in piece.block.lines() {
+            let (world, rest) = match read_line(path, (n, line), piece, self.columns)? {
+                Line::Point { world, rest } => (world, rest),
+                Line::NoReturn => {
+                    part.no_return += 1;
+                    continue;
+                }
+                Line::NotFinite => {
+                    part.not_finite += 1;
+                    continue;
+                }
+            };
+            let placed = placement.real(world, &mut part.rounding_error_max);
+            let off = |e: OffLattice| ScanError::OffLattice { path: path.clone(), world: e.world };
+            part.batch.positions.push(placed.map_err(off)?);
+            let columns = &mut part.batch.columns;
+            let (intensity, colours) = (rest[0], &rest[1..self.columns - 3]);
+            let column = &mut columns[self.attributes[0]];
+            match self.intensity {
+                AttrType::F32 => column.extend((intensity as f32).to_le_bytes()),
+                _ => column.extend(intensity.to_le_bytes()),
+            }
+            for (&value, &column) in colours.iter().zip(&self.attributes[1..]) {
+                columns[column].push(value as u8);
+            }
+            if let (true, Some(&column)) = (self.has_scans, self.attributes.last()) {
+                columns[column].extend((piece.scan.number as u16).to_le_bytes());
+            }
+        }
+        Ok(part)
+    }
+}
+
+impl Source for PtxSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn read(
+        &self,
+        placement: &Placement,
+        task: &dyn Task,
+        sink: &mut Sink<'_>,
+    ) -> Result<ReadReport, ScanError> {
+        let mut report = ReadReport::default();
+        let mut scans = Scans::new(&self.info.path, lines_of(&self.info.path)?);
+        in_order(
+            task,
+            || scans.next(),
+            |piece| self.decode(&piece, placement),
+            |part: Part| {
+                for (reason, n) in [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)] {
+                    if n > 0 {
+                        *report.refused.entry(reason.to_owned()).or_default() += n;
+                    }
+                }
+                report.points += part.batch.len() as u64;
+                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
+                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+            },
+        )?;
+        Ok(report)
+    }
+
+    fn survey(&self, task: &dyn Task) -> Result<Option<[[f64; 3]; 2]>, ScanError> {
+        Ok(survey_file(&self.info.path, self.columns, task)?.bounds.get())
+    }
+}

@@ -1,0 +1,242 @@
+//! The scans of a PTX file: what stands before the points of each, and its points' lines in blocks. A scan begins with
+//! ten lines: columns, rows, where the scanner stood, its three axes, and four rows of a matrix that brings its points
+//! into the file's coordinates; behind them is a line for each direction that it looked in.
+
+use crate::error::ScanError;
+use crate::text::blocks::{Block, LineBlocks};
+use crate::text::layout::{count, excerpt};
+use crate::text::number::{decimals, fields, number};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Lines before the points of a scan.
+const HEAD_LINES: usize = 10;
+
+/// A scan's head.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Scan {
+    /// Which it is in the file, from 1.
+    pub number: u64,
+    /// Lines that it says follow.
+    pub lines: u64,
+    /// Rows of the matrix: a point is `x * rows[0] + y * rows[1] + z * rows[2] + rows[3]`.
+    pub rows: [[f64; 3]; 4],
+    /// Digits after the point that the last row needs.
+    pub decimals: [u32; 3],
+}
+
+/// Lines of points that follow each other in one scan.
+pub(crate) struct Piece {
+    /// The lines.
+    pub block: Block,
+    /// Their scan.
+    pub scan: Arc<Scan>,
+}
+
+/// Reads a file scan by scan.
+pub(crate) struct Scans {
+    path: PathBuf,
+    lines: LineBlocks<Box<dyn Read>>,
+    /// What was read behind the last piece.
+    rest: Option<Block>,
+    scan: Option<Arc<Scan>>,
+    /// Lines of it that are still to come.
+    left: u64,
+}
+
+impl Scan {
+    /// A place in the file's coordinates.
+    pub fn placed(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [a, b, c, d] = self.rows;
+        [0, 1, 2].map(|i| x * a[i] + y * b[i] + z * c[i] + d[i])
+    }
+
+    /// Whether its points are moved, and nothing else: decimals then stay decimals.
+    pub fn is_only_moved(&self) -> bool {
+        self.rows[..3] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    }
+
+    fn parse(number: u64, head: &[(u64, Vec<u8>)], path: &Path) -> Result<Self, ScanError> {
+        let size = |i: usize| {
+            let (n, line) = &head[i];
+            count(line).ok_or_else(|| unlike(path, *n, line, "how many columns or rows a scan has"))
+        };
+        let lines = size(0)?.checked_mul(size(1)?);
+        let lines = lines.ok_or_else(|| {
+            unlike(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
+        })?;
+        for (n, line) in &head[2..6] {
+            let numbers = numbers::<3>(line);
+            numbers.ok_or_else(|| unlike(path, *n, line, "three numbers of a scan's head"))?;
+        }
+        let mut scan = Self { number, lines, rows: [[0.0; 3]; 4], decimals: [0; 3] };
+        for (row, (n, line)) in scan.rows.iter_mut().zip(&head[6..]) {
+            let [x, y, z, _] = numbers::<4>(line)
+                .ok_or_else(|| unlike(path, *n, line, "four numbers of a scan's matrix"))?;
+            *row = [x, y, z];
+        }
+        for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[HEAD_LINES - 1].1)) {
+            *digits = decimals(field);
+        }
+        Ok(scan)
+    }
+}
+
+/// Exactly so many finite numbers in a line.
+fn numbers<const N: usize>(line: &[u8]) -> Option<[f64; N]> {
+    let all = fields(line).map(|field| number(field).filter(|v| v.is_finite()));
+    let all: Vec<f64> = all.collect::<Option<_>>()?;
+    all.try_into().ok()
+}
+
+fn unlike(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
+    ScanError::damaged(path, format!("line {n} is not {what}: `{}`", excerpt(line)))
+}
+
+impl Scans {
+    /// Begins with the first of the lines of a file.
+    pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>) -> Self {
+        Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0 }
+    }
+
+    /// The next lines of points; `None` at the end.
+    ///
+    /// # Errors
+    /// Where a head is not as it should be, a scan has fewer lines than its head says, or the file cannot be read.
+    pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
+        loop {
+            while self.left == 0 {
+                let Some(scan) = self.next_head()? else { return Ok(None) };
+                self.left = scan.lines;
+                self.scan = Some(Arc::new(scan));
+            }
+            let Some(scan) = self.scan.clone() else { return Ok(None) };
+            let Some(block) = self.next_block()? else {
+                let (number, lines) = (scan.number, scan.lines);
+                let there = lines - self.left;
+                let what = format!(
+                    "scan {number} says that {lines} lines follow, {there} do; the file is cut"
+                );
+                return Err(ScanError::damaged(&self.path, what));
+            };
+            let (block, rest) = split(block, self.left);
+            self.rest = rest;
+            self.left -= block.rows;
+            if block.rows > 0 {
+                return Ok(Some(Piece { block, scan }));
+            }
+        }
+    }
+
+    fn next_block(&mut self) -> Result<Option<Block>, ScanError> {
+        match self.rest.take() {
+            Some(rest) => Ok(Some(rest)),
+            None => self.lines.next(),
+        }
+    }
+
+    /// The head that follows; `None` at the end.
+    fn next_head(&mut self) -> Result<Option<Scan>, ScanError> {
+        let mut head = Vec::with_capacity(HEAD_LINES);
+        while head.len() < HEAD_LINES {
+            let Some(block) = self.next_block()? else { break };
+            let (block, rest) = split(block, (HEAD_LINES - head.len()) as u64);
+            self.rest = rest;
+            head.extend(block.lines().map(|(n, line)| (n, line.to_vec())));
+        }
+        let number = self.scan.as_ref().map_or(1, |scan| scan.number + 1);
+        match head.len() {
+            0 => Ok(None),
+            HEAD_LINES => Scan::parse(number, &head, &self.path).map(Some),
+            n => {
+                let what = format!(
+                    "the head of scan {number} has {n} lines of {HEAD_LINES}; the file is cut"
+                );
+                Err(ScanError::damaged(&self.path, what))
+            }
+        }
+    }
+}
+
+/// A block up to so many lines that are not blank, and what is behind them.
+fn split(mut block: Block, lines: u64) -> (Block, Option<Block>) {
+    if block.rows <= lines {
+        return (block, None);
+    }
+    let (mut at, mut number, mut rows) = (0, block.first_line, 0);
+    while rows < lines {
+        let line = &block.bytes[at..];
+        let end = line.iter().position(|&b| b == b'\n').map_or(line.len(), |end| end + 1);
+        rows += u64::from(!line[..end].trim_ascii().is_empty());
+        (at, number) = (at + end, number + 1);
+    }
+    let bytes = block.bytes.split_off(at);
+    let rest = Block { bytes, first_line: number, rows: block.rows - lines };
+    block.rows = lines;
+    (block, Some(rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str =
+        "2\n1\n\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n7.25 0 0 1\n";
+
+    fn read(text: &str) -> Result<Vec<Piece>, ScanError> {
+        let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.to_owned().into_bytes()));
+        let path = Path::new("f.ptx");
+        let mut scans = Scans::new(path, LineBlocks::new(input, path.to_owned(), 1));
+        let mut pieces = Vec::new();
+        while let Some(piece) = scans.next()? {
+            pieces.push(piece);
+        }
+        Ok(pieces)
+    }
+
+    #[test]
+    fn lines_belong_to_their_scan_and_keep_their_numbers() {
+        let text = format!("{HEAD}1 2 3 0.5\n\n4 5 6 0.5\n{HEAD}7 8 9 0.5\n10 11 12 0.5");
+        let pieces = read(&text).unwrap();
+        let lines: Vec<(u64, u64, Vec<u8>)> = pieces
+            .iter()
+            .flat_map(|p| p.block.lines().map(|(n, l)| (p.scan.number, n, l.to_vec())))
+            .collect();
+        let want = [
+            (1, 12, "1 2 3 0.5"),
+            (1, 14, "4 5 6 0.5"),
+            (2, 26, "7 8 9 0.5"),
+            (2, 27, "10 11 12 0.5"),
+        ];
+        assert_eq!(lines, want.map(|(scan, n, line)| (scan, n, line.as_bytes().to_vec())));
+        assert!(pieces.iter().all(|p| p.scan.is_only_moved() && p.scan.decimals == [2, 0, 0]));
+        assert_eq!(pieces[0].scan.placed([1.0, 2.0, 3.0]), [8.25, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn scans_longer_than_a_block_are_whole() {
+        let head = HEAD.replacen("2\n1", "40000\n2", 1);
+        let one = format!("{head}{}", "0.125 0.25 0.5 0.75\n".repeat(80_000));
+        let pieces = read(&format!("{one}{one}")).unwrap();
+        for number in [1, 2] {
+            let of = pieces.iter().filter(|p| p.scan.number == number);
+            assert_eq!(of.map(|p| p.block.rows).sum::<u64>(), 80_000);
+        }
+    }
+
+    #[test]
+    fn cut_and_unlike_heads_tell_their_line() {
+        for (text, want) in [
+            (format!("{HEAD}1 2 3 0.5\n"), "scan 1 says that 2 lines follow, 1 do"),
+            (format!("{HEAD}1 2 3 4\n1 2 3 4\n2\n3\n"), "head of scan 2 has 2 lines of 10"),
+            (HEAD.replace("2\n1\n", "2\n-1\n"), "line 2 is not how many columns or rows"),
+            (HEAD.replace("2\n1\n", "9999999999\n9999999999\n"), "line 2 is not a number of rows"),
+            (HEAD.replace("0 0 1\n1 0 0 0", "0 0\n1 0 0 0"), "line 7 is not three numbers"),
+            (HEAD.replace("7.25", "inf"), "line 11 is not four numbers"),
+        ] {
+            let error = read(&text).err().unwrap().to_string();
+            assert!(error.contains(want), "{error}");
+        }
+    }
+}

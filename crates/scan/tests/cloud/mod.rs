@@ -1,0 +1,92 @@
+//! All that a file holds, as a reader gives it.
+
+#![allow(dead_code, reason = "each test needs other parts")]
+
+use esker_points::AttrType;
+use esker_points::lattice::Lattice;
+use esker_points::task::Silent;
+use esker_scan::{OpenOptions, ReadReport, ScanError, SourceInfo};
+use std::path::Path;
+
+pub struct Cloud {
+    pub info: SourceInfo,
+    pub report: ReadReport,
+    pub world: Vec<[f64; 3]>,
+    columns: Vec<Vec<u8>>,
+}
+
+impl Cloud {
+    pub fn column(&self, name: &str) -> (AttrType, Vec<f64>) {
+        let i = self.info.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
+        let ty = self.info.schema.attributes[i].ty;
+        (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
+    }
+
+    /// Names and types, in one line.
+    pub fn types(&self) -> String {
+        let attributes = &self.info.schema.attributes;
+        let words: Vec<_> =
+            attributes.iter().map(|a| format!("{}:{}", a.name, a.ty.name())).collect();
+        words.join(" ")
+    }
+
+    /// How many points were refused for a reason.
+    pub fn refused(&self, reason: &str) -> u64 {
+        self.report.refused.get(reason).copied().unwrap_or(0)
+    }
+
+    /// Whether the places are these, but for the rounding that was told.
+    pub fn lies_at(&self, places: &[[f64; 3]]) -> bool {
+        let slack = self.report.rounding_error_max * (1.0 + 1e-9);
+        let near = |(a, b): (&[f64; 3], &[f64; 3])| {
+            (0..3).all(|i| (a[i] - b[i]).abs() <= slack + b[i].abs() * 4.0 * f64::EPSILON)
+        };
+        self.world.len() == places.len() && self.world.iter().zip(places).all(near)
+    }
+}
+
+/// Reads a file twice: placed, and for its bounds alone.
+pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
+    let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
+    let info = source.info().clone();
+    let lattice = Lattice::choose(std::slice::from_ref(&info.grid)).unwrap();
+    let (mut world, mut columns) = (Vec::new(), vec![Vec::new(); info.schema.attributes.len()]);
+    let report = source.read(&lattice.placement(&info.grid), &Silent, &mut |batch| {
+        assert!(batch.is_consistent() && batch.len() <= esker_scan::source::BATCH_POINTS);
+        world.extend(batch.positions.iter().map(|&p| lattice.world(p)));
+        for (all, column) in columns.iter_mut().zip(&batch.columns) {
+            all.extend_from_slice(column);
+        }
+        Ok(())
+    })?;
+    assert_eq!(report.points, world.len() as u64);
+    let bounds = source.survey(&Silent)?;
+    assert_eq!(bounds.is_some(), !world.is_empty());
+    if let Some([low, high]) = bounds {
+        // What is less than a millionth of a step is taken for noise, and told of nowhere.
+        let slack = |i: usize| {
+            let noise = low[i].abs().max(high[i].abs()) * 4.0 * f64::EPSILON;
+            report.rounding_error_max + lattice.scale[i] * 1e-6 + noise
+        };
+        let within =
+            |p: &[f64; 3]| (0..3).all(|i| low[i] - slack(i) <= p[i] && p[i] <= high[i] + slack(i));
+        let out = world.iter().find(|p| !within(p));
+        assert_eq!(out, None, "{low:?} to {high:?} but for {}", report.rounding_error_max);
+    }
+    Ok(Cloud { info, report, world, columns })
+}
+
+/// Reads bytes as a file of a name that says nothing: the content decides.
+pub fn read(bytes: impl AsRef<[u8]>) -> Result<Cloud, ScanError> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("cloud.las");
+    std::fs::write(&path, bytes).unwrap();
+    read_path(&path)
+}
+
+/// The error that reading bytes ends in, a line that names the file.
+pub fn error(bytes: impl AsRef<[u8]>) -> String {
+    let error = read(bytes).err().expect("an error").to_string();
+    assert!(error.contains("cloud.las: ") && !error.contains('\n'), "{error}");
+    error
+}

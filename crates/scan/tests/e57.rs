@@ -1,0 +1,233 @@
+//! E57: places come in the pose of their scan, exactly where they are integers; values keep their types; damaged files
+//! end in an error.
+
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
+
+mod cloud;
+
+use cloud::{error, read};
+use e57::{
+    E57Writer, Quaternion, Record, RecordDataType as Kind, RecordName as Name,
+    RecordValue as Value, Transform, Translation,
+};
+use esker_points::AttrType;
+use esker_points::lattice::GridKind;
+use esker_scan::Scanner;
+use proptest::prelude::*;
+use std::io::Cursor;
+
+struct Scan {
+    prototype: Vec<Record>,
+    pose: Option<Transform>,
+    points: Vec<Vec<Value>>,
+}
+
+/// A file of these scans.
+fn file(scans: &[Scan]) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
+    for scan in scans {
+        let mut points = writer.add_pointcloud("a scan", scan.prototype.clone()).unwrap();
+        points.set_transform(scan.pose.clone());
+        scan.points.iter().for_each(|point| points.add_point(point.clone()).unwrap());
+        points.finalize().unwrap();
+    }
+    writer.finalize().unwrap();
+    drop(writer);
+    bytes.into_inner()
+}
+
+fn record(name: Name, data_type: Kind) -> Record {
+    Record { name, data_type }
+}
+
+fn cartesian(kind: &Kind) -> Vec<Record> {
+    [Name::CartesianX, Name::CartesianY, Name::CartesianZ].map(|n| record(n, kind.clone())).to_vec()
+}
+
+const DOUBLE: Kind = Kind::Double { min: None, max: None };
+const SINGLE: Kind = Kind::Single { min: None, max: None };
+
+fn pose([w, x, y, z]: [f64; 4], at: [f64; 3]) -> Option<Transform> {
+    let translation = Translation { x: at[0], y: at[1], z: at[2] };
+    Some(Transform { rotation: Quaternion { w, x, y, z }, translation })
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A place turned by a quaternion of unit length: `v + 2 u x (u x v + w v)`.
+fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let u = [x, y, z];
+    let inner = cross(u, v);
+    let outer = cross(u, [0, 1, 2].map(|i| inner[i] + w * v[i]));
+    [0, 1, 2].map(|i| v[i] + 2.0 * outer[i])
+}
+
+proptest! {
+    #[test]
+    fn scans_stand_in_their_poses(scans in prop::collection::vec((prop::array::uniform4(-1.0f64..1.0), prop::array::uniform3(-1e3f64..1e3), prop::collection::vec(prop::array::uniform3(-50.0f64..50.0), 1..40)), 1..4)) {
+        let (mut written, mut places, mut number, mut of) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (i, (q, at, points)) in scans.iter().enumerate() {
+            let length = q.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-9);
+            let q = q.map(|c| c / length);
+            let length = q.iter().map(|c| c * c).sum::<f64>();
+            prop_assume!((length - 1.0).abs() < 1e-9);
+            let values = |p: &[f64; 3]| p.map(Value::Double).to_vec();
+            written.push(Scan { prototype: cartesian(&DOUBLE), pose: pose(q, *at), points: points.iter().map(values).collect() });
+            for p in points {
+                let p = turned(q, *p);
+                places.push([0, 1, 2].map(|i| p[i] + at[i]));
+                number.push(i as f64 + 1.0);
+            }
+            of.push((i as u16 + 1, *at));
+        }
+        let cloud = read(file(&written)).unwrap();
+        prop_assert!(cloud.report.rounding_error_max < 1e-5);
+        let near = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).all(|i| (a[i] - b[i]).abs() < cloud.report.rounding_error_max + 1e-9);
+        prop_assert!(cloud.world.len() == places.len() && cloud.world.iter().zip(&places).all(near));
+        if scans.len() > 1 {
+            prop_assert_eq!(cloud.column("point_source_id"), (AttrType::U16, number));
+            prop_assert_eq!(cloud.info.scanner, Some(Scanner::BySource(of.into_iter().collect())));
+        } else {
+            prop_assert_eq!(cloud.types(), "");
+            prop_assert_eq!(cloud.info.scanner, Some(Scanner::At(of[0].1)));
+        }
+    }
+
+    #[test]
+    fn integers_on_a_grid_are_exact(points in prop::collection::vec(prop::array::uniform3(-200_000i64..200_000), 1..60), at in prop::array::uniform3(-1000i32..1000)) {
+        let kind = Kind::ScaledInteger { min: -200_000, max: 200_000, scale: 0.001, offset: 0.5 };
+        let values = |p: &[i64; 3]| p.map(Value::ScaledInteger).to_vec();
+        let points: Vec<_> = points.iter().map(values).collect();
+        let at = at.map(f64::from);
+        let cloud = read(file(&[Scan { prototype: cartesian(&kind), pose: pose([1.0, 0.0, 0.0, 0.0], at), points: points.clone() }])).unwrap();
+        prop_assert_eq!((cloud.info.grid.kind, cloud.report.rounding_error_max), (GridKind::Integer, 0.0));
+        for (world, point) in cloud.world.iter().zip(&points) {
+            for i in 0..3 {
+                let Value::ScaledInteger(n) = point[i] else { continue };
+                prop_assert!((world[i] - (n as f64 * 0.001 + 0.5 + at[i])).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_bytes_are_refused(at in 0usize..4000, byte: u8) {
+        let points = (0..200).map(|i| [i as f64, 1.0, -2.0].map(Value::Double).to_vec()).collect();
+        let mut bytes = file(&[Scan { prototype: cartesian(&DOUBLE), pose: None, points }]);
+        let at = at % bytes.len();
+        let same = bytes[at] == byte;
+        bytes[at] = byte;
+        // Every page has a checksum; the first page's head is read before it, and says where the rest is.
+        let is_sound = read(&bytes).is_ok();
+        prop_assert!(is_sound == same || at < 48, "{at}");
+    }
+}
+
+#[test]
+fn values_keep_their_types_and_states_are_heeded() {
+    let mut prototype = cartesian(&SINGLE);
+    prototype.extend([
+        record(Name::CartesianInvalidState, Kind::Integer { min: 0, max: 2 }),
+        record(Name::Intensity, Kind::Integer { min: 0, max: 4095 }),
+        record(Name::ColorRed, Kind::Integer { min: 0, max: 255 }),
+        record(Name::ColorGreen, Kind::Integer { min: 0, max: 255 }),
+        record(Name::ColorBlue, Kind::Integer { min: 0, max: 255 }),
+        record(Name::RowIndex, Kind::Integer { min: -5, max: 100 }),
+        record(Name::TimeStamp, DOUBLE),
+        record(Name::IsColorInvalid, Kind::Integer { min: 0, max: 1 }),
+    ]);
+    let point = |x: f32, state: i64, colour: i64| {
+        let mut values = [x, 0.25, 4.0].map(Value::Single).to_vec();
+        values.extend([state, colour * 10, colour, colour + 1, colour + 2, -5].map(Value::Integer));
+        values.extend([Value::Double(0.125), Value::Integer(0)]);
+        values
+    };
+    let points = vec![point(1.5, 0, 7), point(2.5, 1, 8), point(3.5, 2, 9), point(f32::NAN, 0, 1)];
+    let cloud = read(file(&[Scan { prototype, pose: None, points }])).unwrap();
+    assert_eq!(
+        (cloud.world.as_slice(), cloud.report.rounding_error_max),
+        (&[[1.5, 0.25, 4.0]][..], 0.0)
+    );
+    assert_eq!(
+        cloud.types(),
+        "blue:u8 green:u8 intensity:u16 is_color_invalid:u8 red:u8 row_index:i8 time_stamp:f64"
+    );
+    let of = |name: &str| cloud.column(name).1[0];
+    assert_eq!([of("intensity"), of("red"), of("green"), of("blue")], [70.0, 7.0, 8.0, 9.0]);
+    assert_eq!([of("row_index"), of("time_stamp")], [-5.0, 0.125]);
+    assert_eq!(
+        [cloud.refused("no return"), cloud.refused("coordinate is not a finite number")],
+        [2, 1]
+    );
+    assert_eq!(cloud.info.scanner, None);
+}
+
+#[test]
+fn colours_that_are_shares_become_sixteen_bits() {
+    let mut prototype = cartesian(&DOUBLE);
+    let share = Kind::Single { min: Some(0.0), max: Some(2.0) };
+    prototype.extend(
+        [Name::ColorRed, Name::ColorGreen, Name::ColorBlue].map(|n| record(n, share.clone())),
+    );
+    let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+    point.extend([0.0, 1.0, 2.0].map(Value::Single));
+    let cloud = read(file(&[Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+    let of = |name: &str| cloud.column(name).1[0];
+    assert_eq!([of("red"), of("green"), of("blue")], [0.0, 32768.0, 65535.0]);
+    assert!(cloud.info.notes[0].contains("steps of 1/65,535"), "{:?}", cloud.info.notes);
+}
+
+#[test]
+fn directions_and_ranges_become_places() {
+    let names = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
+    let prototype = names.map(|n| record(n, DOUBLE)).to_vec();
+    let right = std::f64::consts::FRAC_PI_2;
+    let values =
+        [[2.0, 0.0, 0.0], [2.0, right, 0.0], [3.0, 1.0, right], [2.0, right, -right / 3.0]];
+    let points = values.map(|p| p.map(Value::Double).to_vec()).to_vec();
+    let cloud = read(file(&[Scan {
+        prototype,
+        pose: pose([1.0, 0.0, 0.0, 0.0], [5.0, 0.0, 0.0]),
+        points,
+    }]));
+    let cloud = cloud.unwrap();
+    let want = [[7.0, 0.0, 0.0], [5.0, 2.0, 0.0], [5.0, 0.0, 3.0], [5.0, 3f64.sqrt(), -1.0]];
+    for (is, want) in cloud.world.iter().zip(&want) {
+        assert!((0..3).all(|i| (is[i] - want[i]).abs() < 1e-8), "{is:?} {want:?}");
+    }
+    assert_eq!(cloud.info.scanner, Some(Scanner::At([5.0, 0.0, 0.0])));
+}
+
+#[test]
+fn what_a_scan_lacks_is_told() {
+    let plain = Scan {
+        prototype: cartesian(&DOUBLE),
+        pose: None,
+        points: vec![[1.0, 2.0, 3.0].map(Value::Double).to_vec()],
+    };
+    let mut prototype = cartesian(&DOUBLE);
+    prototype.push(record(Name::Intensity, SINGLE));
+    let mut point = [4.0, 5.0, 6.0].map(Value::Double).to_vec();
+    point.push(Value::Single(0.5));
+    let cloud = read(file(&[plain, Scan { prototype, pose: None, points: vec![point] }])).unwrap();
+    assert_eq!(cloud.types(), "intensity:f32 point_source_id:u16");
+    assert_eq!(cloud.column("intensity").1, [0.0, 0.5]);
+    assert_eq!(cloud.info.notes, ["scan 1 has no intensity: it is 0 there"]);
+}
+
+#[test]
+fn files_that_are_none_are_refused() {
+    let points = vec![[1.0, 2.0, 3.0].map(Value::Double).to_vec(); 500];
+    let bytes = file(&[Scan { prototype: cartesian(&DOUBLE), pose: None, points: points.clone() }]);
+    for cut in [9, 40, 1000, bytes.len() - 1024] {
+        error(&bytes[..cut]);
+    }
+    assert!(error("ASTM-E57 and nothing else").contains("cloud.las"));
+    let turn = pose([0.0; 4], [0.0; 3]);
+    let error = error(file(&[Scan { prototype: cartesian(&DOUBLE), pose: turn, points }]));
+    assert!(error.contains("scan 1 has a pose that is no rotation"), "{error}");
+    let nothing = read(file(&[])).unwrap();
+    assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
+}
