@@ -214,7 +214,128 @@ fn what_a_scan_lacks_is_told() {
     let cloud = read(file(&[plain, Scan { prototype, pose: None, points: vec![point] }])).unwrap();
     assert_eq!(cloud.types(), "intensity:f32 point_source_id:u16");
     assert_eq!(cloud.column("intensity").1, [0.0, 0.5]);
-    assert_eq!(cloud.info.notes, ["scan 1 has no intensity: it is 0 there"]);
+    assert_eq!(cloud.info.notes, ["1 of 2 scans have no intensity: it is 0 there"]);
+}
+
+#[test]
+fn scans_that_are_moved_by_whole_steps_share_a_grid() {
+    let kind = Kind::ScaledInteger { min: -1000, max: 1000, scale: 0.001, offset: 0.0 };
+    let scan = |at: f64, n: i64| Scan {
+        prototype: cartesian(&kind),
+        pose: pose([1.0, 0.0, 0.0, 0.0], [at, 0.0, 0.0]),
+        points: vec![[n, 0, -n].map(Value::ScaledInteger).to_vec()],
+    };
+    let cloud = read(file(&[scan(0.25, 7), scan(1000.1, -3)])).unwrap();
+    assert_eq!((cloud.info.grid.kind, cloud.report.rounding_error_max), (GridKind::Integer, 0.0));
+    for (is, want) in cloud.world.iter().zip([[0.257, 0.0, -0.007], [1000.097, 0.0, 0.003]]) {
+        assert!((0..3).all(|i| (is[i] - want[i]).abs() < 1e-9), "{is:?} {want:?}");
+    }
+    let cloud = read(file(&[scan(0.25, 7), scan(0.0001, -3)])).unwrap();
+    assert_eq!(cloud.info.grid.kind, GridKind::Float);
+}
+
+#[test]
+fn bounds_that_lie_are_surveyed() {
+    let kind = Kind::ScaledInteger { min: -1000, max: 1000, scale: 0.5, offset: 0.0 };
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
+    let mut points = writer.add_pointcloud("a scan", cartesian(&kind)).unwrap();
+    points.add_point([2, 4, 6].map(Value::ScaledInteger).to_vec()).unwrap();
+    let near = |at: f64| (Some(at), Some(at + 0.25));
+    let [(x_min, x_max), (y_min, y_max), (z_min, z_max)] = [near(0.0), near(7.0), near(9.0)];
+    let lie = e57::CartesianBounds { x_min, x_max, y_min, y_max, z_min, z_max };
+    points.set_cartesian_bounds(Some(lie));
+    points.finalize().unwrap();
+    writer.finalize().unwrap();
+    drop(writer);
+    let cloud = read(bytes.into_inner()).unwrap();
+    assert_eq!(cloud.info.grid.bounds, Some([[0.0, 7.0, 9.0], [0.25, 7.25, 9.25]]));
+    assert_eq!(cloud.world, [[1.0, 2.0, 3.0]]);
+}
+
+#[test]
+fn values_of_unlike_scans_meet_in_types_that_hold_them() {
+    let scan = |extra: Vec<Record>, values: Vec<Value>| {
+        let mut prototype = cartesian(&DOUBLE);
+        prototype.extend(extra);
+        let mut point = [1.0, 2.0, 3.0].map(Value::Double).to_vec();
+        point.extend(values);
+        Scan { prototype, pose: pose([0.0, 0.0, 0.0, 1.0], [0.0; 3]), points: vec![point] }
+    };
+    let integer = |name: Name, min: i64, max: i64| record(name, Kind::Integer { min, max });
+    let own = |name: &str| Name::Unknown { namespace: "e".into(), name: name.into() };
+    let colours = |max: i64| {
+        [Name::ColorRed, Name::ColorGreen, Name::ColorBlue].map(|n| integer(n, 0, max)).to_vec()
+    };
+    let write = |scans: &[Scan]| {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
+        writer.register_extension(e57::Extension::new("e", "https://example.org/e")).unwrap();
+        for scan in scans {
+            let mut points = writer.add_pointcloud("a scan", scan.prototype.clone()).unwrap();
+            points.set_transform(scan.pose.clone());
+            scan.points.iter().for_each(|point| points.add_point(point.clone()).unwrap());
+            points.finalize().unwrap();
+        }
+        writer.finalize().unwrap();
+        drop(writer);
+        read(bytes.into_inner()).unwrap()
+    };
+    // White is white, of however many bits.
+    let white = |max: i64| scan(colours(max), vec![Value::Integer(max); 3]);
+    let cloud = write(&[white(255), white(1023), white(65_535)]);
+    assert_eq!(cloud.column("red"), (AttrType::U16, vec![65_535.0; 3]));
+    assert_eq!(cloud.info.colour_depth, Some(esker_points::ColourDepth::Sixteen));
+    assert_eq!(cloud.report.colour_max, 65_535);
+    // Integers in a type that has both, and one of 64 bits to the last of them.
+    let row = |min: i64, max: i64, n: i64| {
+        scan(vec![integer(Name::RowIndex, min, max)], vec![Value::Integer(n)])
+    };
+    let cloud = write(&[row(0, 200, 9), row(-300, 5, -7)]);
+    assert_eq!(cloud.column("row_index"), (AttrType::I16, vec![9.0, -7.0]));
+    let long = (1 << 53) + 1;
+    let cloud = write(&[row(i64::MIN, i64::MAX, long)]);
+    assert_eq!(cloud.types(), "row_index:i64");
+    assert_eq!(cloud.bytes("row_index"), long.to_le_bytes());
+    // Names that meet are both kept; the scan's number has its own.
+    let meeting = |n: i64| {
+        let fields = vec![
+            integer(Name::Intensity, 0, 9),
+            integer(own("intensity"), 0, 9),
+            integer(own("point_source_id"), 0, 65_535),
+        ];
+        scan(fields, [n, n + 1, 70 + n].map(Value::Integer).to_vec())
+    };
+    let cloud = write(&[meeting(1), meeting(3)]);
+    assert_eq!(
+        cloud.types(),
+        "intensity:u8 intensity#2:u8 point_source_id:u16 point_source_id#2:u16"
+    );
+    assert_eq!(cloud.column("intensity#2").1, [2.0, 4.0]);
+    assert_eq!(cloud.column("point_source_id").1, [1.0, 2.0]);
+    assert_eq!(cloud.column("point_source_id#2").1, [71.0, 73.0]);
+    // Half a turn about z.
+    let normals = ["normalX", "normalY", "normalZ"].map(|n| record(own(n), SINGLE)).to_vec();
+    let cloud = write(&[scan(normals, [0.6, 0.0, 0.8].map(Value::Single).to_vec())]);
+    assert_eq!(cloud.types(), "nx:f32 ny:f32 nz:f32");
+    assert_eq!(cloud.column("nx").1, [f64::from(-0.6f32)]);
+    assert_eq!(cloud.column("nz").1, [f64::from(0.8f32)]);
+    assert!(cloud.lies_at(&[[-1.0, -2.0, 3.0]]));
+}
+
+#[test]
+fn more_values_than_are_kept_are_refused() {
+    let mut prototype = cartesian(&DOUBLE);
+    let own = |i: usize| Name::Unknown { namespace: "e".into(), name: format!("value{i}") };
+    prototype.extend((0..1024).map(|i| record(own(i), Kind::Integer { min: 0, max: 1 })));
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
+    writer.register_extension(e57::Extension::new("e", "https://example.org/e")).unwrap();
+    writer.add_pointcloud("a scan", prototype).unwrap().finalize().unwrap();
+    writer.finalize().unwrap();
+    drop(writer);
+    let error = error(bytes.into_inner());
+    assert!(error.contains("more than 1024 values"), "{error}");
 }
 
 #[test]

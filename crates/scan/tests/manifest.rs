@@ -49,9 +49,10 @@ fn real_files_lie_where_others_read_them() {
         for i in 0..3 {
             let of =
                 |pick: fn(f64, f64) -> f64| cloud.world.iter().map(|p| p[i]).reduce(pick).unwrap();
-            // Written with ten digits; some are singles that text writes with seven.
+            // Written with ten digits; one file's singles in text are not, since they need more than a lattice has.
+            let digits = if name == "pcd/lamppost.pcd" { 6e-8 } else { 1e-9 };
             let slack =
-                cloud.report.rounding_error_max + 6e-8 * high[i].abs().max(low[i].abs()) + 1e-9;
+                cloud.report.rounding_error_max + digits * high[i].abs().max(low[i].abs()) + 1e-9;
             assert!((of(f64::min) - low[i]).abs() <= slack, "{name}: {} {}", of(f64::min), low[i]);
             assert!(
                 (of(f64::max) - high[i]).abs() <= slack,

@@ -1,11 +1,35 @@
 //! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is valid, in the file's
 //! coordinates; and attributes, one list for all scans.
 
-use crate::text::naming::{axis, named, schema_of, usual};
+use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
-use esker_points::{AttrType, Grid, Schema};
+use esker_points::{AttrType, Cancelled, Grid, Schema, Task};
+use std::collections::HashMap;
 use std::sync::Arc;
+
+/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell apart.
+const NOISE_STEPS: f64 = 1e-6;
+const STEPS_MAX: f64 = 9.0e15;
+
+/// Why it is not decided.
+pub(crate) enum FieldsError {
+    /// What is wrong with the file.
+    Damaged(String),
+    Cancelled(Cancelled),
+}
+
+impl From<String> for FieldsError {
+    fn from(what: String) -> Self {
+        Self::Damaged(what)
+    }
+}
+
+impl From<Cancelled> for FieldsError {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Cancelled(cancelled)
+    }
+}
 
 /// Where a scan stands and how it is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,8 +47,10 @@ pub(crate) struct Taken {
     /// Which value tells whether the place is one.
     state: Option<usize>,
     pub pose: Pose,
-    /// Of each attribute of the schema what it is made of, where the scan has it.
-    attributes: Vec<Option<Part>>,
+    /// Steps by which its integers are moved on [`Fields::grid`].
+    shift: [i64; 3],
+    /// The columns of the schema that it has, and what each is made of.
+    parts: Vec<(usize, Part)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -54,8 +80,29 @@ pub(crate) struct Fields {
     pub scans: Vec<Taken>,
     /// The grid of all coordinates, where they are integers on one and no scan is turned.
     pub grid: Option<Grid>,
+    /// Whether colours are shares of their range, of 16 bits.
+    pub are_shares: bool,
     /// What is left out or changed, a line each.
     pub notes: Vec<String>,
+}
+
+/// A value of a point as a file names it: which of those of this name.
+type Key = (Name, usize);
+
+/// What is known of the values of all scans under a key.
+struct Found {
+    key: Key,
+    kind: Known,
+    /// How many scans have it.
+    scans: usize,
+}
+
+/// What numbers values are.
+#[derive(Clone, Copy, PartialEq)]
+enum Known {
+    Integers { min: i64, max: i64 },
+    Single,
+    Double,
 }
 
 impl Pose {
@@ -135,11 +182,12 @@ impl Taken {
     /// The integers of a point on [`Fields::grid`], where there is one; `None` where they are beyond what they may be.
     pub fn raw(&self, values: &[Value]) -> Option<[i32; 3]> {
         let Place::Cartesian(xyz) = self.place else { return None };
-        let [x, y, z] = xyz.map(|i| match values[i] {
-            Value::ScaledInteger(n) => i32::try_from(n).ok(),
-            _ => None,
-        });
-        Some([x?, y?, z?])
+        let mut raw = [0; 3];
+        for (axis, i) in xyz.into_iter().enumerate() {
+            let Value::ScaledInteger(n) = values[i] else { return None };
+            raw[axis] = n.checked_add(self.shift[axis])?.try_into().ok()?;
+        }
+        Some(raw)
     }
 
     /// Appends a point's attributes to their columns; those that the scan lacks are 0.
@@ -151,27 +199,33 @@ impl Taken {
         columns: &mut [Vec<u8>],
     ) {
         let real = |i: usize| real(&values[i], &cloud.prototype[i].data_type);
-        for ((part, attribute), column) in
-            self.attributes.iter().zip(&schema.attributes).zip(columns)
-        {
-            let ty = attribute.ty;
-            match *part {
-                None => column.resize(column.len() + ty.size(), 0),
-                Some(Part::Scan) => put(scan as f64 + 1.0, ty, column),
-                Some(Part::Value(i)) => match values[i] {
+        for &(column, part) in &self.parts {
+            let (ty, column) = (schema.attributes[column].ty, &mut columns[column]);
+            match part {
+                Part::Scan => put(scan as f64 + 1.0, ty, column),
+                Part::Value(i) => match (&values[i], &cloud.prototype[i].data_type) {
                     // 64 bits are more than a double has.
-                    Value::Integer(n) if matches!(ty, AttrType::I64 | AttrType::U64) => {
+                    (Value::Integer(n) | Value::ScaledInteger(n), kind)
+                        if ty == AttrType::I64 && is_plain(kind) =>
+                    {
                         column.extend_from_slice(&n.to_le_bytes());
                     }
                     _ => put(real(i), ty, column),
                 },
-                Some(Part::Colour { value, range: [low, high] }) => {
+                Part::Colour { value, range: [low, high] } => {
                     let share = ((real(value) - low) / (high - low)).clamp(0.0, 1.0);
                     put((share * f64::from(u16::MAX)).round(), ty, column);
                 }
-                Some(Part::Normal { values, axis }) => {
+                Part::Normal { values, axis } => {
                     put(self.pose.turned(values.map(real))[axis], ty, column);
                 }
+            }
+        }
+        if self.parts.len() < columns.len() {
+            let points = columns.iter().zip(&schema.attributes).map(|(c, a)| c.len() / a.ty.size());
+            let points = points.max().unwrap_or(0);
+            for (column, attribute) in columns.iter_mut().zip(&schema.attributes) {
+                column.resize(points * attribute.ty.size(), 0);
             }
         }
     }
@@ -205,36 +259,61 @@ fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) {
     }
 }
 
-/// The narrowest type of all values of a kind.
-fn type_of(kind: &Kind) -> AttrType {
+/// Whether integers of a kind stand for themselves.
+fn is_plain(kind: &Kind) -> bool {
     match *kind {
-        Kind::Single { .. } => AttrType::F32,
-        Kind::Double { .. } => AttrType::F64,
-        Kind::ScaledInteger { scale, offset, .. } if [scale, offset] != [1.0, 0.0] => AttrType::F64,
-        Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
-            let within = |low: i64, high: i64| low <= min && max <= high;
-            if within(0, u8::MAX.into()) {
-                AttrType::U8
-            } else if within(i8::MIN.into(), i8::MAX.into()) {
-                AttrType::I8
-            } else if within(0, u16::MAX.into()) {
-                AttrType::U16
-            } else if within(i16::MIN.into(), i16::MAX.into()) {
-                AttrType::I16
-            } else if within(0, u32::MAX.into()) {
-                AttrType::U32
-            } else if within(i32::MIN.into(), i32::MAX.into()) {
-                AttrType::I32
-            } else {
-                AttrType::I64
-            }
-        }
+        Kind::Integer { .. } => true,
+        Kind::ScaledInteger { scale, offset, .. } => [scale, offset] == [1.0, 0.0],
+        _ => false,
     }
 }
 
-/// A type that holds what both do.
-fn common(a: AttrType, b: AttrType) -> AttrType {
-    if a == b { a } else { AttrType::F64 }
+impl Known {
+    fn of(kind: &Kind) -> Self {
+        match *kind {
+            Kind::Single { .. } => Self::Single,
+            Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } if is_plain(kind) => {
+                Self::Integers { min, max }
+            }
+            _ => Self::Double,
+        }
+    }
+
+    /// What holds both.
+    fn with(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Integers { min, max }, Self::Integers { min: low, max: high }) => {
+                Self::Integers { min: min.min(low), max: max.max(high) }
+            }
+            _ if self == other => self,
+            _ => Self::Double,
+        }
+    }
+
+    /// The narrowest type.
+    fn ty(self) -> AttrType {
+        let (min, max) = match self {
+            Self::Single => return AttrType::F32,
+            Self::Double => return AttrType::F64,
+            Self::Integers { min, max } => (min, max),
+        };
+        let within = |low: i64, high: i64| low <= min && max <= high;
+        if within(0, u8::MAX.into()) {
+            AttrType::U8
+        } else if within(i8::MIN.into(), i8::MAX.into()) {
+            AttrType::I8
+        } else if within(0, u16::MAX.into()) {
+            AttrType::U16
+        } else if within(i16::MIN.into(), i16::MAX.into()) {
+            AttrType::I16
+        } else if within(0, u32::MAX.into()) {
+            AttrType::U32
+        } else if within(i32::MIN.into(), i32::MAX.into()) {
+            AttrType::I32
+        } else {
+            AttrType::I64
+        }
+    }
 }
 
 /// What a value is called in Esker.
@@ -285,12 +364,11 @@ fn find_all(cloud: &PointCloud, names: [Name; 3]) -> Option<[usize; 3]> {
     Some([a?, b?, c?])
 }
 
-/// Whether a colour is a whole number of 16 bits at most: else it is a share of its range.
-fn is_whole_colour(kind: &Kind) -> bool {
-    matches!(type_of(kind), AttrType::U8 | AttrType::U16)
+fn is_colour(name: &Name) -> bool {
+    matches!(name, Name::ColorRed | Name::ColorGreen | Name::ColorBlue)
 }
 
-/// The range of a colour: that of the scan's limits, else that of the value itself.
+/// The values between which a colour lies: by the scan's limits, else by the value's own range; `None` where neither tells.
 fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 2]> {
     let kind = &record.data_type;
     let limits = cloud.color_limits.as_ref().and_then(|l| {
@@ -302,130 +380,225 @@ fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 2]> {
         Some([real(low.as_ref()?, kind), real(high.as_ref()?, kind)])
     });
     let own = match *kind {
-        Kind::Single { min, max } => [min.unwrap_or(0.0).into(), max.unwrap_or(1.0).into()],
-        Kind::Double { min, max } => [min.unwrap_or(0.0), max.unwrap_or(1.0)],
-        Kind::Integer { min, max } => [min as f64, max as f64],
-        Kind::ScaledInteger { min, max, scale, offset } => {
-            [min as f64 * scale + offset, max as f64 * scale + offset]
+        Kind::Single { min, max } => Some([min?.into(), max?.into()]),
+        Kind::Double { min, max } => Some([min?, max?]),
+        // Where nothing is said they are all that there are.
+        Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
+            let is_told = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
+            let ends = [Value::ScaledInteger(min), Value::ScaledInteger(max)];
+            is_told.then(|| ends.map(|end| real(&end, kind)))
         }
     };
-    limits.into_iter().chain([own]).find(|[low, high]| (high - low).is_finite() && low < high)
+    let is_range = |[low, high]: &[f64; 2]| (high - low).is_finite() && low < high;
+    // Limits are often those of the colours that occur: of bytes they tell nothing.
+    let own = own.filter(is_range);
+    if Known::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
+}
+
+/// How colours are kept.
+#[derive(Clone, Copy, PartialEq)]
+enum Colours {
+    /// As they are: bytes, or 16 bits from black to white in every scan.
+    Whole(AttrType),
+    /// As 16 bits of their range.
+    Shares,
+}
+
+impl Colours {
+    fn of(clouds: &[PointCloud]) -> Self {
+        let all = || {
+            clouds.iter().flat_map(|cloud| {
+                let colours = cloud.prototype.iter().filter(|record| is_colour(&record.name));
+                colours.map(move |record| (cloud, record))
+            })
+        };
+        let is_byte =
+            |(_, record): (&PointCloud, &Record)| Known::of(&record.data_type).ty() == AttrType::U8;
+        let is_wide = |(cloud, record): (&PointCloud, &Record)| {
+            let is_whole = Known::of(&record.data_type).ty() == AttrType::U16;
+            is_whole && colour_range(cloud, record) == Some([0.0, f64::from(u16::MAX)])
+        };
+        if all().all(is_byte) {
+            Self::Whole(AttrType::U8)
+        } else if all().all(is_wide) {
+            Self::Whole(AttrType::U16)
+        } else {
+            Self::Shares
+        }
+    }
+}
+
+/// The values of a scan that are no part of its place, with their keys.
+fn keyed(cloud: &PointCloud) -> impl Iterator<Item = (usize, Key)> {
+    let mut seen = HashMap::new();
+    cloud.prototype.iter().enumerate().filter_map(move |(i, record)| {
+        let nth = seen.entry(record.name.clone()).and_modify(|n| *n += 1).or_insert(0);
+        (!is_place(&record.name)).then(|| (i, (record.name.clone(), *nth)))
+    })
 }
 
 impl Fields {
     /// Decides what is taken of these scans.
     ///
     /// # Errors
-    /// Where a scan has no place, or one that is none: which, and why.
-    pub fn new(clouds: &[PointCloud]) -> Result<Self, String> {
-        let mut notes = Vec::new();
-        // Names in the order in which they come, with the types of all scans' values.
-        let mut found: Vec<(String, AttrType)> = Vec::new();
-        let mut add = |name: String, ty: AttrType| match found.iter_mut().find(|f| f.0 == name) {
-            Some((_, before)) => *before = common(*before, ty),
-            None => found.push((name, ty)),
-        };
+    /// Where a scan has no place, or one that is none, or there are too many values: which, and why.
+    pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
+        let colours = Colours::of(clouds);
+        // In the order in which they come.
+        let (mut found, mut at): (Vec<Found>, HashMap<Key, usize>) = Default::default();
         for cloud in clouds {
-            for record in cloud.prototype.iter().filter(|record| !is_place(&record.name)) {
-                let ty = match record.name {
-                    Name::ColorRed | Name::ColorGreen | Name::ColorBlue => colour_type(clouds),
-                    _ => type_of(&record.data_type),
-                };
-                add(name_of(&record.name), ty);
+            task.check()?;
+            if cloud.prototype.len() > COLUMNS_MAX {
+                return Err(format!("has more than {COLUMNS_MAX} values a point").into());
             }
+            for (i, key) in keyed(cloud) {
+                let kind = Known::of(&cloud.prototype[i].data_type);
+                let index = *at.entry(key.clone()).or_insert(found.len());
+                match found.get_mut(index) {
+                    Some(known) => {
+                        (known.kind, known.scans) = (known.kind.with(kind), known.scans + 1);
+                    }
+                    None => found.push(Found { key, kind, scans: 1 }),
+                }
+            }
+            if found.len() > COLUMNS_MAX {
+                return Err(format!("has scans of more than {COLUMNS_MAX} different values").into());
+            }
+        }
+        let mut attributes: Vec<(String, AttrType)> = Vec::with_capacity(found.len() + 1);
+        for Found { key: (name, _), kind, .. } in &found {
+            let ty = match colours {
+                Colours::Whole(ty) if is_colour(name) => ty,
+                Colours::Shares if is_colour(name) => AttrType::U16,
+                _ => kind.ty(),
+            };
+            let name = name_of(name);
+            if name.len() > NAME_BYTES_MAX {
+                return Err(format!("a value's name is longer than {NAME_BYTES_MAX} bytes").into());
+            }
+            attributes.push((name, ty));
         }
         let has_scans = clouds.len() > 1;
         if has_scans {
-            found.push((names::POINT_SOURCE_ID.into(), AttrType::U16));
+            // First, so that it keeps its name.
+            attributes.insert(0, (names::POINT_SOURCE_ID.into(), AttrType::U16));
         }
-        let plain: Vec<(&str, AttrType)> = found.iter().map(|(n, ty)| (n.as_str(), *ty)).collect();
+        let plain: Vec<(&str, AttrType)> =
+            attributes.iter().map(|(name, ty)| (name.as_str(), *ty)).collect();
         let (schema, columns) = schema_of(named(&plain));
+        let (first, columns) = columns.split_at(usize::from(has_scans));
         let mut scans = Vec::with_capacity(clouds.len());
         for (number, cloud) in (1..).zip(clouds) {
-            let mut attributes = vec![None; found.len()];
-            for ((name, _), &column) in found.iter().zip(&columns) {
-                let is_scan = has_scans && name == names::POINT_SOURCE_ID;
-                attributes[column] =
-                    if is_scan { Some(Part::Scan) } else { part(cloud, name, clouds) };
-                if attributes[column].is_none() {
-                    notes.push(format!("scan {number} has no {name}: it is 0 there"));
+            task.check()?;
+            let mut parts: Vec<(usize, Part)> = first.iter().map(|&c| (c, Part::Scan)).collect();
+            for (i, key) in keyed(cloud) {
+                if let Some(&index) = at.get(&key) {
+                    parts.push((columns[index], part(cloud, i, colours)));
                 }
             }
-            scans.push(taken(cloud, attributes).map_err(|why| format!("scan {number} {why}"))?);
-            if cloud.has_cartesian() && cloud.has_spherical() {
-                notes.push(format!("the spherical coordinates of scan {number} are left out"));
+            let taken = taken(cloud, parts);
+            scans.push(taken.map_err(|why| format!("scan {number} {why}"))?);
+        }
+        let are_shares = colours == Colours::Shares;
+        let mut notes = Vec::new();
+        for (Found { scans, .. }, (name, _)) in found.iter().zip(&attributes[first.len()..]) {
+            if *scans < clouds.len() {
+                let lacking = clouds.len() - scans;
+                notes.push(format!(
+                    "{lacking} of {} scans have no {name}: it is 0 there",
+                    clouds.len()
+                ));
             }
         }
-        if clouds.iter().any(PointCloud::has_color)
-            && colour_type(clouds) == AttrType::U16
-            && !are_whole_colours(clouds)
-        {
-            notes.push("colours are kept in steps of 1/65,535 of their range".into());
+        if clouds.iter().any(|cloud| cloud.has_cartesian() && cloud.has_spherical()) {
+            notes.push("spherical coordinates beside others are left out".into());
         }
-        let grid = grid(clouds, &scans);
-        Ok(Self { schema, scans, grid, notes })
+        if are_shares {
+            notes.push("colours are kept in steps of 1/65,535 of their range".into());
+            let lacks_range = |cloud: &PointCloud| {
+                let mut colours = cloud.prototype.iter().filter(|r| is_colour(&r.name));
+                colours.any(|record| colour_range(cloud, record).is_none())
+            };
+            if clouds.iter().any(lacks_range) {
+                notes.push(
+                    "colours tell no range: 0 to 255 of integers, 0 to 1 of others is taken".into(),
+                );
+            }
+        }
+        let grid = grid(clouds, &mut scans);
+        Ok(Self { schema, scans, grid, are_shares, notes })
     }
 }
 
-/// The grid that all coordinates are integers on, if they are.
-fn grid(clouds: &[PointCloud], scans: &[Taken]) -> Option<Grid> {
-    let of = |(cloud, taken): (&PointCloud, &Taken)| {
+/// The grid that all coordinates are integers on, if they are; scans get their shifts on it.
+fn grid(clouds: &[PointCloud], scans: &mut [Taken]) -> Option<Grid> {
+    let mut grid: Option<Grid> = None;
+    let mut shifts = vec![[0; 3]; scans.len()];
+    let scans_with_points = clouds
+        .iter()
+        .zip(scans.iter())
+        .zip(&mut shifts)
+        .filter(|((cloud, _), _)| cloud.records > 0);
+    for ((cloud, taken), shift) in scans_with_points {
         let Place::Cartesian(xyz) = taken.place else { return None };
-        let mut grid = Grid { scale: [1.0; 3], offset: taken.pose.at };
+        if taken.pose.is_turned {
+            return None;
+        }
+        let mut own = Grid { scale: [1.0; 3], offset: taken.pose.at };
+        let mut ends = [[0; 3]; 2];
         for (axis, i) in xyz.into_iter().enumerate() {
             let Kind::ScaledInteger { min, max, scale, offset } = cloud.prototype[i].data_type
             else {
                 return None;
             };
-            let is_narrow = i32::try_from(min).is_ok() && i32::try_from(max).is_ok();
-            let is_sound = scale.is_normal() && scale > 0.0 && offset.is_finite();
-            if !is_narrow || !is_sound || taken.pose.is_turned {
+            if !scale.is_normal() || scale < 0.0 || !offset.is_finite() {
                 return None;
             }
-            grid.scale[axis] = scale;
-            grid.offset[axis] += offset;
+            (own.scale[axis], ends[0][axis], ends[1][axis]) = (scale, min, max);
+            own.offset[axis] += offset;
         }
-        Some(grid)
-    };
-    let mut grids = clouds.iter().zip(scans).filter(|(cloud, _)| cloud.records > 0).map(of);
-    let first = grids.next()??;
-    grids.all(|grid| grid == Some(first)).then_some(first)
+        let grid = *grid.get_or_insert(own);
+        for axis in 0..3 {
+            let steps = (own.offset[axis] - grid.offset[axis]) / grid.scale[axis];
+            let is_whole = (steps - steps.round()).abs() < NOISE_STEPS && steps.abs() < STEPS_MAX;
+            if own.scale[axis] != grid.scale[axis] || !is_whole {
+                return None;
+            }
+            shift[axis] = steps.round() as i64;
+            let is_narrow = |end: i64| {
+                end.checked_add(shift[axis]).is_some_and(|end| i32::try_from(end).is_ok())
+            };
+            if !is_narrow(ends[0][axis]) || !is_narrow(ends[1][axis]) {
+                return None;
+            }
+        }
+    }
+    scans.iter_mut().zip(shifts).for_each(|(taken, shift)| taken.shift = shift);
+    grid
 }
 
-fn are_whole_colours(clouds: &[PointCloud]) -> bool {
-    colours(clouds).all(|record| is_whole_colour(&record.data_type))
-}
-
-fn colours(clouds: &[PointCloud]) -> impl Iterator<Item = &Record> {
-    let is_colour =
-        |r: &&Record| matches!(r.name, Name::ColorRed | Name::ColorGreen | Name::ColorBlue);
-    clouds.iter().flat_map(|cloud| &cloud.prototype).filter(is_colour)
-}
-
-/// The type of all colours.
-fn colour_type(clouds: &[PointCloud]) -> AttrType {
-    let is_byte = |record: &Record| type_of(&record.data_type) == AttrType::U8;
-    if colours(clouds).all(is_byte) { AttrType::U8 } else { AttrType::U16 }
-}
-
-/// What an attribute of this name is made of in a scan.
-fn part(cloud: &PointCloud, name: &str, clouds: &[PointCloud]) -> Option<Part> {
-    let at = |name: &str| cloud.prototype.iter().position(|r| name_of(&r.name) == name);
-    let value = at(name)?;
-    let normals = [names::NX, names::NY, names::NZ];
+/// What an attribute is made of that a value of a scan becomes.
+fn part(cloud: &PointCloud, value: usize, colours: Colours) -> Part {
     let record = &cloud.prototype[value];
-    Some(match record.name {
-        Name::ColorRed | Name::ColorGreen | Name::ColorBlue if !are_whole_colours(clouds) => {
-            Part::Colour { value, range: colour_range(cloud, record).unwrap_or([0.0, 1.0]) }
-        }
-        _ => match (normals.iter().position(|n| *n == name), normals.map(at)) {
-            (Some(axis), [Some(x), Some(y), Some(z)]) => Part::Normal { values: [x, y, z], axis },
+    if is_colour(&record.name) && colours == Colours::Shares {
+        let range = colour_range(cloud, record).unwrap_or(match record.data_type {
+            Kind::Integer { .. } | Kind::ScaledInteger { .. } => [0.0, 255.0],
+            _ => [0.0, 1.0],
+        });
+        return Part::Colour { value, range };
+    }
+    let normals = [names::NX, names::NY, names::NZ];
+    let at = |name: &str| cloud.prototype.iter().position(|r| name_of(&r.name) == name);
+    match normals.iter().position(|n| *n == name_of(&record.name)) {
+        Some(axis) => match normals.map(at) {
+            [Some(x), Some(y), Some(z)] => Part::Normal { values: [x, y, z], axis },
             _ => Part::Value(value),
         },
-    })
+        None => Part::Value(value),
+    }
 }
 
-fn taken(cloud: &PointCloud, attributes: Vec<Option<Part>>) -> Result<Taken, &'static str> {
+fn taken(cloud: &PointCloud, parts: Vec<(usize, Part)>) -> Result<Taken, &'static str> {
     let cartesian = [Name::CartesianX, Name::CartesianY, Name::CartesianZ];
     let spherical = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
     let (place, state) = if let Some(xyz) = find_all(cloud, cartesian) {
@@ -446,5 +619,5 @@ fn taken(cloud: &PointCloud, attributes: Vec<Option<Part>>) -> Result<Taken, &'s
         return Err("has points that are all the same by its header; it is damaged");
     }
     let pose = Pose::of(cloud).ok_or("has a pose that is no rotation and place; it is damaged")?;
-    Ok(Taken { place, state: find(cloud, &state), pose, attributes })
+    Ok(Taken { place, state: find(cloud, &state), pose, shift: [0; 3], parts })
 }

@@ -5,6 +5,7 @@
 //! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
 
 mod fields;
+mod packets;
 
 use crate::bounds::Bounds;
 use crate::caught::catch;
@@ -15,7 +16,7 @@ use crate::text::naming::{NOT_FINITE, colour_max, wide_colours};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
-use fields::{Fields, Placed};
+use fields::{Fields, FieldsError, Placed};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -93,9 +94,13 @@ struct Part {
     rounding_error_max: f64,
 }
 
-fn reader_of(path: &Path) -> Result<Reader, ScanError> {
+fn file_of(path: &Path) -> Result<Ahead, ScanError> {
     let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    let file = Ahead { file: BufReader::with_capacity(READ_BYTES, file), at: 0 };
+    Ok(Ahead { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
+}
+
+fn reader_of(path: &Path) -> Result<Reader, ScanError> {
+    let file = file_of(path)?;
     guarded(path, "", || E57Reader::new(file))
 }
 
@@ -119,7 +124,19 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         let what = "has more than 65,535 scans, which are not told apart; part it";
         return Err(ScanError::unsupported(path, what));
     }
-    let fields = Fields::new(&clouds).map_err(|why| ScanError::damaged(path, why))?;
+    let fields = Fields::new(&clouds, task).map_err(|why| match why {
+        FieldsError::Damaged(what) => ScanError::damaged(path, what),
+        FieldsError::Cancelled(cancelled) => cancelled.into(),
+    })?;
+    for (scan, cloud) in with_points(&clouds) {
+        let even = packets::are_even(file_of(path)?, reader.header().page_size, cloud, task);
+        task.check()?;
+        if !even.map_err(|e| ScanError::io(path, e))? {
+            let what =
+                format!("scan {}: some values are far ahead of others; it is damaged", scan + 1);
+            return Err(ScanError::damaged(path, what));
+        }
+    }
     let told = fields.grid.and_then(|_| told_bounds(&clouds, &fields));
     let survey = match told {
         Some(bounds) => Survey { bounds, ..Survey::EMPTY },
@@ -132,7 +149,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     };
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let colour_depth = wide_colours(&fields.schema).map(|_| {
-        let eight = survey.colour_max <= u16::from(u8::MAX);
+        let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_shares;
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
@@ -373,7 +390,10 @@ impl Source for E57Source {
                     report.points += part.batch.len() as u64;
                     report.rounding_error_max =
                         report.rounding_error_max.max(part.rounding_error_max);
-                    report.colour_max = report.colour_max.max(colour_max(&part.batch));
+                    // Shares are of 16 bits, however dark they are.
+                    let are_shares = self.fields.are_shares && !part.batch.is_empty();
+                    let most = if are_shares { u16::MAX } else { colour_max(&part.batch) };
+                    report.colour_max = report.colour_max.max(most);
                     if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
                 },
             )?;

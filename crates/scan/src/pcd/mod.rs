@@ -16,14 +16,17 @@ use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
 use esker_points::{ColourDepth, InputGrid, Task};
 use header::{Data, Header};
-use points::{Layout, Points, sizes, too_few};
+use points::{Layout, Points, Raw, sizes, too_few};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 /// PCD, as the registry knows it.
 pub const FORMAT: Format = Format { name: "PCD", endings: &["pcd"], recognises, open };
 
+/// Held by who holds all points of a file while it is opened.
+static HOLDING: Mutex<()> = Mutex::new(());
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
 
@@ -111,6 +114,7 @@ fn check_room(path: &Path, header: &Header, bytes: u64) -> Result<u64, ScanError
             }
             Ok(0)
         }
+        Data::Compressed if header.points == 0 => Ok(0),
         Data::Compressed => {
             let io = |e| ScanError::io(path, e);
             let mut file = File::open(path).map_err(io)?;
@@ -151,17 +155,29 @@ fn survey_stream(
     plan: &Plan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
-    let mut points = Points::new(path, body, layout)?;
+    let survey = |raw: Raw| {
+        let mut part = Survey::EMPTY;
+        let records = layout.records(path, plan, &raw, Some(&mut part))?;
+        plan.survey_records(&records, &mut part);
+        Ok::<_, ScanError>(part)
+    };
     let mut found = Survey::EMPTY;
+    if layout.header.data == Data::Compressed {
+        // Inputs are opened side by side, and what each holds may be all that memory has room for. No work is shared
+        // meanwhile: who waits for some might take up another input.
+        let _alone = HOLDING.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut points = Points::new(path, body, layout)?;
+        while let Some(raw) = points.next()? {
+            task.check()?;
+            found.merge(survey(raw)?);
+        }
+        return Ok(found);
+    }
+    let mut points = Points::new(path, body, layout)?;
     in_order(
         task,
         || points.next(),
-        |raw| {
-            let mut part = Survey::EMPTY;
-            let records = layout.records(path, plan, &raw, Some(&mut part))?;
-            plan.survey_records(&records, &mut part);
-            Ok(part)
-        },
+        survey,
         |part| {
             found.merge(part);
             Ok(())

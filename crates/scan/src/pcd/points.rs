@@ -168,7 +168,10 @@ impl Layout {
 fn unpacked(word: &[u8], ty: AttrType) -> Option<[u8; 4]> {
     // Old files write colours as the float that has their bits; others as the number that they make.
     match ty {
-        AttrType::F32 => fast_float2::parse::<f32, _>(word).ok().map(f32::to_le_bytes),
+        AttrType::F32 => {
+            let value = fast_float2::parse::<f32, _>(word).ok()?;
+            Some(if value.is_nan() { [0; 4] } else { value.to_le_bytes() })
+        }
         _ => {
             let whole = number(word).filter(|v| v.fract() == 0.0)?;
             let range = f64::from(i32::MIN)..=f64::from(u32::MAX);
@@ -195,6 +198,7 @@ impl<'a> Points<'a> {
                 Body::Lines { lines, has_more: false }
             }
             Data::Binary => Body::Records(input),
+            Data::Compressed if header.points == 0 => Body::Fields(Arc::default()),
             Data::Compressed => {
                 let [packed, bytes] = sizes(path, &mut input, header)?;
                 let mut all = Vec::new();

@@ -84,8 +84,8 @@ fn recognises(head: &[u8]) -> bool {
 }
 
 /// How many numbers a point's line has, by the first one; the least where there is none.
-fn columns_of(path: &Path) -> Result<usize, ScanError> {
-    let mut scans = Scans::new(path, lines_of(path)?);
+fn columns_of(path: &Path, task: &dyn Task) -> Result<usize, ScanError> {
+    let mut scans = Scans::new(path, lines_of(path)?, task);
     let piece = scans.next()?;
     let first = piece.as_ref().and_then(|piece| piece.block.lines().next());
     let columns = first.map_or(COLUMNS[0], |(_, line)| fields(line).count());
@@ -99,7 +99,7 @@ fn columns_of(path: &Path) -> Result<usize, ScanError> {
 }
 
 fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
-    let columns = columns_of(path)?;
+    let columns = columns_of(path, task)?;
     let survey = survey_file(path, columns, task)?;
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let intensity = if survey.digits <= F32_DIGITS { AttrType::F32 } else { AttrType::F64 };
@@ -111,10 +111,6 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
     let has_scans = survey.scans.len() > 1;
     if has_scans {
         attributes.push((names::POINT_SOURCE_ID.to_owned(), AttrType::U16));
-        if survey.scans.len() > usize::from(u16::MAX) {
-            let what = "has more than 65,535 scans, which are not told apart; part it";
-            return Err(ScanError::unsupported(path, what));
-        }
     }
     let (schema, attributes) = schema_of(attributes);
     let (kind, grid) = survey.grid();
@@ -153,7 +149,7 @@ fn open(path: &Path, _: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>
 }
 
 fn survey_file(path: &Path, columns: usize, task: &dyn Task) -> Result<Survey, ScanError> {
-    let mut scans = Scans::new(path, lines_of(path)?);
+    let mut scans = Scans::new(path, lines_of(path)?, task);
     let mut found = Survey::empty();
     in_order(
         task,
@@ -220,7 +216,7 @@ impl Survey {
         found.is_only_moved = piece.scan.is_only_moved();
         found.decimals = piece.scan.decimals;
         for (n, line) in piece.block.lines() {
-            let Line::Point { world, .. } = read_line(path, (n, line), piece, columns)? else {
+            let Line::Point { world, rest } = read_line(path, (n, line), piece, columns)? else {
                 found.others += 1;
                 continue;
             };
@@ -230,7 +226,9 @@ impl Survey {
             for (digits, word) in found.decimals.iter_mut().zip(&mut words) {
                 *digits = (*digits).max(decimals(word));
             }
-            let digits = words.next().map_or(0, significant);
+            // What a single does not hold at all has too many for it.
+            let is_single = rest[0] == 0.0 || (rest[0] as f32).is_normal();
+            let digits = words.next().filter(|_| is_single).map_or(usize::MAX, significant);
             found.digits = found.digits.max(digits);
         }
         Ok(found)
@@ -323,7 +321,7 @@ impl Source for PtxSource {
         sink: &mut Sink<'_>,
     ) -> Result<ReadReport, ScanError> {
         let mut report = ReadReport::default();
-        let mut scans = Scans::new(&self.info.path, lines_of(&self.info.path)?);
+        let mut scans = Scans::new(&self.info.path, lines_of(&self.info.path)?, task);
         in_order(
             task,
             || scans.next(),

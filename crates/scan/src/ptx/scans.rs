@@ -6,6 +6,7 @@ use crate::error::ScanError;
 use crate::text::blocks::{Block, LineBlocks};
 use crate::text::layout::{count, excerpt};
 use crate::text::number::{decimals, fields, number};
+use esker_points::Task;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,14 +36,15 @@ pub(crate) struct Piece {
 }
 
 /// Reads a file scan by scan.
-pub(crate) struct Scans {
+pub(crate) struct Scans<'a> {
     path: PathBuf,
     lines: LineBlocks<Box<dyn Read>>,
-    /// What was read behind the last piece.
-    rest: Option<Block>,
+    /// What was read, and where in it the next line begins.
+    rest: Option<(Block, usize)>,
     scan: Option<Arc<Scan>>,
     /// Lines of it that are still to come.
     left: u64,
+    task: &'a dyn Task,
 }
 
 impl Scan {
@@ -94,10 +96,10 @@ fn unlike(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
     ScanError::damaged(path, format!("line {n} is not {what}: `{}`", excerpt(line)))
 }
 
-impl Scans {
+impl<'a> Scans<'a> {
     /// Begins with the first of the lines of a file.
-    pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>) -> Self {
-        Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0 }
+    pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>, task: &'a dyn Task) -> Self {
+        Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0, task }
     }
 
     /// The next lines of points; `None` at the end.
@@ -107,12 +109,13 @@ impl Scans {
     pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
         loop {
             while self.left == 0 {
+                self.task.check()?;
                 let Some(scan) = self.next_head()? else { return Ok(None) };
                 self.left = scan.lines;
                 self.scan = Some(Arc::new(scan));
             }
             let Some(scan) = self.scan.clone() else { return Ok(None) };
-            let Some(block) = self.next_block()? else {
+            let Some(block) = self.take(self.left)? else {
                 let (number, lines) = (scan.number, scan.lines);
                 let there = lines - self.left;
                 let what = format!(
@@ -120,8 +123,6 @@ impl Scans {
                 );
                 return Err(ScanError::damaged(&self.path, what));
             };
-            let (block, rest) = split(block, self.left);
-            self.rest = rest;
             self.left -= block.rows;
             if block.rows > 0 {
                 return Ok(Some(Piece { block, scan }));
@@ -129,25 +130,48 @@ impl Scans {
         }
     }
 
-    fn next_block(&mut self) -> Result<Option<Block>, ScanError> {
-        match self.rest.take() {
-            Some(rest) => Ok(Some(rest)),
-            None => self.lines.next(),
+    /// Up to so many of the lines that follow and are not blank, of one block; `None` at the end.
+    fn take(&mut self, lines: u64) -> Result<Option<Block>, ScanError> {
+        let (block, at) = match self.rest.take() {
+            Some(rest) => rest,
+            None => match self.lines.next()? {
+                Some(block) => (block, 0),
+                None => return Ok(None),
+            },
+        };
+        if at == 0 && block.rows <= lines {
+            return Ok(Some(block));
         }
+        let (mut end, mut number, mut rows) = (at, block.first_line, 0);
+        while rows < lines && end < block.bytes.len() {
+            let line = &block.bytes[end..];
+            let length = line.iter().position(|&b| b == b'\n').map_or(line.len(), |at| at + 1);
+            rows += u64::from(!line[..length].trim_ascii().is_empty());
+            (end, number) = (end + length, number + 1);
+        }
+        let bytes = block.bytes[at..end].to_vec();
+        let taken = Block { bytes, first_line: block.first_line, rows };
+        if end < block.bytes.len() {
+            let rest = Block { first_line: number, rows: block.rows - rows, ..block };
+            self.rest = Some((rest, end));
+        }
+        Ok(Some(taken))
     }
 
     /// The head that follows; `None` at the end.
     fn next_head(&mut self) -> Result<Option<Scan>, ScanError> {
         let mut head = Vec::with_capacity(HEAD_LINES);
         while head.len() < HEAD_LINES {
-            let Some(block) = self.next_block()? else { break };
-            let (block, rest) = split(block, (HEAD_LINES - head.len()) as u64);
-            self.rest = rest;
+            let Some(block) = self.take((HEAD_LINES - head.len()) as u64)? else { break };
             head.extend(block.lines().map(|(n, line)| (n, line.to_vec())));
         }
         let number = self.scan.as_ref().map_or(1, |scan| scan.number + 1);
         match head.len() {
             0 => Ok(None),
+            _ if number > u64::from(u16::MAX) => {
+                let what = "has more than 65,535 scans, which are not told apart; part it";
+                Err(ScanError::unsupported(&self.path, what))
+            }
             HEAD_LINES => Scan::parse(number, &head, &self.path).map(Some),
             n => {
                 let what = format!(
@@ -159,27 +183,10 @@ impl Scans {
     }
 }
 
-/// A block up to so many lines that are not blank, and what is behind them.
-fn split(mut block: Block, lines: u64) -> (Block, Option<Block>) {
-    if block.rows <= lines {
-        return (block, None);
-    }
-    let (mut at, mut number, mut rows) = (0, block.first_line, 0);
-    while rows < lines {
-        let line = &block.bytes[at..];
-        let end = line.iter().position(|&b| b == b'\n').map_or(line.len(), |end| end + 1);
-        rows += u64::from(!line[..end].trim_ascii().is_empty());
-        (at, number) = (at + end, number + 1);
-    }
-    let bytes = block.bytes.split_off(at);
-    let rest = Block { bytes, first_line: number, rows: block.rows - lines };
-    block.rows = lines;
-    (block, Some(rest))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use esker_points::task::Silent;
 
     const HEAD: &str =
         "2\n1\n\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n7.25 0 0 1\n";
@@ -187,7 +194,8 @@ mod tests {
     fn read(text: &str) -> Result<Vec<Piece>, ScanError> {
         let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.to_owned().into_bytes()));
         let path = Path::new("f.ptx");
-        let mut scans = Scans::new(path, LineBlocks::new(input, path.to_owned(), 1));
+        let lines = LineBlocks::new(input, path.to_owned(), 1);
+        let mut scans = Scans::new(path, lines, &Silent);
         let mut pieces = Vec::new();
         while let Some(piece) = scans.next()? {
             pieces.push(piece);
@@ -223,6 +231,14 @@ mod tests {
             let of = pieces.iter().filter(|p| p.scan.number == number);
             assert_eq!(of.map(|p| p.block.rows).sum::<u64>(), 80_000);
         }
+    }
+
+    #[test]
+    fn many_scans_of_few_points_take_a_step_each() {
+        let one = HEAD.replacen("2\n1", "1\n1", 1) + "1 2 3 0.5\n";
+        assert_eq!(read(&one.repeat(60_000)).unwrap().len(), 60_000);
+        let error = read(&HEAD.replacen("2\n1", "0\n0", 1).repeat(65_536)).err().unwrap();
+        assert!(error.to_string().contains("more than 65,535 scans"), "{error}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test needs other parts")]
 
 use esker_points::AttrType;
-use esker_points::lattice::Lattice;
+use esker_points::lattice::{GridKind, Lattice};
 use esker_points::task::Silent;
 use esker_scan::{OpenOptions, ReadReport, ScanError, SourceInfo};
 use std::path::Path;
@@ -20,6 +20,11 @@ impl Cloud {
         let i = self.info.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
         let ty = self.info.schema.attributes[i].ty;
         (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
+    }
+
+    /// The bytes of a column.
+    pub fn bytes(&self, name: &str) -> &[u8] {
+        &self.columns[self.info.schema.find(name).unwrap()]
     }
 
     /// Names and types, in one line.
@@ -62,6 +67,9 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
     assert_eq!(report.points, world.len() as u64);
     let bounds = source.survey(&Silent)?;
     assert_eq!(bounds.is_some(), !world.is_empty());
+    if info.grid.kind != GridKind::Integer {
+        assert_eq!(info.grid.bounds, bounds, "nothing corrects them");
+    }
     if let Some([low, high]) = bounds {
         // What is less than a millionth of a step is taken for noise, and told of nowhere.
         let slack = |i: usize| {
@@ -70,6 +78,10 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
         };
         let within =
             |p: &[f64; 3]| (0..3).all(|i| low[i] - slack(i) <= p[i] && p[i] <= high[i] + slack(i));
+        for i in 0..3 {
+            let touches = |end: f64| world.iter().any(|p| (p[i] - end).abs() <= slack(i));
+            assert!(touches(low[i]) && touches(high[i]), "{low:?} to {high:?} is too wide");
+        }
         let out = world.iter().find(|p| !within(p));
         assert_eq!(out, None, "{low:?} to {high:?} but for {}", report.rounding_error_max);
     }
