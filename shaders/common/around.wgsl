@@ -1,8 +1,5 @@
 // The neighbours of a pixel of the picture, and what is in front of what. Needs a variable `frame`.
 
-// Of the eight neighbours of a gap, how many must be in front.
-const SURROUNDED: u32 = 6u;
-
 // The k-th of the eight neighbours of a pixel that is not at the border.
 fn beside(pixel: u32, k: u32) -> u32 {
     // Row by row, the middle left out.

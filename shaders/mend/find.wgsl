@@ -11,10 +11,35 @@ override NORMALS: bool;
 // Whether edges are found; else those found before are looked at again.
 override FIRST: bool;
 
+// Of the eight neighbours of a gap, how many must be in front; or so many, where in all directions what is in front begins within
+// its own radius, and so many pixels.
+const SURROUNDED: u32 = 6u;
+const CORNERED: u32 = 5u;
+const WITHIN_PX: i32 = 2;
+
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> depth: array<f32>;
 @group(0) @binding(2) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> marks: array<u32>;
+
+// Whether something in front of a pixel begins that way within its own radius.
+fn meets(at: vec2<u32>, k: u32, here: f32) -> bool {
+    // Row by row, the middle left out, as beside().
+    let i = i32(select(k + 1u, k, k < 4u));
+    let way = vec2<i32>(i % 3 - 1, i / 3 - 1);
+    for (var steps = 1; steps <= WITHIN_PX; steps++) {
+        let there = vec2<i32>(at) + way * steps;
+        if any(there < vec2<i32>(0)) || any(there >= vec2<i32>(i32(frame.width), i32(frame.height))) {
+            return false;
+        }
+        let n = u32(there.y) * frame.width + u32(there.x);
+        let radius = tint[n].w;
+        if depth[n] < here && f32(steps) <= radius && is_in_front(depth[n], radius, here) {
+            return true;
+        }
+    }
+    return false;
+}
 
 fn is_gap(at: vec2<u32>, pixel: u32) -> bool {
     if any(at == vec2<u32>(0u)) || any(at + 1u == vec2<u32>(frame.width, frame.height)) {
@@ -28,7 +53,15 @@ fn is_gap(at: vec2<u32>, pixel: u32) -> bool {
             count++;
         }
     }
-    return count >= SURROUNDED;
+    if count < CORNERED || count >= SURROUNDED {
+        return count >= SURROUNDED;
+    }
+    for (var k = 0u; k < 8u; k++) {
+        if !meets(at, k, here) {
+            return false;
+        }
+    }
+    return true;
 }
 
 @compute @workgroup_size(8, 8)

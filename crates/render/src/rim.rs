@@ -224,7 +224,7 @@ impl Grid {
 
     /// How many steps in a direction there are from a pixel to the border.
     #[inline(always)]
-    fn room(self, Place { x, y, .. }: Place, [dx, dy]: [isize; 2]) -> usize {
+    pub fn room(self, Place { x, y, .. }: Place, [dx, dy]: [isize; 2]) -> usize {
         let room = |at: usize, size: usize, d: isize| match d {
             0 => usize::MAX,
             1.. => size - 1 - at,
@@ -234,7 +234,7 @@ impl Grid {
     }
 
     /// The pixel so many steps away in a direction, no more than there is room for.
-    fn away(self, Place { index, x, y }: Place, [dx, dy]: [isize; 2], steps: usize) -> Place {
+    pub fn away(self, Place { index, x, y }: Place, [dx, dy]: [isize; 2], steps: usize) -> Place {
         let steps = steps as isize;
         Place {
             index: index.wrapping_add_signed(self.stride([dx, dy]) * steps),
