@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 pub const ORIGIN: i64 = 1 << 31;
 /// Deviations from a whole step below this are taken for noise of `f64`, not for a rounding.
 const NOISE_STEPS: f64 = 1e-6;
+/// And so are deviations from a coordinate below so many units in the last place of it and of the lattice's offset.
+const NOISE_ULPS: f64 = 4.0;
 /// The largest step number used while choosing: beyond it `f64` has no whole steps.
 const STEPS_MAX: f64 = 9.0e15;
 
@@ -329,15 +331,23 @@ impl Placement {
     /// # Errors
     /// [`OffLattice`] where the point does not fit.
     pub fn real(&self, world: [f64; 3], error: &mut f64) -> Result<[u32; 3], OffLattice> {
-        let (mut out, mut off) = ([0; 3], *error);
+        let mut out = [0; 3];
         for axis in 0..3 {
-            let steps = self.lattice.steps_axis(axis, world[axis]);
-            let Some(placed) = self.round(axis, steps, &mut off) else {
+            let rounded = self.lattice.steps_axis(axis, world[axis]).round_ties_even();
+            if !(0.0..=f64::from(u32::MAX)).contains(&rounded) {
                 return self.off(|| world);
-            };
-            out[axis] = placed;
+            }
+            out[axis] = rounded as u32;
         }
-        *error = off;
+        // Not by steps: of large ones even a millionth is more than small coordinates.
+        let there = self.lattice.world(out);
+        for axis in 0..3 {
+            let off = (there[axis] - world[axis]).abs();
+            let size = world[axis].abs() + self.lattice.offset[axis].abs();
+            if off > size * (NOISE_ULPS * f64::EPSILON) {
+                *error = error.max(off);
+            }
+        }
         Ok(out)
     }
 
@@ -516,8 +526,26 @@ mod tests {
             let w = bounds[0][0] + t * (bounds[1][0] - bounds[0][0]);
             let mut error = 0.0;
             let p = lattice.placement(&input).real([w; 3], &mut error).unwrap();
-            prop_assert!(error <= lattice.scale[0] * 0.5);
+            prop_assert!(error <= lattice.scale[0] * (0.5 + NOISE_STEPS));
             prop_assert!((lattice.world(p)[0] - w).abs() <= lattice.scale[0] * 0.5 + 1e-9);
+        }
+
+        #[test]
+        fn no_rounding_is_told_as_none(far in -1e18f64..1e18, near in -100.0f64..100.0, decimals in 0u32..8) {
+            // Floats beside one that is far away.
+            let bounds = [[far.min(near); 3], [far.max(near); 3]];
+            let float = InputGrid { name: "f".into(), kind: GridKind::Float, grid: float_grid(bounds), bounds: Some(bounds) };
+            let lattice = Lattice::choose(std::slice::from_ref(&float)).unwrap();
+            let mut error = 0.0;
+            let p = lattice.placement(&float).real([near; 3], &mut error).unwrap();
+            prop_assert!((lattice.world(p)[0] - near).abs() <= error + near.abs() * 4.0 * f64::EPSILON);
+            // Decimals are what they are, whatever doubles make of them.
+            let text: f64 = format!("{near:.*}", decimals as usize).parse().unwrap();
+            let decimal = InputGrid { name: "d".into(), kind: GridKind::Decimal, grid: decimal_grid([decimals; 3]), bounds: Some([[-100.0; 3], [100.0; 3]]) };
+            let lattice = Lattice::choose(std::slice::from_ref(&decimal)).unwrap();
+            let mut error = 0.0;
+            lattice.placement(&decimal).real([text; 3], &mut error).unwrap();
+            prop_assert_eq!(error, 0.0);
         }
     }
 }

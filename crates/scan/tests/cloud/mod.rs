@@ -71,10 +71,9 @@ pub fn read_path(path: &Path) -> Result<Cloud, ScanError> {
         assert_eq!(info.grid.bounds, bounds, "nothing corrects them");
     }
     if let Some([low, high]) = bounds {
-        // What is less than a millionth of a step is taken for noise, and told of nowhere.
         let slack = |i: usize| {
             let noise = low[i].abs().max(high[i].abs()) * 4.0 * f64::EPSILON;
-            report.rounding_error_max + lattice.scale[i] * 1e-6 + noise
+            report.rounding_error_max + noise
         };
         let within =
             |p: &[f64; 3]| (0..3).all(|i| low[i] - slack(i) <= p[i] && p[i] <= high[i] + slack(i));
