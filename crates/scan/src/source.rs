@@ -112,6 +112,27 @@ pub struct ReadReport {
     pub notes: Vec<String>,
 }
 
+impl ReadReport {
+    /// Counts what was read of a part of an input, and hands its points over: how many others were refused for which reason,
+    /// and the greatest rounding and 16-bit colour among them.
+    pub(crate) fn take(
+        &mut self,
+        batch: Batch,
+        refused: &[(&str, u64)],
+        rounding_error_max: f64,
+        colour_max: u16,
+        sink: &mut Sink<'_>,
+    ) -> Result<(), ScanError> {
+        for &(reason, points) in refused.iter().filter(|(_, points)| *points > 0) {
+            *self.refused.entry(reason.to_owned()).or_default() += points;
+        }
+        self.points += batch.len() as u64;
+        self.rounding_error_max = self.rounding_error_max.max(rounding_error_max);
+        self.colour_max = self.colour_max.max(colour_max);
+        if batch.is_empty() { Ok(()) } else { sink(batch) }
+    }
+}
+
 /// Takes batches in the file's order. An error ends the reading and is returned by it.
 pub type Sink<'a> = dyn FnMut(Batch) -> Result<(), ScanError> + 'a;
 

@@ -1,16 +1,17 @@
 //! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is valid, in the file's
 //! coordinates; and attributes, one list for all scans.
 
+use super::colours::{Colours, colour_range, is_colour};
+use super::grid::grid;
+use super::packets::bits;
+use super::pose::Pose;
+use super::values::{Known, is_plain, put, real};
 use crate::text::naming::{COLUMNS_MAX, NAME_BYTES_MAX, axis, named, schema_of, usual};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Cancelled, Grid, Schema, Task};
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell apart.
-const NOISE_STEPS: f64 = 1e-6;
-const STEPS_MAX: f64 = 9.0e15;
 
 /// Why it is not decided.
 pub(crate) enum FieldsError {
@@ -31,30 +32,22 @@ impl From<Cancelled> for FieldsError {
     }
 }
 
-/// Where a scan stands and how it is turned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Pose {
-    /// Columns of the rotation.
-    columns: [[f64; 3]; 3],
-    pub at: [f64; 3],
-    is_turned: bool,
-}
-
 /// What is taken of the points of one scan.
 #[derive(Clone, Debug)]
 pub(crate) struct Taken {
-    place: Place,
+    pub place: Place,
     /// Which value tells whether the place is one.
     state: Option<usize>,
     pub pose: Pose,
     /// Steps by which its integers are moved on [`Fields::grid`].
-    shift: [i64; 3],
+    pub shift: [i64; 3],
     /// The columns of the schema that it has, and what each is made of.
     parts: Vec<(usize, Part)>,
 }
 
+/// What a place is made of.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+pub(crate) enum Place {
     Cartesian([usize; 3]),
     /// Range, azimuth, elevation.
     Spherical([usize; 3]),
@@ -95,54 +88,6 @@ struct Found {
     kind: Known,
     /// How many scans have it.
     scans: usize,
-}
-
-/// What numbers values are.
-#[derive(Clone, Copy, PartialEq)]
-enum Known {
-    Integers { min: i64, max: i64 },
-    Single,
-    Double,
-}
-
-impl Pose {
-    const NONE: Self = Self {
-        columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        at: [0.0; 3],
-        is_turned: false,
-    };
-
-    /// That of a scan; `None` where it is no rotation, or no place.
-    fn of(cloud: &PointCloud) -> Option<Self> {
-        let Some(pose) = &cloud.transform else { return Some(Self::NONE) };
-        let (q, t) = (&pose.rotation, &pose.translation);
-        let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
-        let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(|c| c / length);
-        let columns = [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
-            [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
-            [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ];
-        let at = [t.x, t.y, t.z];
-        let is_sound = columns.iter().flatten().chain(&at).all(|c| c.is_finite());
-        let is_turned = [x, y, z] != [0.0; 3];
-        is_sound.then_some(Self { columns, at, is_turned })
-    }
-
-    /// A direction in the file's coordinates.
-    fn turned(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        let [a, b, c] = self.columns;
-        if !self.is_turned {
-            return [x, y, z];
-        }
-        [0, 1, 2].map(|i| x * a[i] + y * b[i] + z * c[i])
-    }
-
-    /// A place in the file's coordinates.
-    fn placed(&self, place: [f64; 3]) -> [f64; 3] {
-        let turned = self.turned(place);
-        [0, 1, 2].map(|i| turned[i] + self.at[i])
-    }
 }
 
 /// What becomes of a point's place.
@@ -231,91 +176,6 @@ impl Taken {
     }
 }
 
-/// The number that a value stands for.
-fn real(value: &Value, kind: &Kind) -> f64 {
-    match (value, kind) {
-        (Value::Single(v), _) => f64::from(*v),
-        (Value::Double(v), _) => *v,
-        (Value::ScaledInteger(n), Kind::ScaledInteger { scale, offset, .. }) => {
-            *n as f64 * scale + offset
-        }
-        (Value::Integer(n) | Value::ScaledInteger(n), _) => *n as f64,
-    }
-}
-
-/// Appends a number as this type; `as` saturates.
-fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) {
-    match ty {
-        AttrType::U8 => out.extend((v as u8).to_le_bytes()),
-        AttrType::I8 => out.extend((v as i8).to_le_bytes()),
-        AttrType::U16 => out.extend((v as u16).to_le_bytes()),
-        AttrType::I16 => out.extend((v as i16).to_le_bytes()),
-        AttrType::U32 => out.extend((v as u32).to_le_bytes()),
-        AttrType::I32 => out.extend((v as i32).to_le_bytes()),
-        AttrType::U64 => out.extend((v as u64).to_le_bytes()),
-        AttrType::I64 => out.extend((v as i64).to_le_bytes()),
-        AttrType::F32 => out.extend((v as f32).to_le_bytes()),
-        AttrType::F64 => out.extend(v.to_le_bytes()),
-    }
-}
-
-/// Whether integers of a kind stand for themselves.
-fn is_plain(kind: &Kind) -> bool {
-    match *kind {
-        Kind::Integer { .. } => true,
-        Kind::ScaledInteger { scale, offset, .. } => [scale, offset] == [1.0, 0.0],
-        _ => false,
-    }
-}
-
-impl Known {
-    fn of(kind: &Kind) -> Self {
-        match *kind {
-            Kind::Single { .. } => Self::Single,
-            Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } if is_plain(kind) => {
-                Self::Integers { min, max }
-            }
-            _ => Self::Double,
-        }
-    }
-
-    /// What holds both.
-    fn with(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::Integers { min, max }, Self::Integers { min: low, max: high }) => {
-                Self::Integers { min: min.min(low), max: max.max(high) }
-            }
-            _ if self == other => self,
-            _ => Self::Double,
-        }
-    }
-
-    /// The narrowest type.
-    fn ty(self) -> AttrType {
-        let (min, max) = match self {
-            Self::Single => return AttrType::F32,
-            Self::Double => return AttrType::F64,
-            Self::Integers { min, max } => (min, max),
-        };
-        let within = |low: i64, high: i64| low <= min && max <= high;
-        if within(0, u8::MAX.into()) {
-            AttrType::U8
-        } else if within(i8::MIN.into(), i8::MAX.into()) {
-            AttrType::I8
-        } else if within(0, u16::MAX.into()) {
-            AttrType::U16
-        } else if within(i16::MIN.into(), i16::MAX.into()) {
-            AttrType::I16
-        } else if within(0, u32::MAX.into()) {
-            AttrType::U32
-        } else if within(i32::MIN.into(), i32::MAX.into()) {
-            AttrType::I32
-        } else {
-            AttrType::I64
-        }
-    }
-}
-
 /// What a value is called in Esker.
 fn name_of(name: &Name) -> String {
     match name {
@@ -362,70 +222,6 @@ fn find(cloud: &PointCloud, name: &Name) -> Option<usize> {
 fn find_all(cloud: &PointCloud, names: [Name; 3]) -> Option<[usize; 3]> {
     let [a, b, c] = names.map(|name| find(cloud, &name));
     Some([a?, b?, c?])
-}
-
-fn is_colour(name: &Name) -> bool {
-    matches!(name, Name::ColorRed | Name::ColorGreen | Name::ColorBlue)
-}
-
-/// The values between which a colour lies: by the scan's limits, else by the value's own range; `None` where neither tells.
-fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 2]> {
-    let kind = &record.data_type;
-    let limits = cloud.color_limits.as_ref().and_then(|l| {
-        let [low, high] = match record.name {
-            Name::ColorRed => [&l.red_min, &l.red_max],
-            Name::ColorGreen => [&l.green_min, &l.green_max],
-            _ => [&l.blue_min, &l.blue_max],
-        };
-        Some([real(low.as_ref()?, kind), real(high.as_ref()?, kind)])
-    });
-    let own = match *kind {
-        Kind::Single { min, max } => Some([min?.into(), max?.into()]),
-        Kind::Double { min, max } => Some([min?, max?]),
-        // Where nothing is said they are all that there are.
-        Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
-            let is_told = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
-            let ends = [Value::ScaledInteger(min), Value::ScaledInteger(max)];
-            is_told.then(|| ends.map(|end| real(&end, kind)))
-        }
-    };
-    let is_range = |[low, high]: &[f64; 2]| (high - low).is_finite() && low < high;
-    // Limits are often those of the colours that occur: of bytes they tell nothing.
-    let own = own.filter(is_range);
-    if Known::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
-}
-
-/// How colours are kept.
-#[derive(Clone, Copy, PartialEq)]
-enum Colours {
-    /// As they are: bytes, or 16 bits from black to white in every scan.
-    Whole(AttrType),
-    /// As 16 bits of their range.
-    Shares,
-}
-
-impl Colours {
-    fn of(clouds: &[PointCloud]) -> Self {
-        let all = || {
-            clouds.iter().flat_map(|cloud| {
-                let colours = cloud.prototype.iter().filter(|record| is_colour(&record.name));
-                colours.map(move |record| (cloud, record))
-            })
-        };
-        let is_byte =
-            |(_, record): (&PointCloud, &Record)| Known::of(&record.data_type).ty() == AttrType::U8;
-        let is_wide = |(cloud, record): (&PointCloud, &Record)| {
-            let is_whole = Known::of(&record.data_type).ty() == AttrType::U16;
-            is_whole && colour_range(cloud, record) == Some([0.0, f64::from(u16::MAX)])
-        };
-        if all().all(is_byte) {
-            Self::Whole(AttrType::U8)
-        } else if all().all(is_wide) {
-            Self::Whole(AttrType::U16)
-        } else {
-            Self::Shares
-        }
-    }
 }
 
 /// The values of a scan that are no part of its place, with their keys.
@@ -530,53 +326,6 @@ impl Fields {
     }
 }
 
-/// The grid that all coordinates are integers on, if they are; scans get their shifts on it.
-fn grid(clouds: &[PointCloud], scans: &mut [Taken]) -> Option<Grid> {
-    let mut grid: Option<Grid> = None;
-    let mut shifts = vec![[0; 3]; scans.len()];
-    let scans_with_points = clouds
-        .iter()
-        .zip(scans.iter())
-        .zip(&mut shifts)
-        .filter(|((cloud, _), _)| cloud.records > 0);
-    for ((cloud, taken), shift) in scans_with_points {
-        let Place::Cartesian(xyz) = taken.place else { return None };
-        if taken.pose.is_turned {
-            return None;
-        }
-        let mut own = Grid { scale: [1.0; 3], offset: taken.pose.at };
-        let mut ends = [[0; 3]; 2];
-        for (axis, i) in xyz.into_iter().enumerate() {
-            let Kind::ScaledInteger { min, max, scale, offset } = cloud.prototype[i].data_type
-            else {
-                return None;
-            };
-            if !scale.is_normal() || scale < 0.0 || !offset.is_finite() {
-                return None;
-            }
-            (own.scale[axis], ends[0][axis], ends[1][axis]) = (scale, min, max);
-            own.offset[axis] += offset;
-        }
-        let grid = *grid.get_or_insert(own);
-        for axis in 0..3 {
-            let steps = (own.offset[axis] - grid.offset[axis]) / grid.scale[axis];
-            let is_whole = (steps - steps.round()).abs() < NOISE_STEPS && steps.abs() < STEPS_MAX;
-            if own.scale[axis] != grid.scale[axis] || !is_whole {
-                return None;
-            }
-            shift[axis] = steps.round() as i64;
-            let is_narrow = |end: i64| {
-                end.checked_add(shift[axis]).is_some_and(|end| i32::try_from(end).is_ok())
-            };
-            if !is_narrow(ends[0][axis]) || !is_narrow(ends[1][axis]) {
-                return None;
-            }
-        }
-    }
-    scans.iter_mut().zip(shifts).for_each(|(taken, shift)| taken.shift = shift);
-    grid
-}
-
 /// What an attribute is made of that a value of a scan becomes.
 fn part(cloud: &PointCloud, value: usize, colours: Colours) -> Part {
     let record = &cloud.prototype[value];
@@ -611,10 +360,7 @@ fn taken(cloud: &PointCloud, parts: Vec<(usize, Part)>) -> Result<Taken, &'stati
         return Err("has neither x, y and z nor range, azimuth and elevation: no points");
     };
     // Where all values are constants their number is said nowhere in the data.
-    let varies = |record: &Record| match record.data_type {
-        Kind::Single { .. } | Kind::Double { .. } => true,
-        Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => min < max,
-    };
+    let varies = |record: &Record| bits(&record.data_type) > 0;
     if cloud.records > 0 && !cloud.prototype.iter().any(varies) {
         return Err("has points that are all the same by its header; it is damaged");
     }

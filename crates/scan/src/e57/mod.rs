@@ -4,15 +4,19 @@
 //!
 //! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
 
+mod colours;
 mod fields;
+mod grid;
 mod packets;
+mod pose;
+mod values;
 
 use crate::bounds::Bounds;
 use crate::caught::catch;
 use crate::error::ScanError;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
-use crate::text::naming::{NOT_FINITE, colour_max, wide_colours};
+use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
@@ -30,8 +34,6 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Why directions are no points.
-const NO_RETURN: &str = "no return";
 /// Values of a block at most, unless one point has more.
 const BLOCK_VALUES: usize = 1 << 17;
 /// Bytes read from the file at once.
@@ -381,20 +383,11 @@ impl Source for E57Source {
                 || blocks.next(),
                 |block| self.decode(&block, placement),
                 |part: Part| {
-                    for (reason, n) in [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)]
-                    {
-                        if n > 0 {
-                            *report.refused.entry(reason.to_owned()).or_default() += n;
-                        }
-                    }
-                    report.points += part.batch.len() as u64;
-                    report.rounding_error_max =
-                        report.rounding_error_max.max(part.rounding_error_max);
+                    let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
                     // Shares are of 16 bits, however dark they are.
                     let are_shares = self.fields.are_shares && !part.batch.is_empty();
                     let most = if are_shares { u16::MAX } else { colour_max(&part.batch) };
-                    report.colour_max = report.colour_max.max(most);
-                    if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+                    report.take(part.batch, &refused, part.rounding_error_max, most, sink)
                 },
             )?;
         }

@@ -51,7 +51,7 @@ impl Pages {
 }
 
 /// Bits of a value.
-fn bits(kind: &Kind) -> u64 {
+pub(crate) fn bits(kind: &Kind) -> u64 {
     match *kind {
         Kind::Single { .. } => 32,
         Kind::Double { .. } => 64,

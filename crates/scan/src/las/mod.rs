@@ -288,12 +288,7 @@ impl Source for LasSource {
             u64::MAX,
             task,
             &|records| self.layout.convert(records, placement, grid, &self.info.path),
-            &mut |run| {
-                report.points += run.batch.len() as u64;
-                report.rounding_error_max = report.rounding_error_max.max(run.rounding_error);
-                report.colour_max = report.colour_max.max(run.colour_max);
-                sink(run.batch)
-            },
+            &mut |run| report.take(run.batch, &[], run.rounding_error, run.colour_max, sink),
         )?;
         Ok(report)
     }

@@ -223,13 +223,8 @@ impl Source for PcdSource {
                 self.plan.decode_records(path, &records, placement)
             },
             |part: Part| {
-                if part.not_finite > 0 {
-                    *report.refused.entry(Part::REASON.into()).or_default() += part.not_finite;
-                }
-                report.points += part.batch.len() as u64;
-                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
-                report.colour_max = report.colour_max.max(part.colour_max);
-                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+                let refused = [(Part::REASON, part.not_finite)];
+                report.take(part.batch, &refused, part.rounding_error_max, part.colour_max, sink)
             },
         )?;
         Ok(report)

@@ -11,7 +11,7 @@ use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::layout::{count, excerpt};
-use crate::text::naming::{NOT_FINITE, schema_of};
+use crate::text::naming::{NO_RETURN, NOT_FINITE, schema_of};
 use crate::text::number::{decimals, fields, number};
 use crate::text::start::{first_lines, lines_of};
 use esker_points::attribute::names;
@@ -25,8 +25,6 @@ use std::sync::Arc;
 /// PTX, as the registry knows it.
 pub const FORMAT: Format = Format { name: "PTX", endings: &["ptx"], recognises, open };
 
-/// Why directions are no points.
-const NO_RETURN: &str = "no return";
 /// Digits with which an `f32` holds every decimal.
 const F32_DIGITS: usize = 6;
 /// Digits after the point up to which decimal text has a grid of its own.
@@ -327,14 +325,8 @@ impl Source for PtxSource {
             || scans.next(),
             |piece| self.decode(&piece, placement),
             |part: Part| {
-                for (reason, n) in [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)] {
-                    if n > 0 {
-                        *report.refused.entry(reason.to_owned()).or_default() += n;
-                    }
-                }
-                report.points += part.batch.len() as u64;
-                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
-                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+                let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
+                report.take(part.batch, &refused, part.rounding_error_max, 0, sink)
             },
         )?;
         Ok(report)

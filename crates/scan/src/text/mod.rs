@@ -241,15 +241,10 @@ impl Source for TextSource {
             || lines.next(),
             work,
             |part: Part| {
-                for (reason, n) in [(NOT_FINITE, part.not_finite), (&not_numbers, part.malformed)] {
-                    if n > 0 {
-                        *report.refused.entry(reason.to_owned()).or_default() += n;
-                    }
-                }
-                report.points += part.batch.len() as u64;
-                report.rounding_error_max = report.rounding_error_max.max(part.rounding_error_max);
-                report.colour_max = report.colour_max.max(colour_max(&part.batch));
-                if part.batch.is_empty() { Ok(()) } else { sink(part.batch) }
+                let refused =
+                    [(NOT_FINITE, part.not_finite), (not_numbers.as_str(), part.malformed)];
+                let colour_max = colour_max(&part.batch);
+                report.take(part.batch, &refused, part.rounding_error_max, colour_max, sink)
             },
         )?;
         Ok(report)

@@ -11,6 +11,8 @@ pub(crate) const NAME_BYTES_MAX: usize = 256;
 pub(crate) const COLUMNS_MAX: usize = 1024;
 /// Why points without a place are refused.
 pub(crate) const NOT_FINITE: &str = "coordinate is not a finite number";
+/// Why directions from which nothing came back to a scanner are none.
+pub(crate) const NO_RETURN: &str = "no return";
 
 /// 0, 1, 2 for x, y, z.
 pub(crate) fn axis(name: &str) -> Option<usize> {

@@ -1,0 +1,56 @@
+//! The grid of scans whose coordinates are integers: one for all, where they differ by whole steps.
+
+use super::fields::{Place, Taken};
+use e57::{PointCloud, RecordDataType as Kind};
+use esker_points::Grid;
+
+/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell apart.
+const NOISE_STEPS: f64 = 1e-6;
+const STEPS_MAX: f64 = 9.0e15;
+
+/// The grid that all coordinates are integers on, if they are; scans get their shifts on it.
+pub(crate) fn grid(clouds: &[PointCloud], scans: &mut [Taken]) -> Option<Grid> {
+    let mut grid: Option<Grid> = None;
+    let mut shifts = vec![[0; 3]; scans.len()];
+    let scans_with_points = clouds
+        .iter()
+        .zip(scans.iter())
+        .zip(&mut shifts)
+        .filter(|((cloud, _), _)| cloud.records > 0);
+    for ((cloud, taken), shift) in scans_with_points {
+        let Place::Cartesian(xyz) = taken.place else { return None };
+        if taken.pose.is_turned {
+            return None;
+        }
+        let mut own = Grid { scale: [1.0; 3], offset: taken.pose.at };
+        let mut ends = [[0; 3]; 2];
+        for (axis, i) in xyz.into_iter().enumerate() {
+            let Kind::ScaledInteger { min, max, scale, offset } = cloud.prototype[i].data_type
+            else {
+                return None;
+            };
+            if !scale.is_normal() || scale < 0.0 || !offset.is_finite() {
+                return None;
+            }
+            (own.scale[axis], ends[0][axis], ends[1][axis]) = (scale, min, max);
+            own.offset[axis] += offset;
+        }
+        let grid = *grid.get_or_insert(own);
+        for axis in 0..3 {
+            let steps = (own.offset[axis] - grid.offset[axis]) / grid.scale[axis];
+            let is_whole = (steps - steps.round()).abs() < NOISE_STEPS && steps.abs() < STEPS_MAX;
+            if own.scale[axis] != grid.scale[axis] || !is_whole {
+                return None;
+            }
+            shift[axis] = steps.round() as i64;
+            let is_narrow = |end: i64| {
+                end.checked_add(shift[axis]).is_some_and(|end| i32::try_from(end).is_ok())
+            };
+            if !is_narrow(ends[0][axis]) || !is_narrow(ends[1][axis]) {
+                return None;
+            }
+        }
+    }
+    scans.iter_mut().zip(shifts).for_each(|(taken, shift)| taken.shift = shift);
+    grid
+}
