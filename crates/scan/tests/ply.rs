@@ -4,61 +4,13 @@
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
 use esker_points::lattice::{GridKind, Lattice};
-use esker_points::task::Silent;
 use esker_points::{AttrType, ColourDepth};
-use esker_scan::{OpenOptions, ReadReport, ScanError, SourceInfo};
 use proptest::prelude::*;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// All that a file holds, as read.
-struct Cloud {
-    info: SourceInfo,
-    report: ReadReport,
-    world: Vec<[f64; 3]>,
-    columns: Vec<Vec<u8>>,
-}
+mod cloud;
 
-impl Cloud {
-    fn column(&self, name: &str) -> (AttrType, Vec<f64>) {
-        let i = self.info.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
-        let ty = self.info.schema.attributes[i].ty;
-        (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
-    }
-
-    fn names(&self) -> Vec<&str> {
-        self.info.schema.attributes.iter().map(|a| a.name.as_str()).collect()
-    }
-}
-
-fn read_path(path: &Path) -> Result<Cloud, ScanError> {
-    let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
-    let info = source.info().clone();
-    let lattice = Lattice::choose(std::slice::from_ref(&info.grid)).unwrap();
-    let (mut world, mut columns) = (Vec::new(), vec![Vec::new(); info.schema.attributes.len()]);
-    let report = source.read(&lattice.placement(&info.grid), &Silent, &mut |batch| {
-        assert!(batch.is_consistent() && batch.len() <= esker_scan::source::BATCH_POINTS);
-        world.extend(batch.positions.iter().map(|&p| lattice.world(p)));
-        for (all, column) in columns.iter_mut().zip(&batch.columns) {
-            all.extend_from_slice(column);
-        }
-        Ok(())
-    })?;
-    assert_eq!(report.points, world.len() as u64);
-    Ok(Cloud { info, report, world, columns })
-}
-
-fn read(bytes: &[u8]) -> Result<Cloud, ScanError> {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("cloud.ply");
-    std::fs::write(&path, bytes).unwrap();
-    read_path(&path)
-}
-
-fn error(bytes: &[u8]) -> String {
-    let error = read(bytes).err().expect("an error").to_string();
-    assert!(error.contains("cloud.ply: ") && !error.contains('\n'), "{error}");
-    error
-}
+use cloud::{error, read, read_path};
 
 #[test]
 fn attributes_get_their_usual_names_and_keep_their_types() {
@@ -256,7 +208,7 @@ fn a_ply_compressed_with_zstd_is_read_as_if_plain() {
     let plain_cut = zstd::encode_all(&plain[..plain.len() - 5], 3).unwrap();
     assert!(error(&plain_cut).contains("claims 100000 vertices, the file holds 99999"));
     error(&packed[..packed.len() / 2]);
-    assert!(error(&zstd::encode_all(&b"1 2 3\n"[..], 3).unwrap()).contains("no sound PLY"));
+    assert!(error(zstd::encode_all(&b"1 2 3\n"[..], 3).unwrap()).contains("no sound PLY"));
 }
 
 const TYPES: [(&str, AttrType); 8] = [
@@ -332,7 +284,7 @@ proptest! {
     #[test]
     fn every_encoding_keeps_all_values((types, rows) in clouds()) {
         for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
-            let cloud = read(&write(format, &types, &rows)).unwrap();
+            let cloud = read(write(format, &types, &rows)).unwrap();
             prop_assert_eq!(cloud.world.len(), rows.len());
             // What the lattice takes for noise of `f64` while placing: a millionth of a step.
             let lattice = Lattice::choose(std::slice::from_ref(&cloud.info.grid)).unwrap();

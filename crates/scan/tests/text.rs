@@ -3,78 +3,28 @@
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
-use esker_points::lattice::{GridKind, Lattice};
-use esker_points::task::Silent;
+use esker_points::lattice::GridKind;
 use esker_points::{AttrType, ColourDepth};
-use esker_scan::{OpenOptions, ReadReport, ScanError, SourceInfo};
 use proptest::prelude::*;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// All that a file holds, as read.
-struct Cloud {
-    info: SourceInfo,
-    report: ReadReport,
-    world: Vec<[f64; 3]>,
-    columns: Vec<Vec<u8>>,
-}
+mod cloud;
 
-impl Cloud {
-    fn column(&self, name: &str) -> (AttrType, Vec<f64>) {
-        let i = self.info.schema.find(name).unwrap_or_else(|| panic!("no attribute {name}"));
-        let ty = self.info.schema.attributes[i].ty;
-        (ty, self.columns[i].chunks_exact(ty.size()).map(|v| ty.to_f64(v)).collect())
-    }
-
-    fn types(&self) -> Vec<(&str, AttrType)> {
-        self.info.schema.attributes.iter().map(|a| a.key()).collect()
-    }
-}
-
-fn read_path(path: &Path) -> Result<Cloud, ScanError> {
-    let source = esker_scan::open(path, &OpenOptions::default(), &Silent)?;
-    let info = source.info().clone();
-    let lattice = Lattice::choose(std::slice::from_ref(&info.grid)).unwrap();
-    let (mut world, mut columns) = (Vec::new(), vec![Vec::new(); info.schema.attributes.len()]);
-    let report = source.read(&lattice.placement(&info.grid), &Silent, &mut |batch| {
-        assert!(batch.is_consistent() && batch.len() <= esker_scan::source::BATCH_POINTS);
-        world.extend(batch.positions.iter().map(|&p| lattice.world(p)));
-        for (all, column) in columns.iter_mut().zip(&batch.columns) {
-            all.extend_from_slice(column);
-        }
-        Ok(())
-    })?;
-    assert_eq!(report.points, world.len() as u64);
-    assert_eq!(source.survey(&Silent)?, info.grid.bounds);
-    Ok(Cloud { info, report, world, columns })
-}
-
-fn read(text: &str) -> Result<Cloud, ScanError> {
-    let dir = tempfile::tempdir().unwrap();
-    // The name says nothing: the content decides.
-    let path = dir.path().join("cloud.las");
-    std::fs::write(&path, text).unwrap();
-    read_path(&path)
-}
-
-fn error(text: &str) -> String {
-    let error = read(text).err().expect("an error").to_string();
-    assert!(error.contains("cloud.las: ") && !error.contains('\n'), "{error}");
-    error
-}
+use cloud::{error, read, read_path};
 
 #[test]
 fn a_line_of_names_decides_the_columns() {
     for header in
         ["Intensity;R;G;B;Nx;Ny;Nz;Z;Y;X;Label\n", "//Intensity R G B Nx Ny Nz Z Y X Label\n"]
     {
-        let cloud = read(&format!(
+        let cloud = read(format!(
             "{header}7 1 2 3 0.6 0 0.8 1.25 2.5 1e3 -4\n# in between\n\n9 0 0 256 0 0 1 0 0 0 1\n"
         ))
         .unwrap();
         assert_eq!(cloud.world, [[1000.0, 2.5, 1.25], [0.0; 3]]);
         assert_eq!(
-            cloud.types(),
+            cloud.keys(),
             [
                 ("Label", AttrType::I32),
                 ("blue", AttrType::U16),
@@ -103,9 +53,9 @@ fn fields_of_las_are_known_however_they_are_spelled() {
         ("gps_time", AttrType::F64),
         ("point_source_id", AttrType::U16),
     ];
-    assert_eq!(read(text).unwrap().types(), want);
+    assert_eq!(read(text).unwrap().keys(), want);
     // What the type of LAS does not hold keeps its name.
-    assert_eq!(read("X,Y,Z,Classification\n1,2,3,2.5\n").unwrap().types()[0].0, "Classification");
+    assert_eq!(read("X,Y,Z,Classification\n1,2,3,2.5\n").unwrap().keys()[0].0, "Classification");
 }
 
 #[test]
@@ -120,7 +70,7 @@ fn columns_without_names_get_the_narrowest_type() {
         ("column_8", AttrType::F64),
         ("column_9", AttrType::F64),
     ];
-    assert_eq!(cloud.types(), want);
+    assert_eq!(cloud.keys(), want);
     assert_eq!(cloud.column("column_7").1, [0.1, 1.0]);
     assert!(cloud.column("column_8").1[0].is_sign_negative());
 }
@@ -129,9 +79,9 @@ fn columns_without_names_get_the_narrowest_type() {
 fn colours_and_intensity_are_guessed_where_the_values_allow() {
     let names = |text: &str| -> Vec<String> {
         let cloud = read(text).unwrap();
-        let all_unnamed = cloud.types().iter().all(|(n, _)| n.starts_with("column_"));
+        let all_unnamed = cloud.keys().iter().all(|(n, _)| n.starts_with("column_"));
         assert_eq!(cloud.info.notes.is_empty(), all_unnamed);
-        cloud.types().iter().map(|(n, t)| format!("{n}:{}", t.name())).collect()
+        cloud.keys().iter().map(|(n, t)| format!("{n}:{}", t.name())).collect()
     };
     assert_eq!(names("1 2 3 4"), ["intensity:u16"]);
     assert_eq!(names("1 2 3 4.5"), ["column_4:f64"]);
@@ -195,15 +145,15 @@ fn what_is_not_read_is_named() {
         let error = error(text);
         assert!(error.contains(want), "{error}");
     }
-    assert!(error(&format!("1 2 3\n{}", "1".repeat(70_000))).contains("line 2 is longer"));
+    assert!(error(format!("1 2 3\n{}", "1".repeat(70_000))).contains("line 2 is longer"));
 }
 
 #[test]
 fn a_long_beginning_is_read() {
     let names: Vec<String> = (0..1000).map(|i| format!("a_name_with_number_{i}")).collect();
     let (names, values) = (names.join(","), vec!["1"; 1000].join(","));
-    let cloud = read(&format!("x,y,z,{names}\n1,2,3,{values}\n")).unwrap();
-    assert_eq!((cloud.report.points, cloud.types().len()), (1, 1000));
+    let cloud = read(format!("x,y,z,{names}\n1,2,3,{values}\n")).unwrap();
+    assert_eq!((cloud.report.points, cloud.keys().len()), (1, 1000));
     // The head ends within some line, whatever their length.
     for line in ["# comment", "// a comment of another length"] {
         let text = format!("{line}\n").repeat(1000) + &"1 2 3\n".repeat(20_000);
@@ -214,10 +164,10 @@ fn a_long_beginning_is_read() {
 #[test]
 fn lines_that_end_with_cr_are_lines() {
     let text = "\u{FEFF}x y z i\n# one\n1.5 2 3 7\n\n".to_owned() + &"4 5 6 8\n".repeat(50_000);
-    let (lf, cr) = (read(&text).unwrap(), read(&text.replace('\n', "\r")).unwrap());
+    let (lf, cr) = (read(&text).unwrap(), read(text.replace('\n', "\r")).unwrap());
     assert_eq!(cr.report.points, 50_001);
     assert_eq!((&lf.world, &lf.columns), (&cr.world, &cr.columns));
-    assert_eq!(lf.types(), cr.types());
+    assert_eq!(lf.keys(), cr.keys());
     let error = error("1 2 3\r4 5\r6 7\r");
     assert!(error.contains("line 2 is not 3 numbers"), "{error}");
 }
@@ -227,7 +177,7 @@ fn many_columns_and_short_lines_cost_no_memory() {
     let wide = vec!["1"; 1024].join(" ");
     let text = format!("{wide}\n").repeat(500) + "\n2\n2\n";
     let cloud = read(&text).unwrap();
-    assert_eq!((cloud.report.points, cloud.types().len()), (500, 1021));
+    assert_eq!((cloud.report.points, cloud.keys().len()), (500, 1021));
 }
 
 /// A coordinate as an integer and the number of its decimals, in the notation `style`.
@@ -294,7 +244,7 @@ proptest! {
 
     #[test]
     fn random_tables_never_panic(text in "([-+0-9.eE,; \\txn]{0,12}\n){0,12}") {
-        if let Err(e) = read(&format!("1 2 3\n{text}")) {
+        if let Err(e) = read(format!("1 2 3\n{text}")) {
             prop_assert!(!e.to_string().contains('\n'));
         }
     }

@@ -12,7 +12,7 @@ pub struct Cloud {
     pub info: SourceInfo,
     pub report: ReadReport,
     pub world: Vec<[f64; 3]>,
-    columns: Vec<Vec<u8>>,
+    pub columns: Vec<Vec<u8>>,
 }
 
 impl Cloud {
@@ -27,11 +27,20 @@ impl Cloud {
         &self.columns[self.info.schema.find(name).unwrap()]
     }
 
+    /// Names and types.
+    pub fn keys(&self) -> Vec<(&str, AttrType)> {
+        self.info.schema.attributes.iter().map(|a| a.key()).collect()
+    }
+
+    /// Names.
+    pub fn names(&self) -> Vec<&str> {
+        self.keys().into_iter().map(|(name, _)| name).collect()
+    }
+
     /// Names and types, in one line.
     pub fn types(&self) -> String {
-        let attributes = &self.info.schema.attributes;
         let words: Vec<_> =
-            attributes.iter().map(|a| format!("{}:{}", a.name, a.ty.name())).collect();
+            self.keys().iter().map(|(name, ty)| format!("{name}:{}", ty.name())).collect();
         words.join(" ")
     }
 
