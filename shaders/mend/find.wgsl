@@ -1,5 +1,4 @@
-// Finds edges of the depth image, and among them the gaps: pixels that lie behind nearly all of their
-// neighbours. Twins: crates/render/src/edges.rs, mend.rs.
+// Finds edges of the depth image, and gaps: pixels that lie behind nearly all of their neighbours. Twins: crates/render/src/edges.rs, mend.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl
@@ -76,7 +75,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         mark = marks[pixel] & EDGE;
     }
-    if mark != 0u && is_gap(id.xy, pixel) {
+    if is_gap(id.xy, pixel) {
         mark |= GAP;
     }
     marks[pixel] = mark;

@@ -22,8 +22,9 @@ const SURROUNDED: usize = 6;
 const CORNERED: usize = 5;
 const WITHIN_PX: usize = 2;
 /// How far in front they have to be, over their radius, with normals and without: where surfaces are as thin as their
-/// normals let them be, gaps show what lies nearer.
+/// normals let them be, gaps show what lies nearer. And in pixels, at least.
 const BEFORE: [f32; 2] = [0.5, 1.0];
+const BEFORE_MIN_PX: f32 = 1.0;
 /// How often: a second time closes what the first has left one pixel wide.
 const ROUNDS: usize = 2;
 
@@ -36,19 +37,19 @@ struct Patch {
     normal: Vec4,
 }
 
-/// Closes gaps of `base` among its [`crate::edges`]; `depth` is its depth image (infinite where there is nothing).
-pub fn mend(base: &mut Level, depth: &mut [f32], edges: &Marks, focal_px: f32) {
-    let mut patched = close(base, depth, edges, focal_px);
+/// Closes gaps of `base`; `depth` is its depth image (infinite where there is nothing).
+pub fn mend(base: &mut Level, depth: &mut [f32], focal_px: f32) {
+    let mut patched = close(base, depth, None, focal_px);
     for _ in 1..ROUNDS {
         // Only a gap that was closed, or another from which it is looked at, may be one still.
         let near = (0..WITHIN_PX).fold(patched, |near, _| near.grown(true));
-        patched = close(base, depth, &near.and(edges), focal_px);
+        patched = close(base, depth, Some(&near), focal_px);
     }
 }
 
-/// Closes those gaps at once, and returns them.
-fn close(base: &mut Level, depth: &mut [f32], candidates: &Marks, focal_px: f32) -> Marks {
-    let gaps = gaps(base, depth, candidates, focal_px);
+/// Closes gaps at once, those among some pixels where these are told, and returns them.
+fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f32) -> Marks {
+    let gaps = gaps(base, depth, among, focal_px);
     let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
     let patches: Vec<Patch> = patches.collect();
     let mut patched = Marks::new(base.width, base.height);
@@ -71,35 +72,36 @@ fn close(base: &mut Level, depth: &mut [f32], candidates: &Marks, focal_px: f32)
     patched
 }
 
-/// The gaps among some pixels.
-fn gaps(base: &Level, depth: &[f32], candidates: &Marks, focal_px: f32) -> Marks {
+/// The gaps among some pixels, or all.
+fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Marks {
     let Level { width, height, .. } = *base;
+    let least = 1.0 + BEFORE_MIN_PX / focal_px;
     Marks::of_rows(width, height, |y, band| {
         let rows = rows_around(depth, width, y);
         dispatch!(Width::new(), simd => {
             for x in (0..width).step_by(EIGHT) {
-                let pixel = y * width + x;
-                let marked = candidates.run(pixel, EIGHT.min(width - x));
+                let (pixel, count) = (y * width + x, EIGHT.min(width - x));
+                let wanted = among.map_or((1 << count) - 1, |among| among.run(pixel, count));
                 // Most are none, which is seen without their radii.
-                if marked != 0 {
-                    let among = bits(marked & surrounded(simd, rows, x)).map(|k| pixel + k);
-                    among.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
+                if wanted != 0 {
+                    let gaps = bits(wanted & surrounded(simd, rows, x, least)).map(|k| pixel + k);
+                    gaps.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
                 }
             }
         });
     })
 }
 
-/// Which of eight pixels have enough neighbours that are nearer, a bit each.
+/// Which of eight pixels have enough neighbours whose depths, so many times as large, are less, a bit each.
 #[inline(always)]
-fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize) -> u64 {
+fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 {
     let mut space = [[0.0; _]; 3];
     let rows = windows::<_, 3, { EIGHT + 2 }>(rows, x, &mut space);
     let here = eight(simd, rows[1], 1);
     let (mut count, one) = (here.like(0.0), here.like(1.0));
     for row in rows {
         for from in 0..3 {
-            count += only(eight(simd, row, from).cmplt(here), one);
+            count += only((eight(simd, row, from) * times).cmplt(here), one);
         }
     }
     u64::from(bits_of(count.like(CORNERED as f32).cmple(count)))
@@ -133,6 +135,7 @@ fn is_enclosed(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool
 
 fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: usize) -> bool {
     let reach = BEFORE[usize::from(base.normal.is_empty())] * base.tint[pixel].w;
+    let reach = reach.max(BEFORE_MIN_PX);
     depth[pixel] * (1.0 + reach / focal_px) < depth[behind]
 }
 
@@ -161,7 +164,6 @@ fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::edges::edges;
     use crate::pyramid::{INVALID, Planes, Pyramid};
 
     const SIDE: usize = 24;
@@ -177,8 +179,7 @@ mod tests {
             base.front[i] = if valid { Vec4::new(d, d + 0.1, 0.0, 0.0) } else { INVALID };
             (base.depth[i], base.tint[i]) = (d, Vec4::new(1.0 / d, 0.0, 0.0, 2.0));
         }
-        let edges = edges(&image, SIDE, 0.02);
-        mend(base, &mut image, &edges, 100.0);
+        mend(base, &mut image, 100.0);
         for (i, &d) in image.iter().enumerate() {
             assert!(
                 base.is_valid(i) == (d < f32::INFINITY) && (d == 1.0) == (base.tint[i].x == 1.0)

@@ -224,7 +224,7 @@ fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32
     let (base, lens) = (&mut pyramid.levels[0], pyramid.lens);
     let focal_px = lens.focal_px;
     let edges = edges(depth, base.width, STEP_PX / focal_px);
-    mend(base, depth, &edges, focal_px);
+    mend(base, depth, focal_px);
     let trimmed = trim_with(sources, base, depth, &edges, focal_px);
     edges.or(&trimmed)
 }

@@ -61,6 +61,20 @@ fn nothing_of_a_wall_shows_through_a_parallel_one_before_it_where_the_gap_exceed
     }
 }
 
+/// The far wall is as much as a gap of the near one may be behind it: hardly more than half of the drawn radius, and less than what counts as
+/// an edge.
+#[test]
+fn a_wall_seen_from_the_front_is_closed_before_one_a_radius_behind_it() {
+    let spacing = GAP / 1.05 / 0.9;
+    for seed in 5..9 {
+        let truth = walls(GAP, f64::from(SIDE) * spacing * 2.0);
+        let view = walls_view(SIDE, 0.0, f64::from(SIDE) * spacing / 1.5);
+        let points = sample(&truth, spacing, Kind::Poisson, &mut Dice(seed)).points;
+        let (image, cloud) = (Image::new(&truth, &view), Cloud::new(&points, spacing, GAP / 1.05));
+        assert_eq!(cloud.draw(&view, true).bleeding(&image), 0, "seed {seed}");
+    }
+}
+
 /// Planes are told of discs up to 4 pixels wide: of walls about a pixel and a half apart, seen from anywhere but nearly edge on.
 #[test]
 fn next_to_nothing_of_a_wall_shows_through_one_before_it_without_normals() {

@@ -98,7 +98,7 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     level.depth_image(&pulled.lens, depth);
     let level = &mut last.levels[0];
     let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
-    mend::mend(level, depth, &found, camera.focal_px);
+    mend::mend(level, depth, camera.focal_px);
     let mended = depth.clone();
     let trimmed = trim::trim(level, depth, &found, camera.focal_px);
     let found = found.or(&trimmed);

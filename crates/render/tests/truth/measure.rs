@@ -196,7 +196,7 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
     let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
-    mend::mend(&mut base, &mut depth, &found, camera.focal_px);
+    mend::mend(&mut base, &mut depth, camera.focal_px);
     trim::trim(&mut base, &mut depth, &found, camera.focal_px);
     (base, depth)
 }
