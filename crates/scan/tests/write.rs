@@ -246,6 +246,29 @@ fn what_las_has_no_field_for_becomes_extra_bytes() {
     }
 }
 
+/// Other programs know of no scale there: what was counted in halves is told as metres.
+#[test]
+fn formats_without_scales_have_values_as_they_are_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut batch = normals();
+    let own = batch.schema.find("own").unwrap();
+    batch.columns[own] = [-3i64, 9].iter().flat_map(|v| v.to_le_bytes()).collect();
+    for ending in ["ply", "xyz", "csv"] {
+        let out = folder.path().join(format!("out.{ending}"));
+        let notes = write(&out, Lattice::default(), &[], std::slice::from_ref(&batch), 2);
+        assert_eq!(notes, ["by their scale, as they are shown: own"]);
+        let back = read(open(&out).as_ref()).1.remove(0);
+        let own = back.schema.find("own").unwrap();
+        let ty = back.schema.attributes[own].ty;
+        let values: Vec<f64> =
+            back.columns[own].chunks(ty.size()).map(|value| ty.to_f64(value)).collect();
+        assert_eq!(values, [-1.5, 4.5], "{ending}");
+        let red = back.schema.find("red").unwrap();
+        let size = back.schema.attributes[red].ty.size();
+        assert_eq!(back.columns[red].len(), 2 * size, "{ending}");
+    }
+}
+
 #[test]
 fn sources_of_different_formats_share_the_least_that_holds_all() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,31 +1,16 @@
 //! Lattice coordinates as numbers and as text, exactly where numbers can be exact: on a decimal lattice the
 //! nearest double of the decimal number and its digits; on a lattice of binary steps the double itself.
 
+use super::numbers::{Decimal, float};
 use esker_points::Lattice;
 use esker_points::lattice::ORIGIN;
-use std::io::Write;
-
-/// Digits after the point at most: the readers keep as many.
-const DIGITS_MAX: u32 = 15;
-/// Relative deviation of a scale from a decimal number that counts as none: a few units in the last place.
-const NOISE: f64 = 1e-15;
-/// Whole numbers up to here are exact in `f64`.
-const WHOLE_MAX: i128 = 1 << 53;
-
-/// How the coordinates of one axis become numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Axis {
-    /// `(u * step + base) / 10^digits`.
-    Decimal { step: i128, base: i128, digits: u32 },
-    /// As [`Lattice::world_axis`] has it.
-    Real,
-}
 
 /// How lattice coordinates become numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Coordinates {
     lattice: Lattice,
-    axes: [Axis; 3],
+    /// By lattice coordinate; what is no decimal is as [`Lattice::world_axis`] has it.
+    axes: [Option<Decimal>; 3],
     /// Whether single-precision numbers hold them. As text they are doubles all the same: the fewest digits of a
     /// single would lie beside it by more than a step.
     pub single: bool,
@@ -34,7 +19,10 @@ pub struct Coordinates {
 impl Coordinates {
     /// Of a lattice; `single` where all sources held singles.
     pub fn new(lattice: &Lattice, single: bool) -> Self {
-        let axes = [0, 1, 2].map(|axis| decimal(lattice, axis).unwrap_or(Axis::Real));
+        let axes = [0, 1, 2].map(|axis| {
+            let shift = i128::from(lattice.shift[axis]) - i128::from(ORIGIN);
+            Some(Decimal::new(lattice.scale[axis], lattice.offset[axis])?.from(shift))
+        });
         let is_binary = (0..3).all(|i| {
             let mantissa = lattice.scale[i].to_bits() & ((1 << 52) - 1);
             mantissa == 0 && lattice.offset[i] == 0.0
@@ -45,63 +33,17 @@ impl Coordinates {
 
     /// A coordinate as the nearest double.
     pub fn value(&self, axis: usize, u: u32) -> f64 {
-        if let Axis::Decimal { step, base, digits } = self.axes[axis] {
-            let whole = i128::from(u) * step + base;
-            if whole.abs() < WHOLE_MAX {
-                // Both are exact, so that the quotient is rounded once.
-                return whole as f64 / 10f64.powi(digits as i32);
-            }
-        }
-        self.lattice.world_axis(axis, f64::from(u))
+        let exact = self.axes[axis].and_then(|decimal| decimal.value(u.into()));
+        exact.unwrap_or_else(|| self.lattice.world_axis(axis, f64::from(u)))
     }
 
     /// Appends a coordinate as text.
     pub fn text(&self, axis: usize, u: u32, out: &mut Vec<u8>) {
-        let Axis::Decimal { step, base, digits } = self.axes[axis] else {
-            return float(self.value(axis, u), out);
-        };
-        let whole = i128::from(u) * step + base;
-        if whole < 0 {
-            out.push(b'-');
-        }
-        let (whole, unit) = (whole.unsigned_abs(), 10u128.pow(digits));
-        put(out, format_args!("{}", whole / unit));
-        if digits > 0 {
-            put(out, format_args!(".{:0width$}", whole % unit, width = digits as usize));
+        match self.axes[axis] {
+            Some(decimal) => decimal.text(u.into(), out),
+            None => float(self.value(axis, u), out),
         }
     }
-}
-
-/// Appends text.
-pub fn put(out: &mut Vec<u8>, text: std::fmt::Arguments<'_>) {
-    // Writing into memory does not fail.
-    let _ = out.write_fmt(text);
-}
-
-/// Appends a number in the fewest digits that give it again.
-pub fn float(value: impl std::fmt::Debug + std::fmt::Display, out: &mut Vec<u8>) {
-    let start = out.len();
-    put(out, format_args!("{value:?}"));
-    // A whole number is written without `.0`; -0 keeps its sign by the digit.
-    if out[start..].ends_with(b".0") {
-        out.truncate(out.len() - 2);
-    }
-}
-
-/// The least digits with which scale and offset of an axis are whole.
-fn decimal(lattice: &Lattice, axis: usize) -> Option<Axis> {
-    let (scale, offset) = (lattice.scale[axis], lattice.offset[axis]);
-    (0..=DIGITS_MAX).find_map(|digits| {
-        let unit = 10f64.powi(digits as i32);
-        let whole = |v: f64| {
-            let scaled = v * unit;
-            let near = (scaled - scaled.round()).abs() <= scaled.abs() * NOISE;
-            (near && scaled.abs() < WHOLE_MAX as f64).then_some(scaled.round() as i128)
-        };
-        let step = whole(scale).filter(|&s| s > 0)?;
-        let shift = i128::from(lattice.shift[axis]) - i128::from(ORIGIN);
-        Some(Axis::Decimal { step, base: whole(offset)? + shift * step, digits })
-    })
 }
 
 #[cfg(test)]

@@ -5,13 +5,15 @@
 //! | format | coordinates | attributes |
 //! |---|---|---|
 //! | LAS, LAZ | the lattice's integers; scale and offset are the lattice's | the record's fields, others as extra bytes; see [`las`] |
-//! | PLY, binary little-endian | `float` where all sources were, else `double` | properties of their name and type |
-//! | text (XYZ, TXT, CSV) | the lattice's decimals, all digits | columns of their name, in the fewest digits that keep the value |
+//! | PLY, binary little-endian | `float` where all sources were, else `double` | properties of their name and type; with a scale or an offset `double`, as they are shown |
+//! | text (XYZ, TXT, CSV) | the lattice's decimals, all digits | columns of their name, in the fewest digits that keep the value, with a scale or an offset as they are shown |
 
 mod coordinates;
 pub mod las;
+mod numbers;
 mod partial;
 mod ply;
+mod shown;
 mod text;
 
 use crate::error::ScanError;

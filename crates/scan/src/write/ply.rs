@@ -4,6 +4,7 @@
 
 use super::coordinates::Coordinates;
 use super::partial::Partial;
+use super::shown::{Shown, notes};
 use super::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use crate::error::ScanError;
 use crate::text::naming::axis;
@@ -54,20 +55,21 @@ pub fn create(
         let _ = writeln!(head, "property {} {axis}", type_name(place));
     }
     let attributes = &outline.schema.attributes;
-    let mut columns: Vec<(usize, usize)> =
-        attributes.iter().enumerate().map(|(i, a)| (i, a.ty.size())).collect();
-    let rank = |&(i, _): &(usize, usize)| FIRST.iter().position(|n| *n == attributes[i].name);
+    let column =
+        |(index, a): (usize, &Attribute)| Column { index, bytes: a.ty.size(), shown: Shown::of(a) };
+    let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
+    let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
     columns.sort_by_key(|c| rank(c).unwrap_or(FIRST.len()));
-    for &(i, _) in &columns {
-        let name = property_name(&attributes[i], is_ply);
-        let _ = writeln!(head, "property {} {name}", type_name(attributes[i].ty));
+    for column in &columns {
+        let name = property_name(&attributes[column.index], is_ply);
+        let _ = writeln!(head, "property {} {name}", type_name(column.shown.ty()));
     }
     head.push_str("end_header\n");
     let mut file = Partial::create(path)?;
     let comments = comments.unwrap_or_default();
     let output = |count| header(&comments, count, &head);
     file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
-    let stride = 3 * place.size() + columns.iter().map(|c| c.1).sum::<usize>();
+    let stride = 3 * place.size() + columns.iter().map(|c| c.shown.ty().size()).sum::<usize>();
     let encode = Vertices { coordinates, columns, stride };
     let output = PlyOutput { file, comments, head, count: 0 };
     Ok(Export {
@@ -75,7 +77,7 @@ pub fn create(
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: Vec::new(),
+        notes: notes(attributes),
     })
 }
 
@@ -151,9 +153,16 @@ fn type_name(ty: AttrType) -> &'static str {
 
 struct Vertices {
     coordinates: Coordinates,
-    /// Index and bytes of each attribute, in the order of the properties.
-    columns: Vec<(usize, usize)>,
+    /// In the order of the properties.
+    columns: Vec<Column>,
     stride: usize,
+}
+
+/// An attribute: its place in a batch, the bytes that a value has there, and how it is shown.
+struct Column {
+    index: usize,
+    bytes: usize,
+    shown: Shown,
 }
 
 impl Encode for Vertices {
@@ -168,8 +177,9 @@ impl Encode for Vertices {
                     bytes.extend_from_slice(&value.to_le_bytes());
                 }
             }
-            for &(column, size) in &self.columns {
-                bytes.extend_from_slice(&batch.columns[column][i * size..][..size]);
+            for column in &self.columns {
+                let stored = &batch.columns[column.index][i * column.bytes..][..column.bytes];
+                column.shown.bytes(stored, &mut bytes);
             }
         }
         Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }

@@ -1,12 +1,13 @@
 //! Text: a line of names, then a line a point, columns separated by a blank (a tab where a name has blanks) or,
 //! for CSV, a comma. Coordinates have all the digits of the lattice, other numbers the fewest that give them
-//! again.
+//! again, and values that are counted in steps ([`super::shown`]) all of theirs.
 
-use super::coordinates::{Coordinates, float, put};
+use super::coordinates::Coordinates;
 use super::partial::Partial;
+use super::shown::{Shown, notes};
 use super::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::error::ScanError;
-use esker_points::{AttrType, Batch};
+use esker_points::Batch;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -34,14 +35,14 @@ pub fn create(
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
     file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let types = attributes.iter().map(|a| a.ty).collect();
-    let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), types, mark };
+    let columns = attributes.iter().map(|a| (Shown::of(a), a.ty.size())).collect();
+    let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark };
     Ok(Export {
         encode: Arc::new(encode),
         output: Box::new(TextOutput { file, names: line }),
         format: format!("text, {} columns, named", 3 + attributes.len()),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: Vec::new(),
+        notes: notes(&outline.schema.attributes),
     })
 }
 
@@ -55,13 +56,14 @@ fn column_name(name: &str) -> String {
 
 struct Lines {
     coordinates: Coordinates,
-    types: Vec<AttrType>,
+    /// How each attribute is shown, and its bytes.
+    columns: Vec<(Shown, usize)>,
     mark: u8,
 }
 
 impl Encode for Lines {
     fn encode(&self, batch: &Batch) -> Encoded {
-        let mut bytes = Vec::with_capacity(batch.len() * 8 * (3 + self.types.len()));
+        let mut bytes = Vec::with_capacity(batch.len() * 8 * (3 + self.columns.len()));
         for (i, p) in batch.positions.iter().enumerate() {
             for (axis, &u) in p.iter().enumerate() {
                 if axis > 0 {
@@ -69,31 +71,13 @@ impl Encode for Lines {
                 }
                 self.coordinates.text(axis, u, &mut bytes);
             }
-            for (&ty, column) in self.types.iter().zip(&batch.columns) {
+            for ((shown, size), column) in self.columns.iter().zip(&batch.columns) {
                 bytes.push(self.mark);
-                number(ty, &column[i * ty.size()..][..ty.size()], &mut bytes);
+                shown.text(&column[i * size..][..*size], &mut bytes);
             }
             bytes.push(b'\n');
         }
         Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }
-    }
-}
-
-/// Appends a raw value.
-fn number(ty: AttrType, raw: &[u8], out: &mut Vec<u8>) {
-    let mut wide = [0; 8];
-    wide[..raw.len()].copy_from_slice(raw);
-    let bits = u64::from_le_bytes(wide);
-    match ty {
-        AttrType::U8 | AttrType::U16 | AttrType::U32 | AttrType::U64 => {
-            put(out, format_args!("{bits}"));
-        }
-        AttrType::I8 => put(out, format_args!("{}", bits as i8)),
-        AttrType::I16 => put(out, format_args!("{}", bits as i16)),
-        AttrType::I32 => put(out, format_args!("{}", bits as i32)),
-        AttrType::I64 => put(out, format_args!("{}", bits as i64)),
-        AttrType::F32 => float(f32::from_bits(bits as u32), out),
-        AttrType::F64 => float(f64::from_bits(bits), out),
     }
 }
 
