@@ -32,7 +32,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if NORMALS {
         let n = first + AT_NORMAL;
         let mean = vec3<f32>(vec3<u32>(sums[n], sums[n + 1u], sums[n + 2u])) * share;
-        normals[pixel] = vec4<f32>(mean * 2.0 - 1.0, normals[pixel].w);
+        var normal = mean * 2.0 - 1.0;
+        // Of points without normals the mean is off from zero by what steps round.
+        if all(abs(normal) <= vec3<f32>(2.0 / STEPS)) {
+            normal = vec3<f32>(0.0);
+        }
+        normals[pixel] = vec4<f32>(normal, normals[pixel].w);
         return;
     }
     let depth = depths[pixel];

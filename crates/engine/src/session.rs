@@ -42,6 +42,9 @@ pub struct Frame<'a> {
     pub cut: Arc<Cut>,
     /// Whether that is the one of the view that was asked for.
     pub is_of_view: bool,
+    /// Whether the next frame of the same view would be the same: nothing more comes, and what this view hides is
+    /// known.
+    pub is_final: bool,
     /// What the renderer did: for this frame on the CPU, for the newest finished one on a GPU.
     pub stats: Stats,
     /// What streaming is at.
@@ -77,6 +80,8 @@ pub struct Session {
     running: Option<Running>,
     /// Of the newest finished frame.
     depth: Option<DepthFeedback>,
+    /// Frames in a row for whose view nothing more came.
+    still: u32,
     stalls: u64,
 }
 
@@ -93,8 +98,17 @@ impl Session {
         let look = look.evened(&file, *evens)?;
         let look = if *full { look } else { look.compacted(&file) };
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
-        let mut session =
-            Self { file, options, look, shares, drawer, running: None, depth: None, stalls: 0 };
+        let mut session = Self {
+            file,
+            options,
+            look,
+            shares,
+            drawer,
+            running: None,
+            depth: None,
+            still: 0,
+            stalls: 0,
+        };
         let started = match gpu {
             Some(gpu) => GpuPainter::new(gpu, &session.file, &session.options)
                 .and_then(|painter| session.start(Box::new(painter))),
@@ -213,13 +227,17 @@ impl Session {
                 self.draw(chosen, seen)?
             }
         };
-        let Exchange { cut, uploaded_bytes, mut times } = drawn;
+        let Exchange { cut, is_settled, uploaded_bytes, mut times } = drawn;
         let status = self.status();
         times.total_ms = ms(start);
         let painter = &self.running.as_ref().context(ENDED)?.painter;
         let image = painter.image().context("nothing was drawn")?;
         let is_of_view = cut.view == *chosen;
-        Ok(Frame { image, cut, is_of_view, stats: painter.stats(), status, times, uploaded_bytes })
+        self.still = if is_settled && is_of_view { self.still.saturating_add(1) } else { 0 };
+        // The first such frame tells what it hides, and the next one has that taken in.
+        let is_final = self.still > painter.feedback_frames() + u32::from(self.options.occlusion);
+        let stats = painter.stats();
+        Ok(Frame { image, cut, is_of_view, is_final, stats, status, times, uploaded_bytes })
     }
 
     /// Draws points alone, or surfaces, from the next frame on.
@@ -275,14 +293,14 @@ impl Session {
                 self.running()?.painter.flush()?;
                 Ok(exchange)
             });
-            let Exchange { cut, uploaded_bytes, .. } = match taken {
+            let Exchange { cut, is_settled, uploaded_bytes, .. } = match taken {
                 Ok(exchange) => exchange,
                 Err(fault) => {
                     self.fall_back(fault)?;
                     continue;
                 }
             };
-            if (cut.settled && cut.view == *view) || start.elapsed() > patience {
+            if (is_settled && cut.view == *view) || start.elapsed() > patience {
                 return Ok(cut);
             }
             if uploaded_bytes == 0 {
@@ -316,10 +334,12 @@ impl Session {
         let Running { streamer, painter } = self.running.as_mut().context(ENDED)?;
         let streamer = streamer.as_ref().context(ENDED)?;
         let mut talk = Talk::default();
-        let cut = talk.time(|| {
+        let (is_settled, cut) = talk.time(|| {
             view.iter().for_each(|view| streamer.look(**view));
             painter.drain(bytes_max);
-            streamer.cut()
+            let knows_all = streamer.has_taken_in();
+            let cut = streamer.cut();
+            (knows_all && cut.settled, cut)
         });
         let copying = Instant::now();
         let uploaded_bytes = painter.upload()?;
@@ -327,7 +347,7 @@ impl Session {
         talk.time(|| painter.tell(&mut |request| streamer.uploaded(request)));
         self.stalls += talk.stalls;
         let times = Times { talk_ms: talk.ms, upload_ms, ..Times::default() };
-        Ok(Exchange { cut, uploaded_bytes, times })
+        Ok(Exchange { cut, is_settled, uploaded_bytes, times })
     }
 
     /// A whole frame.
@@ -382,6 +402,8 @@ impl Drop for Running {
 /// What came of taking what landed.
 struct Exchange {
     cut: Arc<Cut>,
+    /// Whether nothing more comes for its view.
+    is_settled: bool,
     uploaded_bytes: u64,
     times: Times,
 }

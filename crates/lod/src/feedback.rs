@@ -116,6 +116,11 @@ impl DepthFeedback {
         Some(Self { old, grid, ranges, margin_px, new: old, parallax: 0.0 })
     }
 
+    /// Whether that frame was seen from the same place in the same direction as a view.
+    pub fn is_from(&self, view: &View) -> bool {
+        self.old.is_from(view)
+    }
+
     /// What it hides of a new view.
     pub fn seen_from(&self, view: &View) -> Self {
         let new = Projection::of(view);
@@ -158,6 +163,10 @@ impl DepthFeedback {
             }
             bounds = [bounds[0].min(p), bounds[1].max(p)];
             nearest = nearest.min(depth);
+        }
+        if nearest == f64::INFINITY {
+            // It lies beyond a corner: nothing of it is on the picture.
+            return true;
         }
         let outline = || Polygon::hull_of(self.rest_in_old_picture(&seen).map(|(p, _)| p));
         self.hides_within(bounds, nearest, outline)

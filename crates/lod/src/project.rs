@@ -34,6 +34,11 @@ impl Projection {
         self.centre_px * 2.0
     }
 
+    /// Whether it sees from the same place in the same direction as a view.
+    pub fn is_from(&self, view: &View) -> bool {
+        self.eye == view.eye && self.view_from_world == view.view_from_world()
+    }
+
     /// Where it looks from, world.
     pub fn eye(&self) -> DVec3 {
         self.eye

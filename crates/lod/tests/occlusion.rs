@@ -5,7 +5,10 @@
 mod tree;
 
 use bytemuck::Zeroable;
-use esker_lod::{DepthFeedback, Drawn, Occlusion, OrientedBox, SoftwareDepth, View, tiles_of};
+use esker_lod::{
+    DepthFeedback, Drawn, Frustum, Occlusion, OrientedBox, Projection, SoftwareDepth, View,
+    tiles_of,
+};
 use esker_points::node::{NONE, SHAPE_ORIENTED, pack_rotation};
 use esker_points::{Lattice, Node, NodeTable};
 use glam::{DMat3, DVec2, DVec3};
@@ -23,6 +26,34 @@ fn view() -> View {
     let mut view = View::look_at(DVec3::NEG_Y * 10.0, DVec3::ZERO, DVec3::Z, 0.85, SIDE, SIDE);
     view.near = 0.01;
     view
+}
+
+/// Beyond a corner of the picture no single side of the frustum refuses a box, whatever the tiles show.
+#[test]
+fn what_lies_beyond_a_corner_of_the_picture_is_hidden() {
+    let view = View::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z, 1.0, SIDE, SIDE);
+    let depths = vec![f32::INFINITY; (SIDE * SIDE) as usize];
+    let feedback = DepthFeedback::new(&view, &tiles_of(&depths, SIDE as usize, SIDE as usize));
+    let moved = View { eye: DVec3::X * 0.1, ..view };
+    let feedback = feedback.map(|feedback| feedback.seen_from(&moved));
+    let turned = DMat3::from_rotation_y(std::f64::consts::FRAC_PI_4);
+    let (mut beyond, mut random) = (0, Random(5));
+    for _ in 0..4000 {
+        let mut within = |low: f64, high: f64| low + (high - low) * random.unit();
+        let b = OrientedBox {
+            centre: DVec3::new(within(4.0, 10.0), within(10.0, 11.0), within(4.0, 10.0)),
+            half: DVec3::new(within(0.0, 6.0), 0.3, 0.3),
+            axes: turned,
+        };
+        let outline = Projection::of(&moved).silhouette(&b);
+        let size = DVec2::splat(f64::from(SIDE));
+        let is_beyond = outline.is_some_and(|o| o.clipped(DVec2::ZERO, size).corners().is_empty());
+        if is_beyond && Frustum::of(&moved).touches(&b) {
+            beyond += 1;
+            assert!(feedback.as_ref().is_some_and(|feedback| feedback.hides(&b)), "{b:?}");
+        }
+    }
+    assert!(beyond > 100, "{beyond}");
 }
 
 /// A piece of a wall: centre, half its width and height, how it is turned about z, and its mask.

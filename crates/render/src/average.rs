@@ -21,6 +21,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What is summed lies between 0 and so many steps.
 const STEPS: f32 = 16_383.0;
+/// Means of normals no part of which is more are of none.
+const NO_NORMAL: f32 = 2.0 / STEPS;
 /// Points of a pixel whose sums fit into 32 bits; of more one wins it.
 const POINTS_MAX: f32 = 262_144.0;
 /// Points a job has.
@@ -139,7 +141,10 @@ impl Averages {
                     Vec3::new(low(sums[0]), high(sums[0]), low(sums[1])).extend(row.tint[x].w);
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
-                    *normal = (mean * 2.0 - Vec3::ONE).extend(normal.w);
+                    let mean = mean * 2.0 - Vec3::ONE;
+                    // Of points without normals the mean is off from zero by what steps round.
+                    let is_none = mean.abs().max_element() <= NO_NORMAL;
+                    *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
                     continue;
                 }
                 let depth = row.depth[x];
@@ -165,7 +170,8 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
         (Some(normal), _) => {
             let own = [normal.x, normal.y, normal.z].map(Lane::splat);
             let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
-            Vec2::new(normal.x, -normal.y) * (scale / facing.x)
+            // Divided first: a scale over what there is of no normal is infinite.
+            Vec2::new(normal.x, -normal.y) / facing.x * scale
         }
         (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
         (None, None) => Vec2::ZERO,

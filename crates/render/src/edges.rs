@@ -1,6 +1,6 @@
 //! Edges of a depth image: the pixels beside a step from one surface to another or to the background.
-//! What goes wrong at silhouettes goes wrong there, so [`crate::mend`], [`crate::trim`] and
-//! [`crate::soften`] look at these pixels alone.
+//! What goes wrong at silhouettes goes wrong there, so [`crate::trim`] and [`crate::soften`] look at these
+//! pixels alone.
 
 use crate::marks::Marks;
 use crate::values::{EIGHT, Values, bits};

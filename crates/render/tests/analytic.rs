@@ -6,8 +6,9 @@ mod scene;
 mod truth;
 
 use esker_render::colour::{Encoder, linear};
+use esker_render::{FramePlan, Renderer};
 use glam::{DVec2, DVec3, Vec3};
-use scene::Dice;
+use scene::{Dice, Scene};
 use truth::flicker::{flicker, orbit};
 use truth::measure::{Cloud, Image, srgb};
 use truth::sample::{Kind, sample};
@@ -198,6 +199,31 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
             assert!(mean.0.holes == 0 && mean.0.bleeding == 0, "{what}");
         }
     }
+}
+
+/// Scans with normals and scans without may be drawn together, and not every normal can be estimated.
+#[test]
+fn points_without_normals_hide_what_is_behind_them_where_points_crowd() {
+    let view = walls_view(SIDE, 0.0, 1.0);
+    let truth = walls(0.5, 2.0);
+    let spacing = 1.0 / f64::from(SIDE) / 1.6;
+    let points = sample(&truth, spacing, Kind::Poisson, &mut Dice(3)).points;
+    let of = |colour: [u8; 3]| {
+        let own: Vec<_> = points.iter().filter(|p| p.colour == colour).copied().collect();
+        Scene::new(&own, 1e-6, spacing, spacing, 1 << 15)
+    };
+    let (near, far) = (of([255, 0, 0]), of([0, 0, 255]));
+    let tints = [true, false].map(|has_normals| {
+        let mut draws = near.draws(true, true, has_normals);
+        draws.extend(far.draws(true, true, true));
+        let frame = near.frame(&view, &draws);
+        assert!(FramePlan::new(&frame).averages());
+        let picture = Renderer::default().render(&frame).unwrap();
+        let middle = ((SIDE / 2 * SIDE + SIDE / 2) * 4) as usize;
+        [picture.rgba[middle], picture.rgba[middle + 1], picture.rgba[middle + 2]]
+    });
+    // Lit as from the eye where a direction is not known.
+    assert!(tints[1][0].abs_diff(tints[0][0]) <= 8 && tints[1][2] < 40, "{tints:?}");
 }
 
 #[test]

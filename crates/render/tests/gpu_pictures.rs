@@ -123,6 +123,8 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
     let crowd = speckled();
     let [crowd_with, crowd_without] = [true, false].map(|normals| crowd.draws(true, true, normals));
     let crowded = crowd.frame(&small, &crowd_with);
+    let mut crowd_mixed = crowd_with.clone();
+    crowd_mixed.iter_mut().step_by(2).for_each(|draw| draw.normal = None);
     assert!(FramePlan::new(&crowded).averages() && !FramePlan::new(&surface).averages());
     // The floor goes on beyond the picture.
     assert!(FramePlan::new(&surface).margin_px > 0);
@@ -149,6 +151,7 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("crowded, one point a pixel", Frame { averages: false, ..crowded }),
         ("crowded without normals", crowd.frame(&small, &crowd_without)),
         ("crowded from both sides", Frame { cull_back_faces: false, ..crowded }),
+        ("crowded, half without normals", crowd.frame(&small, &crowd_mixed)),
         ("crowded by heights", Frame { colour: ColourBy::Elevation(heights), ..crowded }),
         ("more points than sums hold", heaped),
         ("exposures evened out", evened),

@@ -56,7 +56,7 @@ pub(crate) struct Choice {
     /// The planes without which nothing is drawn.
     pub(crate) base: Vec<PlaneKind>,
     pub(crate) selection: Selection,
-    /// Which of the wanted nodes need their residual.
+    /// Which of the nodes with points that are drawn, or will be once they are there, need their residual.
     pub(crate) residuals: HashSet<u32>,
 }
 
@@ -207,8 +207,11 @@ impl Chooser {
             selection = self.select(&view, &base, None);
         }
         self.keep_to_nodes_max(&mut selection);
-        let wanted = selection.wanted.iter().copied();
-        let residuals = wanted.filter(|&node| self.needs_residual(node, &view)).collect();
+        // What is wanted for its children's sake alone draws no point, and loaders would drop what is asked for it.
+        let drawn = selection.drawn.iter().map(|d| d.node);
+        let coming = selection.missing.iter().filter(|m| m.prefix > 0).map(|m| m.node);
+        let residuals =
+            drawn.chain(coming).filter(|&node| self.needs_residual(node, &view)).collect();
         Choice { view, base, selection, residuals }
     }
 

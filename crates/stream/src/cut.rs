@@ -25,8 +25,9 @@ pub struct Cut {
     pub counters: Counters,
     /// Whether all that the view wants (within the budgets) is in it.
     pub complete: bool,
-    /// Whether nothing more comes until the view, the needs or the file's state change: `complete`, or
-    /// what is missing cannot be read, or finds no place.
+    /// Whether nothing more comes until the view, the needs, what is hidden or the file's state change: `complete`, or
+    /// what is missing cannot be read, or finds no place. What was told meanwhile may be about to change it, see
+    /// [`crate::Streamer::has_taken_in`].
     pub settled: bool,
     /// Milliseconds that the choice took.
     pub lod_ms: f64,

@@ -9,6 +9,7 @@ use crate::status::Status;
 use crossbeam_channel::{Receiver, Select, TryRecvError};
 use std::convert::Infallible;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::SeqCst;
 use std::time::{Duration, Instant};
 
 /// Between two passes while only loading goes on: what arrives is drawn a few milliseconds later, and
@@ -28,7 +29,9 @@ pub(crate) struct LodThread {
     /// Nothing is ever sent: it closes when streaming stops.
     pub(crate) stop: Receiver<Infallible>,
     pub(crate) status: Status,
-    /// Whether the newest feedback has been used since what is drawn changed.
+    /// How much had been told before mailboxes were looked into last.
+    pub(crate) told: u64,
+    /// Whether feedback from where the view is has been used since what is drawn changed.
     pub(crate) is_fed: bool,
 }
 
@@ -83,6 +86,9 @@ impl LodThread {
             let began = Instant::now();
             if due.is_none_or(|due| due > began) {
                 self.publish_status();
+                if cause == Cause::None {
+                    self.chooser.shared.taken_in.store(self.told, SeqCst);
+                }
                 if !self.wait(due) {
                     break;
                 }
@@ -95,6 +101,7 @@ impl LodThread {
             following += 1;
             cause = if follows { Cause::Following } else { Cause::None };
             self.is_fed &= !follows;
+            self.chooser.shared.taken_in.store(self.told, SeqCst);
         }
         self.chooser.take_back();
     }
@@ -136,6 +143,7 @@ impl LodThread {
         let chooser = &mut self.chooser;
         let shared = Arc::clone(&chooser.shared);
         let mut cause = Cause::None;
+        self.told = shared.told.load(SeqCst);
         if let Some(needs) = shared.needs.take().filter(|n| **n != chooser.needs) {
             match chooser.check_roots(&needs) {
                 Ok(()) => {
@@ -150,10 +158,12 @@ impl LodThread {
             cause = Cause::Looking;
         }
         if let Some(feedback) = shared.feedback.take() {
-            chooser.feedback = Some(feedback);
-            if !std::mem::replace(&mut self.is_fed, true) {
+            if !self.is_fed {
                 cause = cause.max(Cause::Following);
             }
+            // What a frame before the view's hides is soon told better.
+            self.is_fed |= chooser.view.is_none_or(|view| feedback.is_from(&view));
+            chooser.feedback = Some(feedback);
         }
         cause
     }

@@ -33,6 +33,10 @@ pub(crate) struct Shared {
     pub(crate) needs: Mailbox<Needs>,
     /// What the last finished frame hides.
     pub(crate) feedback: Mailbox<DepthFeedback>,
+    /// How often needs or feedback were told.
+    pub(crate) told: AtomicU64,
+    /// Which of these times the LOD thread has taken in, and made a pass for where one was due.
+    pub(crate) taken_in: AtomicU64,
     /// What the newest view can show: its frustum. What it hides is known only after the next choice,
     /// which replaces the queue.
     pub(crate) visible: ArcSwapOption<Visible>,
@@ -60,6 +64,8 @@ impl Shared {
             view: Mailbox::default(),
             needs: Mailbox::default(),
             feedback: Mailbox::default(),
+            told: AtomicU64::new(0),
+            taken_in: AtomicU64::new(0),
             visible: ArcSwapOption::empty(),
             status: ArcSwap::from_pointee(Status::default()),
             counts: Counts::default(),

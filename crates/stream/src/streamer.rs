@@ -24,6 +24,7 @@ use esker_lod::{DepthFeedback, View, Visible};
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::SeqCst;
 use std::thread::{Builder, JoinHandle};
 
 /// Loader threads at most: a disk serves no more at once.
@@ -99,6 +100,7 @@ impl Streamer {
             reports: channels.reports.1,
             stop: channels.stop.1.clone(),
             status: Status::default(),
+            told: 0,
             is_fed: false,
         };
         let mut streamer = Self {
@@ -148,20 +150,26 @@ impl Streamer {
     /// Where they would not fit, [`Status::fault`] says so and nothing changes. Never waits.
     pub fn need(&self, needs: Needs) {
         self.shared.needs.put(needs);
-        self.nudge();
+        self.tell();
     }
 
     /// Tells what a finished frame hides; used by the choices that follow, where `Options::occlusion`
     /// is set. Never waits.
     pub fn feedback(&self, feedback: DepthFeedback) {
         self.shared.feedback.put(feedback);
-        self.nudge();
+        self.tell();
     }
 
     /// What to draw: empty until a root is there, never after that where a root is in view. Never
     /// waits. To be taken after the landed runs of the frame have been drained.
     pub fn cut(&self) -> Arc<Cut> {
         self.shared.front.load_full()
+    }
+
+    /// Whether cuts that are taken from now on were chosen with all that was told by [`Streamer::need`] and [`Streamer::feedback`]
+    /// in mind: else a cut may be called settled though it is about to change. Never waits.
+    pub fn has_taken_in(&self) -> bool {
+        self.shared.taken_in.load(SeqCst) == self.shared.told.load(SeqCst)
     }
 
     /// Tells that a request ([`Transfer::request`]) is uploaded. Never waits: there is room for all
@@ -178,6 +186,12 @@ impl Streamer {
 
     /// Stops and joins all threads, as dropping does.
     pub fn stop(self) {}
+
+    /// After something was put into a mailbox: who reads this number finds it there, or has taken it.
+    fn tell(&self) {
+        self.shared.told.fetch_add(1, SeqCst);
+        self.nudge();
+    }
 
     fn nudge(&self) {
         // Full: it has been nudged already.

@@ -6,9 +6,12 @@
 mod rig;
 
 use esker_format::PlaneKind;
-use esker_lod::{AllResident, DepthFeedback, OrientedBox, View, select, tiles_of};
+use esker_lod::{
+    AllResident, DepthFeedback, Frustum, OrientedBox, View, needs_residual, select, tiles_of,
+};
 use esker_stream::{Cut, Needs, Options, Priority};
-use rig::{Habits, Rig};
+use glam::DVec3;
+use rig::{Habits, Random, Rig};
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::Ordering::SeqCst;
 
@@ -50,7 +53,7 @@ fn a_view_converges_to_the_pure_choice() {
             let lattice = rig.forest.lattice();
             let record = &rig.forest.table().nodes[node.node as usize];
             let residual = node.slot(PlaneKind::Residual).is_some();
-            assert_eq!(residual, esker_lod::needs_residual(record, lattice, &cut.view));
+            assert_eq!(residual, needs_residual(record, lattice, &cut.view));
             assert!(node.slot(PlaneKind::Normal).is_some());
         }
     }
@@ -58,6 +61,44 @@ fn a_view_converges_to_the_pure_choice() {
     assert_eq!((status.requests_in_flight, status.requests_waiting), (0, 0));
     assert_eq!((status.fault, status.nodes_evicted), (None, 0));
     assert!(status.useful_bytes <= status.read_bytes);
+}
+
+/// A node may be wanted for its children's sake alone, which stick out of its points into the view. No loader would read its
+/// residual, since nothing of it is seen: nor must it be asked for, again and again.
+#[test]
+fn a_view_settles_in_which_a_node_has_nothing_but_children() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    let forest = std::sync::Arc::clone(&rig.forest);
+    let (table, lattice) = (forest.table(), forest.lattice());
+    let options = esker_lod::Options {
+        points_budget: u64::MAX,
+        bytes_budget: u64::MAX,
+        target_spacing_px: 1.0,
+    };
+    let [corner, end] = [table.nodes[0].cell().corner, table.nodes[0].cell().last()]
+        .map(|p| DVec3::from_array(lattice.world(p)));
+    let mut random = Random(3);
+    let mut view = || {
+        let mut place = |x: f64, z: f64| {
+            let at = [random.unit() * x - (x - 1.0) / 2.0, random.unit() * x - (x - 1.0) / 2.0];
+            corner + (end - corner) * DVec3::new(at[0], at[1], random.unit() * z)
+        };
+        let (eye, target) = (place(1.0, 0.2), place(1.4, 0.1));
+        View::look_at(eye, target, DVec3::Z, 0.6, 400, 300)
+    };
+    let has_children_alone = |view: &View| {
+        let frustum = Frustum::of(view);
+        let wanted = select(table, lattice, view, &options, &AllResident, None).wanted;
+        wanted.into_iter().skip(1).any(|node| {
+            let record = &table.nodes[node as usize];
+            !frustum.touches(&OrientedBox::of_contour(record, lattice))
+                && needs_residual(record, lattice, view)
+                && forest.has_plane(node, PlaneKind::Residual)
+        })
+    };
+    let view = (0..100_000).map(|_| view()).find(has_children_alone).unwrap();
+    let cut = rig.settle(view);
+    assert_eq!(drawn(&cut), pure(&rig, &view, &roomy()));
 }
 
 #[test]
@@ -240,6 +281,22 @@ fn needs_change_without_an_empty_picture() {
     assert_eq!(rig.streamer.status().fault, None);
 }
 
+/// Right after needs were told, the cut of before is still called settled: that it does not know of them must be seen.
+#[test]
+fn no_cut_is_the_last_one_before_needs_and_feedback_are_taken_in() {
+    let mut rig = Rig::new(Habits::default(), roomy(), needs());
+    let view = rig.view(0.5, -0.5, 0.8);
+    for i in 0..50 {
+        let needs = Needs { normals: i % 2 == 0, ..needs() };
+        rig.streamer.need(needs.clone());
+        rig.streamer.look(view);
+        rig.until("is settled", |cut, rig| {
+            rig.streamer.has_taken_in() && rig.streamer.cut().settled && cut.view == view
+        });
+        assert_eq!(rig.streamer.cut().needs, needs);
+    }
+}
+
 #[test]
 fn needs_change_where_the_budget_is_full() {
     let options = Options { drawing_bytes: 700 << 10, page_bytes: 128 << 10, ..roomy() };
@@ -269,4 +326,6 @@ fn needs_whose_root_does_not_fit_are_refused_in_the_status() {
     rig.until("refuses", |_, rig| rig.streamer.status().fault.is_some());
     assert!(rig.streamer.status().fault.unwrap().contains("raise the budget"));
     assert_eq!(rig.streamer.cut().nodes.len(), 1);
+    // Nobody waits for what does not come.
+    rig.until("is settled", |cut, rig| rig.streamer.has_taken_in() && cut.settled);
 }

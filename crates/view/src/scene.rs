@@ -235,8 +235,7 @@ impl Scene {
         }
         match session.frame_from(&look.chosen, &look.seen) {
             Ok(frame) => {
-                let rests = frame.cut.settled && frame.is_of_view;
-                self.at_rest = rests.then_some((look.chosen, look.seen));
+                self.at_rest = frame.is_final.then_some((look.chosen, look.seen));
                 Shown::New(Box::new(frame))
             }
             Err(error) => Shown::Failed(format!("{error:#}")),

@@ -116,6 +116,10 @@ impl Painter for CpuPainter {
         DepthFeedback::new(&view, &tiles_of(&picture.depth, width, height))
     }
 
+    fn feedback_frames(&self) -> u32 {
+        0
+    }
+
     fn picture(&mut self) -> Result<Picture> {
         let picture = self.image().and_then(Image::in_memory).cloned();
         picture.context("no frame has been drawn")

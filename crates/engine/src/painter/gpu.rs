@@ -216,6 +216,10 @@ impl Painter for GpuPainter {
         self.renderer.feedback()
     }
 
+    fn feedback_frames(&self) -> u32 {
+        FLYING_MAX as u32 + 1
+    }
+
     fn picture(&mut self) -> Result<Picture> {
         self.renderer.texture().context("no frame has been drawn")?;
         Ok(self.renderer.read()?)

@@ -89,6 +89,9 @@ pub(crate) trait Painter: Send {
     /// The depth of the newest finished frame, if it has not been asked for before.
     fn feedback(&mut self) -> Option<DepthFeedback>;
 
+    /// In how many frames the depth of one comes back, at most: 0 where at once.
+    fn feedback_frames(&self) -> u32;
+
     /// The picture of the last frame in main memory; waits for it.
     fn picture(&mut self) -> Result<Picture>;
 

@@ -115,10 +115,10 @@ impl Feedback {
         self.stats
     }
 
-    /// The newest depth that has come back.
+    /// The newest depth that has come back, if it was not asked for before.
     pub fn depth(&mut self, gpu: &Gpu) -> Option<DepthFeedback> {
         self.arrive(gpu);
-        self.newest.clone()
+        self.newest.take()
     }
 
     /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
