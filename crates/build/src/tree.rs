@@ -29,7 +29,7 @@ const RADIUS_SPACINGS_MAX: f64 = 8.0;
 /// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
 const RADIUS_ABOVE_MAX: f64 = 1.5;
 /// A cloud of fewer points shows no surface: they are drawn as dots, of so many spacings.
-const SURFACE_POINTS: usize = 8;
+const SURFACE_POINTS: usize = 32;
 const DOT_SPACINGS: f64 = 1.0 / 32.0;
 /// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
 /// at most this part of what a node holds, so that it stays an even sample.

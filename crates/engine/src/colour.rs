@@ -7,7 +7,7 @@ use esker_format::{Forest, PlaneKind, Shown};
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Codes, Coding, Schema};
-use esker_render::colour::{Encoder, class_colour, hue};
+use esker_render::colour::{Encoder, MapTable, class_colour, hue};
 use esker_render::{Codebook, ColourBy, ColourMap, Palette};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -44,6 +44,8 @@ pub struct Legend {
     pub palette: Option<Palette>,
     /// Numbers, what they mean, and their colours (sRGB).
     pub entries: Vec<(u8, String, [u8; 3])>,
+    /// Whether values are lengths, in the file's unit.
+    pub is_length: bool,
     /// Why there may be little to see.
     pub note: Option<&'static str>,
 }
@@ -51,6 +53,19 @@ pub struct Legend {
 impl Legend {
     fn named(name: &str) -> Self {
         Self { name: name.into(), ..Self::default() }
+    }
+
+    /// The ends of the range, in words.
+    pub fn range_text(&self) -> Option<[String; 2]> {
+        self.range.map(|range| range.map(short))
+    }
+
+    /// So many colours from the first value to the last, sRGB; none where there is no range of colours.
+    pub fn bar(&self, count: usize) -> Vec<[u8; 3]> {
+        let Some(palette) = self.palette else { return Vec::new() };
+        let last = count.saturating_sub(1).max(1) as f64;
+        let table = MapTable::new(&ColourMap { low: 0.0, high: last, palette });
+        (0..count).map(|i| bytes(table.at(i as f64))).collect()
     }
 
     /// In words.
@@ -182,8 +197,9 @@ pub fn colouring_of(
     let name = if is_attribute { wish.name.to_owned() } else { wish.name.to_ascii_lowercase() };
     let plain = |by, name| Colouring { by, plane: None, codes: None, legend: Legend::named(name) };
     let mapped = |by: fn(ColourMap) -> ColourBy, name, [low, high]: [f64; 2], palette| {
+        let (range, palette_shown) = (Some([low, high]), Some(palette));
         let legend =
-            Legend { range: Some([low, high]), palette: Some(palette), ..Legend::named(name) };
+            Legend { range, palette: palette_shown, is_length: true, ..Legend::named(name) };
         Colouring { legend, ..plain(by(ColourMap { low, high, palette }), name) }
     };
     let without_range = |colouring| match wish.has_range() {
@@ -259,9 +275,14 @@ pub fn choices(file: &Forest) -> Vec<String> {
     let all = own.chain(["elevation", "depth", "level", "plain"]).map(str::to_owned);
     let attributes = file.schema().attributes.iter().enumerate();
     let attributes = attributes.filter(|&(i, a)| file.has(plane_of(&a.name, a.ty, i)));
-    let number = file.schema().find_typed(names::RETURNS, AttrType::U8);
-    let number = number.map(|_| RETURN_NUMBER.to_owned());
-    all.chain(number).chain(attributes.map(|(_, a)| a.name.clone())).collect()
+    // Two numbers share its byte.
+    let attributes = attributes.flat_map(|(_, a)| match a.key() {
+        (names::RETURNS, AttrType::U8) => {
+            vec![RETURN_NUMBER.to_owned(), NUMBER_OF_RETURNS.to_owned()]
+        }
+        (name, _) => vec![name.to_owned()],
+    });
+    all.chain(attributes).collect()
 }
 
 /// Whether any colour differs from black: many LAS files have the fields and nothing in them.
@@ -304,6 +325,10 @@ pub const SCANS: [&str; 3] = [names::POINT_SOURCE_ID, "scan", "scan_id"];
 /// The number of a return, which shares its byte with the number of returns.
 const RETURN_NUMBER: &str = "return_number";
 const RETURN_NUMBER_MASK: u8 = 15;
+const NUMBER_OF_RETURNS: &str = "number_of_returns";
+const NUMBER_OF_RETURNS_SHIFT: u8 = 4;
+/// Degrees of a step of scan angles (LAS 1.4 R15, table 15).
+const SCAN_ANGLE_STEP: f64 = 0.006;
 /// Those that most scanners tell.
 const RETURN_NUMBERS: (f64, f64) = (1.0, 5.0);
 /// Short names of attributes.
@@ -331,7 +356,8 @@ fn find_in_any_case(schema: &Schema, name: &str) -> Option<usize> {
 fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring> {
     let schema = file.schema();
     let is_number = ["return", RETURN_NUMBER].iter().any(|n| n.eq_ignore_ascii_case(wish.name));
-    let name = if is_number { names::RETURNS } else { wish.name };
+    let is_count = NUMBER_OF_RETURNS.eq_ignore_ascii_case(wish.name);
+    let name = if is_number || is_count { names::RETURNS } else { wish.name };
     let full = SHORT
         .iter()
         .find(|(short, _)| short.eq_ignore_ascii_case(name))
@@ -369,6 +395,12 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
             );
         }
     }
+    if name == names::RETURNS && is_count && ty == AttrType::U8 {
+        ensure!(!wish.has_range(), "`{NUMBER_OF_RETURNS}` has no range of values");
+        let entry = |n: u8| (n, "returns".to_owned(), bytes(hue(u32::from(n))));
+        let coding = Coding::Bits { shift: NUMBER_OF_RETURNS_SHIFT, mask: RETURN_NUMBER_MASK };
+        return coded(Codebook::Labels, coding, (1..=5).map(entry).collect());
+    }
     if name == names::POINT_SOURCE_ID && !wish.has_range() {
         let colouring = coded(Codebook::Labels, Coding::Labels, Vec::new())?;
         let legend = Legend { range: Some([whole.0, whole.1]), ..colouring.legend };
@@ -385,7 +417,11 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         return Ok(Colouring { legend, ..colouring });
     }
     // Extra bytes are shown scaled; the plane has what is stored.
-    let scale = if attribute.scale == 0.0 { 1.0 } else { attribute.scale };
+    let scale = match attribute.key() {
+        (names::SCAN_ANGLE, AttrType::I16) => SCAN_ANGLE_STEP,
+        _ if attribute.scale == 0.0 => 1.0,
+        _ => attribute.scale,
+    };
     let show = |stored: f64| stored * scale + attribute.offset;
     let range = wish.range(|| {
         let (low, high) = ranges::of_attribute(file, index, shown)?;

@@ -9,6 +9,9 @@ use esker_scan::{OpenOptions, SourceInfo};
 use serde_json::{Value, json};
 use std::path::Path;
 
+/// Notes that are told in a few lines.
+const NOTES_MAX: usize = 6;
+
 /// A node with less than this share of the capacity is a small one.
 const SMALL_SHARE: f64 = 1.0 / 16.0;
 
@@ -68,6 +71,37 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
         "sources": sources(&forest)?,
         "trees": trees(&forest),
     }))
+}
+
+/// The unit of a file's lengths, where one of its sources tells one.
+pub fn unit(forest: &Forest) -> Option<String> {
+    let mut records = forest.files().flat_map(|file| &file.metadata().sources);
+    records.find_map(|s| s.crs.as_ref())?.unit.clone()
+}
+
+/// What reading the sources of a file has left out or found odd: points that were refused, by reason, and the notes, each once and the
+/// first of many.
+pub fn notes(forest: &Forest) -> Vec<String> {
+    let records = || forest.files().flat_map(|file| &file.metadata().sources);
+    let mut refused = std::collections::BTreeMap::<&str, u64>::new();
+    for (reason, points) in records().flat_map(|s| &s.refused) {
+        *refused.entry(reason).or_default() += points;
+    }
+    let refused = refused
+        .into_iter()
+        .map(|(reason, points)| format!("left out: {} points: {reason}", grouped(points)));
+    let mut all: Vec<String> = refused.collect();
+    for note in records().flat_map(|s| &s.notes) {
+        if !all.contains(note) {
+            all.push(note.clone());
+        }
+    }
+    if all.len() > NOTES_MAX {
+        let more = all.len() - NOTES_MAX;
+        all.truncate(NOTES_MAX);
+        all.push(format!("and {more} more, see esker info"));
+    }
+    all
 }
 
 /// The sources of all trees.

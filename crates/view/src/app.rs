@@ -16,8 +16,8 @@ use crate::times::{FrameTime, Times};
 use crate::{progress, theme};
 use anyhow::Result;
 use eframe::egui::{
-    CentralPanel, Context, CursorIcon, Frame, Key, Margin, Modifiers, Panel, RawInput, Rect, Sense,
-    Ui, ViewportCommand,
+    CentralPanel, Context, CursorIcon, Event, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
+    ViewportCommand,
 };
 use esker_engine::{BuildOptions, Method, memory};
 use serde_json::json;
@@ -120,8 +120,32 @@ impl App {
         self.shown_by = shown_by;
     }
 
-    /// Changes the input of the next pass, where a script flies.
+    /// Changes the input of the next pass: a script flies, and the panel's key is no other's.
     pub fn input(&mut self, ctx: &Context, raw: &mut RawInput) {
+        self.fly(ctx, raw);
+        // Whatever was clicked keeps no key but while something is typed.
+        if ctx.text_edit_focused() {
+            return;
+        }
+        ctx.memory_mut(|memory| {
+            if let Some(id) = memory.focused() {
+                memory.surrender_focus(id);
+            }
+        });
+        // Else it would go from one widget to the next.
+        raw.events.retain(|event| {
+            let Event::Key { key: Key::Tab, pressed, repeat, modifiers, .. } = event else {
+                return true;
+            };
+            if !modifiers.is_none() {
+                return true;
+            }
+            self.has_panel ^= *pressed && !repeat;
+            false
+        });
+    }
+
+    fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
         let now_s = self.now_s();
         let Some(rig) = &mut self.rig else { return };
         let looking = match &mut self.stage {
@@ -188,13 +212,21 @@ impl App {
             Stage::Looking(looking) => looking.drawn_by(&self.shown_by),
             _ => String::new(),
         };
-        let fault = match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
-            Stage::Failed(fault) => Some(fault),
-            Stage::Looking(looking) => looking.fault().map(str::to_owned),
-            Stage::Opening(_) => None,
+        let measured = match &self.stage {
+            Stage::Looking(looking) => looking.measured(),
+            _ => Vec::new(),
         };
-        let Some(rig) = &mut self.rig else { return Ok(()) };
+        let (was_failed, fault) =
+            match std::mem::replace(&mut self.stage, Stage::Failed(String::new())) {
+                Stage::Failed(fault) => (Some(fault.clone()), Some(fault)),
+                Stage::Looking(looking) => (None, looking.fault().map(str::to_owned)),
+                Stage::Opening(_) => (None, None),
+            };
+        let Some(rig) = &mut self.rig else {
+            return was_failed.map_or(Ok(()), |fault| Err(anyhow::anyhow!(fault)));
+        };
         fault.iter().for_each(|fault| rig.record.fault(fault));
+        self.shots.failures().iter().for_each(|fault| rig.record.fault(fault));
         rig.record.stalls = stalls;
         let with = json!({
             "file": self.args.inputs.first().map(|p| p.display().to_string()),
@@ -204,13 +236,14 @@ impl App {
             "budget_gpu_bytes": self.wanted.budget_gpu_bytes,
             "budget_ram_bytes": self.wanted.budget_ram_bytes,
             "reopened": reopened,
+            "measured": measured,
             "pictures_failed": failed,
         });
         rig.report(with)?;
         anyhow::ensure!(
             failed == 0,
             "{}",
-            self.shots.said().unwrap_or("a picture was not written")
+            self.shots.failures().first().map_or("a picture was not written", String::as_str)
         );
         fault.map_or(Ok(()), |fault| Err(anyhow::anyhow!(fault)))
     }
@@ -254,13 +287,13 @@ impl App {
 
     fn shortcuts(&mut self, ctx: &Context) -> Asked {
         let mut asked = Asked::default();
-        if ctx.egui_wants_keyboard_input() {
+        if ctx.text_edit_focused() {
             return asked;
         }
         let Stage::Looking(looking) = &self.stage else { return asked };
         ctx.input_mut(|i| {
-            self.has_panel ^= i.consume_key(Modifiers::NONE, Key::Tab);
             asked.freeze = i.key_pressed(Key::Space);
+            asked.forget = i.key_pressed(Key::Escape);
             asked.screenshot = i.key_pressed(Key::P);
             if i.key_pressed(Key::M) {
                 self.wanted.method = match self.wanted.method {
@@ -279,20 +312,23 @@ impl App {
 
     fn panel(&mut self, ui: &mut Ui, asked: &mut Asked) {
         let Stage::Looking(looking) = &mut self.stage else { return };
-        let mut faults: Vec<String> = looking.fault().map(str::to_owned).into_iter().collect();
-        faults.extend(self.counters.status.fault.clone());
-        faults.dedup();
+        // What is wrong with the picture stands over it.
+        let faults: Vec<String> = self.counters.status.fault.clone().into_iter().collect();
         let mut is_coarser = looking.is_coarser_moving();
         let legend = looking.legend();
         let facts = Facts {
             name: looking.name(),
             about: looking.about(),
+            notes: looking.notes(),
+            unit: looking.unit(),
+            is_failed: looking.fault().is_some(),
             times: &self.times,
             counters: &self.counters,
             anon_bytes: self.anon_bytes.1,
             backend: &looking.drawn_by(&self.shown_by),
             sources: looking.sources(),
-            legend: legend.as_deref(),
+            legend: legend.as_ref(),
+            measured: &looking.measured(),
             picture: looking.picture_size(),
             speed: looking.camera().speed() * looking.camera().distance(),
             is_frozen: looking.is_frozen(),
@@ -352,6 +388,9 @@ impl App {
         }
         if asked.freeze {
             looking.toggle_frozen();
+        }
+        if asked.forget {
+            looking.forget();
         }
         if asked.screenshot {
             self.shots.ask(None, looking.name());

@@ -21,8 +21,19 @@ struct Words {
 impl Words {
     fn of(filter: &Filter) -> Self {
         let classes = filter.classes.map(|wanted| {
-            let numbers = (0..=u8::MAX).filter(|&class| wanted.has(class));
-            numbers.map(|class| class.to_string()).collect::<Vec<_>>().join(",")
+            let mut runs: Vec<[u8; 2]> = Vec::new();
+            for class in (0..=u8::MAX).filter(|&class| wanted.has(class)) {
+                match runs.last_mut().filter(|run| run[1] + 1 == class) {
+                    Some(run) => run[1] = class,
+                    None => runs.push([class; 2]),
+                }
+            }
+            let word = |[first, last]: &[u8; 2]| match last - first {
+                0 => first.to_string(),
+                1 => format!("{first},{last}"),
+                _ => format!("{first}-{last}"),
+            };
+            runs.iter().map(word).collect::<Vec<_>>().join(",")
         });
         let bounds = filter.bounds.map(|Bounds { min, max }| {
             let axes = if min[2].is_finite() { 3 } else { 2 };
@@ -77,6 +88,14 @@ pub fn show(ui: &mut Ui, wanted: &mut Settings) {
             is_left |= ui.add(field).lost_focus();
         });
     }
+    if wanted.filter.polygon.is_some() {
+        ui.horizontal(|ui| {
+            ui.label(RichText::new("within a polygon").color(theme::FAINT));
+            if ui.small_button("clear").clicked() {
+                wanted.filter.polygon = None;
+            }
+        });
+    }
     if let Some(fault) = fault {
         ui.add(Label::new(RichText::new(fault.as_str()).small().color(theme::FAULT)).wrap());
     }
@@ -106,6 +125,8 @@ mod tests {
         assert!(filter.classes.unwrap().has(6) && filter.max_spacing == Some(0.5));
         assert_eq!(Words::of(&filter), words);
         assert_eq!(Words::default().filter(&filter).unwrap(), Filter::default());
+        let many = Words { classes: "0,2-4,6,7,9-255".into(), ..words.clone() };
+        assert_eq!(Words::of(&many.filter(&filter).unwrap()), many);
         for wrong in [
             Words { classes: "trees".into(), ..words.clone() },
             Words { bounds: "1,2".into(), ..words.clone() },

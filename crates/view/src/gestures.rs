@@ -1,9 +1,10 @@
 //! From the window's input to the camera: keys fly, the left button orbits around what is under the pointer, the
 //! right one looks around, the middle one pans, the wheel zooms to the pointer (or changes the speed, while flying),
-//! a double click flies there. What needs the place under the pointer is kept until a picture of this frame's view
+//! a click tells the coordinates there, a double click flies there. What needs the place under the pointer is kept until a picture of this frame's view
 //! has told its depth, so that nothing ever waits for a reading.
 
 use crate::camera::Camera;
+use crate::measure::{Measure, Place};
 use eframe::egui::{Key, PointerButton, Pos2, Rect, Response, Ui};
 use glam::{DVec2, DVec3};
 
@@ -36,6 +37,7 @@ const FLY: [(Key, DVec3); 10] = [
 pub struct Gestures {
     drag: Option<Drag>,
     picks: Vec<Pick>,
+    measure: Measure,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +64,7 @@ enum Wanted {
     Pan,
     Zoom { ratio: f64 },
     FlyTo,
+    Tell,
 }
 
 impl Gestures {
@@ -79,7 +82,7 @@ impl Gestures {
         }
         self.wheel(ui, response, camera, place);
         camera.step(keys_held(ui), f64::from(ui.input(|i| i.stable_dt)));
-        let keys_free = !ui.ctx().egui_wants_keyboard_input();
+        let keys_free = !ui.ctx().text_edit_focused();
         if keys_free && ui.input(|i| i.key_pressed(Key::F) || i.key_pressed(Key::Home)) {
             camera.go_home();
         }
@@ -88,7 +91,11 @@ impl Gestures {
     fn start(&mut self, ui: &Ui, response: &Response, place: Rect) {
         let Some(at) = response.interact_pointer_pos().map(|p| share_of(place, p)) else { return };
         if response.double_clicked() {
+            // The first of both clicks meant no place of its own.
+            self.measure.take_back();
             self.picks.push(Pick { at, wanted: Wanted::FlyTo });
+        } else if response.clicked() && ui.input(|i| i.modifiers.is_none()) {
+            self.picks.push(Pick { at, wanted: Wanted::Tell });
         }
         let pressed = |button| ui.input(|i| i.pointer.button_pressed(button));
         if !response.is_pointer_button_down_on() {
@@ -134,6 +141,21 @@ impl Gestures {
         }
     }
 
+    /// Whether a place is to be told as exactly as the picture knows it.
+    pub fn is_telling(&self) -> bool {
+        self.picks.iter().any(|pick| pick.wanted == Wanted::Tell)
+    }
+
+    /// The places that were clicked.
+    pub fn measure(&self) -> &Measure {
+        &self.measure
+    }
+
+    /// Forgets them.
+    pub fn forget(&mut self) {
+        self.measure.clear();
+    }
+
     /// Pixels whose depth is wanted of the next picture.
     pub fn picks(&self) -> &[Pick] {
         &self.picks
@@ -148,12 +170,18 @@ impl Gestures {
         mut depth: impl FnMut(DVec2) -> Option<f64>,
     ) {
         for pick in self.picks.drain(..) {
+            let known = depth(pick.at);
             // Where nothing is: as far away as what is seen.
-            let depth = depth(pick.at).unwrap_or(camera.distance());
+            let depth = known.unwrap_or(camera.distance());
             let place = camera.place(pick.at * size, size, depth);
             match pick.wanted {
                 Wanted::Zoom { ratio } => camera.zoom(place, ratio),
                 Wanted::FlyTo => camera.fly_to(place),
+                Wanted::Tell if known.is_some() => {
+                    let pixel = depth * (camera.fovy_rad() * 0.5).tan() * 2.0 / size.y;
+                    self.measure.take(Place { at: place, pixel });
+                }
+                Wanted::Tell => self.measure.clear(),
                 Wanted::Orbit => {
                     if self.drag == Some(Drag::Orbit(None)) {
                         self.drag = Some(Drag::Orbit(Some(place)));
@@ -184,7 +212,7 @@ impl Gestures {
 
 /// Where the keys fly to: right, up, ahead; zero while something is typed.
 fn keys_held(ui: &Ui) -> DVec3 {
-    if ui.ctx().egui_wants_keyboard_input() {
+    if ui.ctx().text_edit_focused() {
         return DVec3::ZERO;
     }
     ui.input(|i| {

@@ -15,6 +15,7 @@ use crate::source::Opened;
 use crate::{frustum, progress, theme};
 use eframe::egui::{Color32, Context, FontId, Rect, Response, Ui, vec2};
 use esker_engine::camera::Camera as Asked;
+use esker_engine::colour::Legend;
 use esker_engine::quantity::grouped;
 use esker_engine::session::Image;
 use esker_engine::{Forest, View, colour, info};
@@ -39,6 +40,8 @@ pub struct Looking {
     sources: Vec<String>,
     name: String,
     about: String,
+    notes: Vec<String>,
+    unit: Option<String>,
     /// What draws.
     device: Device,
     /// Where the picture is shown, points, and its size, pixels.
@@ -69,6 +72,10 @@ impl Looking {
         let file = &opened.file;
         let first = args.inputs.first();
         let name = first.and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+        let name = name.map(|name| match args.inputs.len() {
+            1 => name,
+            n => format!("{name} and {} more", n - 1),
+        });
         let built = if opened.is_temporary() { "; built for this window alone" } else { "" };
         let [points, nodes] = [file.points(), file.table().nodes.len() as u64].map(grouped);
         Self {
@@ -82,7 +89,14 @@ impl Looking {
             frozen: None,
             sources: colour::choices(file),
             name: name.unwrap_or_else(|| "scan".into()),
-            about: format!("{points} points in {nodes} nodes{built}"),
+            about: match (file.points(), file.table().nodes.len()) {
+                (0, _) => format!("no points{built}"),
+                (1, _) => format!("1 point{built}"),
+                (_, 1) => format!("{points} points in 1 node{built}"),
+                _ => format!("{points} points in {nodes} nodes{built}"),
+            },
+            notes: info::notes(file),
+            unit: info::unit(file),
             place: None,
             size: [1, 1],
             resized: None,
@@ -116,13 +130,23 @@ impl Looking {
         &self.about
     }
 
+    /// What reading the file has left out or found odd.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The unit of the file's lengths, where it tells one.
+    pub fn unit(&self) -> Option<&str> {
+        self.unit.as_deref()
+    }
+
     /// Where colours can come from.
     pub fn sources(&self) -> &[String] {
         &self.sources
     }
 
     /// What the colours mean, once a session draws.
-    pub fn legend(&self) -> Option<String> {
+    pub fn legend(&self) -> Option<Legend> {
         self.scene.as_ref()?.legend()
     }
 
@@ -173,6 +197,16 @@ impl Looking {
     /// Goes back to where the camera stood first.
     pub fn go_home(&mut self) {
         self.camera.go_home();
+    }
+
+    /// What was measured, in words.
+    pub fn measured(&self) -> Vec<String> {
+        self.gestures.measure().lines(self.unit())
+    }
+
+    /// Forgets what was measured.
+    pub fn forget(&mut self) {
+        self.gestures.forget();
     }
 
     /// Whether the cut is frozen.
@@ -270,7 +304,14 @@ impl Looking {
                         if !self.canvas.show(view, self.size) {
                             self.canvas.upload(ctx, &scene.picture().ok()?);
                         }
-                        hand.told(camera, size, |at| scene.depth_at(at));
+                        if hand.is_telling() {
+                            let picture = scene.picture().ok()?;
+                            let depths =
+                                Depths { width: picture.width as usize, depth: &picture.depth };
+                            hand.told(camera, size, |at| depths.near(at));
+                        } else {
+                            hand.told(camera, size, |at| scene.depth_at(at));
+                        }
                         let far = typical(|at| scene.depth_at(at));
                         far.iter().for_each(|&far| camera.sees(far, rendered_ms / 1e3));
                     }
@@ -290,7 +331,10 @@ impl Looking {
                 None
             }
             Shown::Failed(fault) => {
-                self.fault = Some(fault);
+                // A built file's name says nothing to who opened a scan.
+                let built = self.opened.file.path().display().to_string();
+                let is_built = self.opened.is_temporary();
+                self.fault = Some(if is_built { fault.replace(&built, &self.name) } else { fault });
                 None
             }
         };
@@ -314,6 +358,7 @@ impl Looking {
             painter.rect_filled(behind, 4.0, Color32::from_black_alpha(170));
             painter.galley(corner, text, theme::ACCENT);
         }
+        self.gestures.measure().paint(&painter, place, &self.view());
         if let Some(fault) = &self.fault {
             progress::fault_over(ui, place, fault);
         }

@@ -3,8 +3,10 @@
 
 use crate::counters::Counters;
 use crate::filters;
+use crate::legend;
 use crate::plot;
 use crate::settings::Settings;
+use crate::shots::Said;
 use crate::theme;
 use crate::times::Times;
 use eframe::egui::{
@@ -12,7 +14,7 @@ use eframe::egui::{
     ScrollArea, Slider, SliderClamping, Ui, emath,
 };
 use esker_engine::Method;
-use esker_engine::colour::SCANS;
+use esker_engine::colour::{Legend, SCANS};
 use esker_engine::quantity::{grouped, readable_bytes};
 use std::ops::RangeInclusive;
 
@@ -29,6 +31,12 @@ pub struct Facts<'a> {
     pub name: &'a str,
     /// What else there is to say of it.
     pub about: &'a str,
+    /// What reading it has left out or found odd.
+    pub notes: &'a [String],
+    /// The unit of its lengths, where it tells one.
+    pub unit: Option<&'a str>,
+    /// Whether there is no new picture, for a reason that stands over it.
+    pub is_failed: bool,
     /// The frames of the last seconds.
     pub times: &'a Times,
     /// Counts.
@@ -40,7 +48,9 @@ pub struct Facts<'a> {
     /// Where colours can come from.
     pub sources: &'a [String],
     /// What the colours mean.
-    pub legend: Option<&'a str>,
+    pub legend: Option<&'a Legend>,
+    /// What was measured by clicks.
+    pub measured: &'a [String],
     /// Size of the picture, pixels.
     pub picture: [u32; 2],
     /// Speed of the camera in the file's unit a second.
@@ -49,8 +59,8 @@ pub struct Facts<'a> {
     pub is_frozen: bool,
     /// What went wrong, newest last.
     pub faults: &'a [String],
-    /// What was done, such as where a screenshot lies.
-    pub said: Option<&'a str>,
+    /// What was done, such as where a screenshot lies, or could not be.
+    pub said: Option<&'a Said>,
 }
 
 /// What the user asks for.
@@ -64,6 +74,8 @@ pub struct Asked {
     pub home: bool,
     /// To hide the panel.
     pub hide: bool,
+    /// To forget what was measured.
+    pub forget: bool,
 }
 
 impl Asked {
@@ -73,10 +85,11 @@ impl Asked {
         self.screenshot |= other.screenshot;
         self.home |= other.home;
         self.hide |= other.hide;
+        self.forget |= other.forget;
     }
 }
 
-/// Shows the panel; changes `wanted` and `is_coarser_moving` as the user does.
+/// Shows the panel, as wide as there is room, whatever stands in it; changes `wanted` and `is_coarser_moving` as the user does.
 pub fn show(
     ui: &mut Ui,
     facts: &Facts<'_>,
@@ -84,14 +97,21 @@ pub fn show(
     is_coarser_moving: &mut bool,
 ) -> Asked {
     let mut asked = Asked::default();
+    ui.set_width(ui.available_width());
     ui.horizontal(|ui| {
         ui.add(Label::new(RichText::new(facts.name).heading().strong()).truncate());
     });
     ui.add(Label::new(RichText::new(facts.about).color(theme::FAINT)).wrap());
+    for note in facts.notes {
+        ui.add(Label::new(RichText::new(note).small().color(theme::ACCENT)).wrap());
+    }
     ui.add_space(4.0);
     // What is asked for and what goes wrong are seen in windows of any height.
     actions(ui, facts, &mut asked);
     messages(ui, facts);
+    for line in facts.measured {
+        ui.add(Label::new(RichText::new(line).monospace().size(11.0).color(theme::ACCENT)).wrap());
+    }
     ui.add_space(4.0);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         plot::show(ui, facts.times);
@@ -115,10 +135,11 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
     ui.add_space(4.0);
     let [width, height] = facts.picture;
     let loading = status.requests_waiting + status.requests_in_flight;
-    let state = match (counters.settled, loading) {
-        (true, _) => "complete".to_owned(),
-        (false, 0) => "choosing".to_owned(),
-        (false, n) => format!("{n} requests"),
+    let state = match (facts.is_failed, counters.settled, loading) {
+        (true, ..) => "stopped".to_owned(),
+        (_, true, _) => "complete".to_owned(),
+        (_, _, 0) => "choosing".to_owned(),
+        (_, _, n) => format!("{n} requests"),
     };
     Grid::new("counters").num_columns(2).spacing([12.0, 1.0]).show(ui, |ui| {
         row(ui, "points", &grouped(counters.points));
@@ -134,7 +155,8 @@ fn counters(ui: &mut Ui, facts: &Facts<'_>, settings: &Settings) {
         row(ui, "read", &rate);
         row(ui, "choose, draw", &format!("{:.1}, {:.1} ms", counters.lod_ms, counters.draw_ms));
         row(ui, "picture", &format!("{width} x {height}"));
-        row(ui, "speed", &format!("{} a second", length(facts.speed)));
+        let unit = facts.unit.map_or(String::new(), |unit| format!(" {unit}"));
+        row(ui, "speed", &format!("{}{unit} a second", length(facts.speed)));
     });
     ui.add_space(4.0);
     match counters.gpu_bytes {
@@ -194,7 +216,7 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
         });
     });
     if let Some(legend) = facts.legend {
-        ui.add(Label::new(RichText::new(legend).small().color(theme::FAINT)).wrap());
+        legend::show(ui, legend, facts.unit);
     }
     filters::show(ui, wanted);
     ui.checkbox(&mut wanted.shines, "highlights");
@@ -248,7 +270,11 @@ fn actions(ui: &mut Ui, facts: &Facts<'_>, asked: &mut Asked) {
 fn messages(ui: &mut Ui, facts: &Facts<'_>) {
     ui.add(Label::new(RichText::new(facts.backend).small().color(theme::FAINT)).wrap());
     if let Some(said) = facts.said {
-        ui.add(Label::new(RichText::new(said).small().color(theme::COOL)).wrap());
+        let (text, ink) = match said {
+            Ok(text) => (text, theme::COOL),
+            Err(text) => (text, theme::FAULT),
+        };
+        ui.add(Label::new(RichText::new(text).small().color(ink)).wrap());
     }
     for fault in facts.faults {
         ui.add(Label::new(RichText::new(fault).color(theme::FAULT)).wrap());
@@ -256,7 +282,7 @@ fn messages(ui: &mut Ui, facts: &Facts<'_>) {
 }
 
 /// Keys and buttons, and what they do.
-pub const HELP: [(&str, &str); 12] = [
+pub const HELP: [(&str, &str); 13] = [
     ("W A S D", "fly"),
     ("E  Q", "up, down"),
     ("Shift  Alt", "faster, slower"),
@@ -265,6 +291,7 @@ pub const HELP: [(&str, &str); 12] = [
     ("middle, Shift+left", "move sideways"),
     ("wheel", "zoom to the pointer"),
     ("wheel while flying", "change the speed"),
+    ("click, twice  Esc", "coordinates, distance, none"),
     ("double click", "fly there"),
     ("F  Home", "back to the start"),
     ("M  C  O", "method, colours, hiding"),

@@ -222,6 +222,13 @@ impl Pilot {
                 self.share = t;
                 t >= 1.0
             }
+            Step::Click { at: place } => {
+                let place = at(*place);
+                events.push(Event::PointerMoved(place));
+                events.push(clicked(place, PointerButton::Primary, true));
+                events.push(clicked(place, PointerButton::Primary, false));
+                true
+            }
             Step::DoubleClick { at: place } => {
                 let place = at(*place);
                 events.push(Event::PointerMoved(place));

@@ -6,6 +6,7 @@ use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use esker_engine::backend::Drawer;
+use esker_engine::colour::Legend;
 use esker_engine::options::Options;
 use esker_engine::session::{Frame, GpuBytes, Session};
 use esker_engine::{Cut, Forest, Picture, Status, View, seen};
@@ -84,9 +85,9 @@ impl Scene {
     }
 
     /// What the colours mean; `None` where no session runs.
-    pub fn legend(&self) -> Option<String> {
+    pub fn legend(&self) -> Option<Legend> {
         match &self.state {
-            State::Running(session) => Some(session.look().colouring.legend.text()),
+            State::Running(session) => Some(session.look().colouring.legend.clone()),
             _ => None,
         }
     }

@@ -80,6 +80,11 @@ pub enum Step {
         /// In so much time.
         seconds: f64,
     },
+    /// Clicks once.
+    Click {
+        /// The pointer.
+        at: [f64; 2],
+    },
     /// Clicks twice.
     DoubleClick {
         /// The pointer.
@@ -191,7 +196,7 @@ impl Step {
                 ensure!(points.is_finite(), "the wheel turns by no number");
                 (*seconds, &[*at])
             }
-            Self::DoubleClick { at } => (0.0, &[*at]),
+            Self::Click { at } | Self::DoubleClick { at } => (0.0, &[*at]),
             Self::Wait { seconds } | Self::Settle { seconds } => (*seconds, &[]),
             Self::Path { faster, .. } => {
                 ensure!(

@@ -10,8 +10,13 @@ use std::thread::JoinHandle;
 
 /// Pictures that are written at once at most.
 const WRITING_MAX: usize = 4;
+/// Failures that are kept.
+const FAILURES_MAX: usize = 16;
 /// Numbers of pictures beside one another at most.
 const NUMBERS: u32 = 9999;
+
+/// What was done last, or could not be.
+pub type Said = Result<String, String>;
 
 /// Where a picture of the window is left once it was taken.
 type Taken = Arc<Mutex<Option<Arc<ColorImage>>>>;
@@ -23,8 +28,9 @@ pub struct Shots {
     /// Where the window goes, and the picture of it once there is one.
     window: Option<(PathBuf, Taken)>,
     writing: Vec<JoinHandle<()>>,
-    told: Arc<Mutex<Vec<String>>>,
-    said: Option<String>,
+    told: Arc<Mutex<Vec<Result<String, String>>>>,
+    said: Option<Said>,
+    failures: Vec<String>,
     failed: u64,
 }
 
@@ -33,7 +39,7 @@ impl Shots {
     pub fn ask(&mut self, path: Option<&Path>, name: &str) {
         self.asked = path.map(Path::to_owned).or_else(|| free_name(name));
         if self.asked.is_none() {
-            self.said = Some(format!("{name}-*.png: {NUMBERS} pictures are there; remove some"));
+            self.fails(format!("{name}-*.png: {NUMBERS} pictures are there; remove some"));
         }
     }
 
@@ -65,7 +71,7 @@ impl Shots {
             (Some(path), Ok(picture)) => self.write(picture, path),
             (Some(path), Err(error)) => {
                 self.failed += 1;
-                self.said = Some(format!("{}: no picture: {error:#}", path.display()));
+                self.fails(format!("{}: no picture: {error:#}", path.display()));
             }
             (None, _) => {}
         }
@@ -74,27 +80,42 @@ impl Shots {
     fn write(&mut self, picture: Picture, path: PathBuf) {
         self.writing.retain(|thread| !thread.is_finished());
         if self.writing.len() >= WRITING_MAX {
-            self.said = Some("the last pictures are still being written".into());
+            self.said = Some(Err("the last pictures are still being written".into()));
             return;
         }
         let told = Arc::clone(&self.told);
         let shown = path.display().to_string();
         let write = move || {
             let line = match picture::write_png(&picture, &path) {
-                Ok(()) => format!("picture: {}", full(&path).display()),
-                Err(error) => format!("no picture: {error:#}"),
+                Ok(()) => Ok(format!("picture: {}", full(&path).display())),
+                Err(error) => Err(format!("no picture: {error:#}")),
             };
             told.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         };
         match std::thread::Builder::new().name("esker-picture".into()).spawn(write) {
             Ok(thread) => self.writing.push(thread),
-            Err(error) => self.said = Some(format!("{shown}: no thread to write it: {error}")),
+            Err(error) => {
+                self.failed += 1;
+                self.fails(format!("{shown}: no thread to write it: {error}"));
+            }
         }
     }
 
-    /// What was done last.
-    pub fn said(&self) -> Option<&str> {
-        self.said.as_deref()
+    /// What was done last, or could not be.
+    pub fn said(&self) -> Option<&Said> {
+        self.said.as_ref()
+    }
+
+    /// What could not be done, the first ones.
+    pub fn failures(&self) -> &[String] {
+        &self.failures
+    }
+
+    fn fails(&mut self, line: String) {
+        if self.failures.len() < FAILURES_MAX {
+            self.failures.push(line.clone());
+        }
+        self.said = Some(Err(line));
     }
 
     /// Looks whether the window was taken, and what the writers tell.
@@ -108,9 +129,14 @@ impl Shots {
             }
         }
         let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
-        self.failed += told.iter().filter(|line| line.starts_with("no ")).count() as u64;
-        if let Some(line) = told.into_iter().last() {
-            self.said = Some(line);
+        for line in told {
+            match line {
+                Ok(line) => self.said = Some(Ok(line)),
+                Err(line) => {
+                    self.failed += 1;
+                    self.fails(line);
+                }
+            }
         }
     }
 

@@ -10,6 +10,22 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+/// Folders that are to go with the window, however it ends.
+static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// How often a folder is removed in which something still grows.
+const SWEEPS: usize = 5;
+
+/// Removes what was built for the window, where it ends by a signal.
+pub fn sweep() {
+    let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
+    for folder in folders.drain(..) {
+        (0..SWEEPS).find(|_| {
+            let removed = std::fs::remove_dir_all(&folder);
+            removed.is_ok() || !folder.exists()
+        });
+    }
+}
+
 /// What is looked at.
 pub struct Opened {
     /// The file.
@@ -195,6 +211,8 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
         None => tempfile::tempdir(),
     };
     let folder = folder.context("cannot make a temporary folder to build the scan in")?;
+    let known = || FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
+    known().push(folder.path().to_owned());
     let built = folder.path().join("scan.esker");
     build::build(inputs, &built, options, 0, task)?;
     task.check()?;

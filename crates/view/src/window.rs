@@ -48,8 +48,20 @@ pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
 /// display once.
 fn again_by_cpu() -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
-    let status = Command::new(program).args(["--window", "cpu"]).args(rest()).status();
-    let status = status.context("cannot start the program again")?;
+    let mut command = Command::new(program);
+    command.args(["--window", "cpu"]).args(rest());
+    run_instead(command).context("cannot start the program again")
+}
+
+/// In this process's place, so that whoever stops it stops the window.
+#[cfg(unix)]
+fn run_instead(mut command: Command) -> std::io::Result<ExitCode> {
+    Err(std::os::unix::process::CommandExt::exec(&mut command))
+}
+
+#[cfg(not(unix))]
+fn run_instead(mut command: Command) -> std::io::Result<ExitCode> {
+    let status = command.status()?;
     Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
 }
 

@@ -334,3 +334,85 @@ fn without_a_display_it_says_what_to_do() {
     assert!(!output.status.success() && said.contains("esker render"), "{said}");
     assert!(!said.contains("panicked"), "{said}");
 }
+
+#[test]
+fn keys_go_on_whether_the_panel_is_shown_or_not() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "picture", "path": "a.png"},
+        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "b.png"},
+        {"do": "press", "key": "M"}, {"do": "settle", "seconds": 20},
+        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "c.png"},
+        {"do": "press", "key": "Tab"}, {"do": "settle", "seconds": 20}, {"do": "picture", "path": "d.png"}]}"#;
+    stand.fly(sample(), script, &["--backend", "cpu"]);
+    let [a, b, c, d] = ["a.png", "b.png", "c.png", "d.png"].map(|p| read_png(&stand.path(p)));
+    assert!(a.width < b.width, "the panel has gone");
+    assert_eq!((c.width, d.width), (a.width, b.width), "and comes and goes again");
+    assert!(share_off(&a, &c, 8) > 0.01, "M was heard meanwhile");
+}
+
+#[test]
+fn clicks_tell_places_and_how_far_they_are_apart() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "settle", "seconds": 20}, {"do": "click", "at": [0.45, 0.5]},
+        {"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.7}, {"do": "click", "at": [0.55, 0.52]},
+        {"do": "settle", "seconds": 20}, {"do": "wait", "seconds": 0.3}]}"#;
+    for options in [&["--backend", "cpu"][..], &["--backend", "auto", "--no-panel"]] {
+        let report = stand.fly(sample(), script, options);
+        let lines: Vec<&str> =
+            report["measured"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+        let [a, b, between] = lines[..] else { panic!("{report}") };
+        let [low, high] = info::bounds(&Forest::open(sample()).unwrap());
+        let place = |line: &str| -> Vec<f64> {
+            line.split_whitespace().map(|word| word.parse().unwrap()).collect()
+        };
+        let (a, b) = (place(a), place(b));
+        for (axis, &at) in a.iter().enumerate().chain(b.iter().enumerate()) {
+            // A surface reaches half a disc beyond its points.
+            let slack = (high[axis] - low[axis]) * 0.05;
+            assert!((low[axis] - slack..=high[axis] + slack).contains(&at), "{at}");
+        }
+        let distance = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+        let told = between.split_whitespace().nth(1).unwrap().trim_end_matches(',');
+        let told: f64 = told.parse().unwrap();
+        assert!(distance > 1.0 && (told - distance).abs() < distance * 0.01, "{between}");
+    }
+}
+
+#[test]
+fn the_first_picture_that_cannot_be_written_is_told() {
+    let Some(stand) = stand() else { return };
+    let script = r#"{"after": [{"do": "picture", "path": "none/a.png"}, {"do": "picture", "path": "b.png"}]}"#;
+    let output = stand.run(sample(), script, &["--backend", "cpu"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said.contains("none/a.png") && !said.contains("b.png"), "{said}");
+    assert!(stand.path("b.png").exists());
+}
+
+/// However it ends, nothing stays of what was built for it.
+#[cfg(unix)]
+#[test]
+fn a_window_that_is_stopped_leaves_no_copy_behind() {
+    let Some(stand) = stand() else { return };
+    let scratch = stand.path("scratch");
+    std::fs::create_dir(&scratch).unwrap();
+    let is_empty = || std::fs::read_dir(&scratch).unwrap().next().is_none();
+    let mut window = Command::new(env!("CARGO_BIN_EXE_esker-view"))
+        .args(["--window", "cpu", "--scratch"])
+        .arg(&scratch)
+        .arg(scan())
+        .spawn()
+        .unwrap();
+    let is_built = || {
+        let folders = std::fs::read_dir(&scratch).unwrap().flatten();
+        folders.map(|f| f.path().join("scan.esker")).any(|file| file.exists())
+    };
+    while !is_built() {
+        assert!(window.try_wait().unwrap().is_none());
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let stopped = Command::new("kill").args(["-TERM", &window.id().to_string()]).status();
+    assert!(stopped.unwrap().success());
+    assert_eq!(window.wait().unwrap().code(), Some(130));
+    assert!(is_empty());
+}

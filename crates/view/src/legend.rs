@@ -1,0 +1,61 @@
+//! What the colours of the picture mean: a bar of a range's colours with its ends, or a line a value with its colour.
+
+use crate::theme;
+use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};
+use esker_engine::colour::Legend;
+
+/// Height of the bar, and the side of a colour, points.
+const BAR: f32 = 10.0;
+/// Colours that the bar has; between them it goes on evenly.
+const COLOURS: usize = 24;
+const SMALL: f32 = 10.5;
+
+/// Shows a legend, lengths with their unit.
+pub fn show(ui: &mut Ui, legend: &Legend, unit: Option<&str>) {
+    let small = |text: &str| RichText::new(text).size(SMALL).color(theme::FAINT);
+    let unit = unit.filter(|_| legend.is_length).map_or(String::new(), |unit| format!(", {unit}"));
+    let range = legend.range_text();
+    let colours = legend.bar(COLOURS);
+    match &range {
+        Some([low, high]) if !colours.is_empty() => {
+            ui.label(small(&format!("{}{unit}", legend.name)));
+            bar(ui, &colours, [low, high]);
+        }
+        Some([low, high]) => drop(ui.label(small(&format!("{} {low} .. {high}", legend.name)))),
+        None => drop(ui.label(small(&legend.name))),
+    }
+    for (number, what, [r, g, b]) in &legend.entries {
+        ui.horizontal(|ui| {
+            let (place, _) = ui.allocate_exact_size(vec2(BAR, BAR), Sense::hover());
+            ui.painter().rect_filled(place, 2.0, Color32::from_rgb(*r, *g, *b));
+            ui.add(Label::new(small(&format!("{number}  {what}"))).truncate());
+        });
+    }
+    if let Some(note) = legend.note {
+        ui.add(Label::new(small(note)).wrap());
+    }
+}
+
+/// Colours from left to right, with the values of the first and the last.
+fn bar(ui: &mut Ui, colours: &[[u8; 3]], [low, high]: [&str; 2]) {
+    let size = vec2(ui.available_width(), BAR + SMALL + 4.0);
+    let (place, _) = ui.allocate_exact_size(size, Sense::hover());
+    let bar = Rect::from_min_size(place.min, vec2(place.width(), BAR));
+    let mut mesh = Mesh::default();
+    for (i, &[r, g, b]) in (0u32..).zip(colours) {
+        let x = bar.left() + bar.width() * i as f32 / (colours.len() - 1).max(1) as f32;
+        let colour = Color32::from_rgb(r, g, b);
+        mesh.colored_vertex(pos2(x, bar.top()), colour);
+        mesh.colored_vertex(pos2(x, bar.bottom()), colour);
+        if i > 0 {
+            mesh.add_triangle(2 * i - 2, 2 * i - 1, 2 * i);
+            mesh.add_triangle(2 * i - 1, 2 * i, 2 * i + 1);
+        }
+    }
+    ui.painter().add(mesh);
+    let font = FontId::proportional(SMALL);
+    let text =
+        |at, align, text: &str| ui.painter().text(at, align, text, font.clone(), theme::FAINT);
+    text(place.left_bottom(), Align2::LEFT_BOTTOM, low);
+    text(place.right_bottom(), Align2::RIGHT_BOTTOM, high);
+}

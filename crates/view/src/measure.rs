@@ -1,0 +1,122 @@
+//! What a click tells: the coordinates of the place under the pointer, and of two places how far they are apart.
+
+use crate::{frustum, theme};
+use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
+use esker_engine::View;
+use glam::DVec3;
+
+/// Radius of a place's mark, points.
+const MARK: f32 = 4.0;
+/// Digits after the point at most.
+const DIGITS_MAX: usize = 4;
+
+/// A place that was clicked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// World.
+    pub at: DVec3,
+    /// Width of a pixel there, the file's unit: it is known no better.
+    pub pixel: f64,
+}
+
+/// The places clicked last: two at most.
+#[derive(Clone, Debug, Default)]
+pub struct Measure {
+    places: Vec<Place>,
+}
+
+impl Measure {
+    /// Takes a place; a third one begins anew.
+    pub fn take(&mut self, place: Place) {
+        if self.places.len() == 2 {
+            self.places.clear();
+        }
+        self.places.push(place);
+    }
+
+    /// Takes the last place back: what was meant was something else.
+    pub fn take_back(&mut self) {
+        self.places.pop();
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.places.clear();
+    }
+
+    /// What there is to say: the places, then how far apart they are.
+    pub fn lines(&self, unit: Option<&str>) -> Vec<String> {
+        let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
+        let place = |p: &Place| {
+            let [x, y, z] = p.at.to_array().map(|v| format!("{v:.*}", digits(p.pixel)));
+            format!("{x}  {y}  {z}")
+        };
+        let mut lines: Vec<String> = self.places.iter().map(place).collect();
+        if let [a, b] = self.places[..] {
+            let (between, digits) = (b.at - a.at, digits(a.pixel.max(b.pixel)));
+            let [all, across, up] = [between.length(), between.truncate().length(), between.z]
+                .map(|v| format!("{v:.digits$}"));
+            lines.push(format!("distance {all}{unit}, across {across}, up {up}"));
+        }
+        lines
+    }
+
+    /// Paints marks over a picture of `seen` that is shown at this place.
+    pub fn paint(&self, painter: &Painter, place: Rect, seen: &View) {
+        let size = [seen.width, seen.height].map(f64::from);
+        let on = |p: [f64; 2]| -> Pos2 {
+            let [x, y] = [0, 1].map(|i| (p[i] / size[i]).clamp(-100.0, 100.0) as f32);
+            pos2(place.left() + x * place.width(), place.top() + y * place.height())
+        };
+        let dark = Color32::from_black_alpha(150);
+        if let [a, b] = self.places[..]
+            && let Some([from, to]) = frustum::project(seen, [a.at, b.at])
+        {
+            let line = [on(from), on(to)];
+            painter.line_segment(line, Stroke::new(3.5, dark));
+            painter.line_segment(line, Stroke::new(1.5, theme::ACCENT));
+            let digits = digits(a.pixel.max(b.pixel));
+            let text = format!("{:.digits$}", a.at.distance(b.at));
+            let font = FontId::proportional(13.0);
+            let text = painter.layout_no_wrap(text, font, theme::ACCENT);
+            let middle = line[0].lerp(line[1], 0.5) - vec2(0.0, 14.0);
+            let behind = Align2::CENTER_CENTER.anchor_size(middle, text.size());
+            painter.rect_filled(behind.expand(4.0), 4.0, dark);
+            painter.galley(behind.min, text, theme::ACCENT);
+        }
+        for p in &self.places {
+            if let Some([at, _]) = frustum::project(seen, [p.at, p.at]) {
+                painter.circle(on(at), MARK, dark, Stroke::new(1.5, theme::ACCENT));
+            }
+        }
+    }
+}
+
+/// Digits that tell a tenth of so much.
+fn digits(pixel: f64) -> usize {
+    let digits = (1.0 - pixel.max(1e-9).log10()).ceil();
+    (digits.max(0.0) as usize).min(DIGITS_MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_places_are_so_far_apart_and_a_third_begins_anew() {
+        let place = |x: f64, y: f64, z: f64| Place { at: DVec3::new(x, y, z), pixel: 0.04 };
+        let mut measure = Measure::default();
+        measure.take(place(600_000.125, 10.0, -2.0));
+        assert_eq!(measure.lines(Some("metre")), ["600000.125  10.000  -2.000"]);
+        measure.take(place(600_003.125, 14.0, 10.0));
+        assert_eq!(
+            measure.lines(Some("metre"))[2],
+            "distance 13.000 metre, across 5.000, up 12.000"
+        );
+        measure.take(place(1.0, 2.0, 3.0));
+        assert_eq!(measure.lines(None), ["1.000  2.000  3.000"]);
+        measure.take_back();
+        assert!(measure.lines(None).is_empty());
+        assert_eq!([5e3, 10.0, 0.9, 1e-12].map(digits), [0, 0, 2, DIGITS_MAX]);
+    }
+}
