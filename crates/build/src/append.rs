@@ -1,7 +1,7 @@
 //! Append: new scans become a file of their own over the lattice of an old one, and name it. The old one, and
 //! what it names, stay as they are; all together are a forest (DESIGN, section 5).
 
-use crate::build::{Options, Report, build_sources};
+use crate::build::{Options, Report, build_sources, one_meaning};
 use crate::crs::one_system;
 use crate::error::BuildError;
 use crate::intake::open_with;
@@ -55,6 +55,9 @@ pub fn append_sources(
     if !options.ignore_crs {
         one_system_with(old, &sources)?;
     }
+    let known = old.files().map(|file| (file.path(), &file.metadata().schema));
+    let new = sources.iter().map(|s| s.info()).map(|i| (i.path.as_path(), &*i.schema));
+    one_meaning(known.chain(new))?;
     let forest = old.files().map(|file| TreeRef::new(out, file)).collect::<Result<_, _>>()?;
     // One palette for all trees: so they are drawn from their compact planes together.
     let palette = old.palette().cloned();

@@ -27,7 +27,7 @@ use esker_format::{
 };
 use esker_points::attribute::names;
 use esker_points::palette::Misfit;
-use esker_points::{AttrType, ColourDepth, MultisetHash, Task};
+use esker_points::{AttrType, Attribute, ColourDepth, MultisetHash, Schema, Task};
 use esker_scan::las::gps_times;
 use esker_scan::{OpenOptions, ReadReport, Source};
 use rayon::ThreadBuilder;
@@ -448,6 +448,7 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
     if options.tangents && options.normals != NormalsMode::Estimate {
         return say("tangents are told while normals are estimated; add --normals estimate".into());
     }
+    one_meaning(sources.iter().map(|s| s.info()).map(|i| (i.path.as_path(), &*i.schema)))?;
     if options.ignore_crs {
         return Ok(());
     }
@@ -459,6 +460,33 @@ fn check(sources: &[Box<dyn Source>], options: &Options) -> Result<(), BuildErro
         .map(|i| (i.path.display().to_string(), i.crs.as_ref().map_or("", |c| &c.text)));
     let said: Vec<_> = said.collect();
     one_system(said.iter().map(|(path, text)| (path.as_str(), *text)))
+}
+
+/// Refuses attributes of one name and type whose stored values mean different things in different files.
+pub(crate) fn one_meaning<'a>(
+    files: impl Iterator<Item = (&'a Path, &'a Schema)>,
+) -> Result<(), BuildError> {
+    // Of thousands of files most have the same attributes.
+    let mut known: Vec<(&Path, &Schema)> = Vec::new();
+    for (path, schema) in files {
+        if known.iter().any(|(_, other)| *other == schema) {
+            continue;
+        }
+        let conflict = known.iter().find_map(|(at, other)| Some((at, other.conflict(schema)?)));
+        if let Some((at, [theirs, own])) = conflict {
+            let steps = |a: &Attribute| format!("{} * n + {}", a.scale, a.offset);
+            return Err(BuildError::Options(format!(
+                "`{}` of {} is {}, and of {} is {}: both cannot be kept under one name; give it one scale and offset in all of them, or another name, or build the files apart",
+                own.name,
+                at.display(),
+                steps(theirs),
+                path.display(),
+                steps(own)
+            )));
+        }
+        known.push((path, schema));
+    }
+    Ok(())
 }
 
 fn same_file(a: &Path, b: &Path) -> bool {

@@ -119,6 +119,7 @@ pub fn export(
     let bytes_out = output.finish()?;
     let mut notes = started.notes;
     notes.extend(note_absent(forest, &started.fields));
+    notes.extend(note_overlap(forest, filter));
     Ok(Exported {
         points_in,
         points_out,
@@ -131,6 +132,18 @@ pub fn export(
         bytes_out,
         format: started.format,
         notes,
+    })
+}
+
+/// Says where trees are thinned each by itself though they share a place.
+fn note_overlap(forest: &Forest, filter: &Filter) -> Option<String> {
+    let boxes: Vec<_> = forest.files().filter_map(|file| file.metadata().bounds).collect();
+    let meet = |[low, high]: &[[u32; 3]; 2], [l, h]: &[[u32; 3]; 2]| {
+        (0..3).all(|i| low[i] <= h[i] && l[i] <= high[i])
+    };
+    let overlap = (0..boxes.len()).any(|i| boxes[..i].iter().any(|other| meet(&boxes[i], other)));
+    (filter.max_spacing.is_some() && overlap).then(|| {
+        "the spacing is that of each tree by itself, and trees overlap: there are more points; esker build --merge makes one tree of them".into()
     })
 }
 

@@ -6,9 +6,10 @@ use crate::append::{not_replaced, systems_of};
 use crate::build::{Options, Report, build_sources};
 use crate::crs::one_system;
 use crate::error::BuildError;
+use crate::normals::NormalsMode;
 use crate::onto::{Merged, Onto};
 use crate::stored::Stored;
-use esker_format::{EskerFile, Forest, SourceRecord};
+use esker_format::{EskerFile, Forest, PlaneKind, SourceRecord};
 use esker_points::{MultisetHash, Task};
 use esker_scan::Source;
 use std::collections::HashSet;
@@ -64,8 +65,31 @@ pub fn merge(
         merged.records.iter().map(|r| r.1.rounding_error_max).fold(0.0, f64::max);
     let onto = Onto { lattice: Some(lattice), merged: Some(merged), ..Onto::default() };
     let options = Options { onto, ..options.clone() };
-    let report = build_sources(sources, out, &options, task)?;
+    let mut report = build_sources(sources, out, &options, task)?;
+    report.notes.extend(not_taken_over(&files, &options));
     Ok(Report { rounding_error_max, ..report })
+}
+
+/// What files have beside points and what is known of their sources is made anew where it is asked for, and else not: which options
+/// ask for it, if any are missing.
+fn not_taken_over(files: &[Arc<EskerFile>], options: &Options) -> Option<String> {
+    let has = |kind| files.iter().any(|file| file.layout().has(kind));
+    let is_estimated = files.iter().any(|file| file.metadata().normals.is_estimated());
+    let mut missing = Vec::new();
+    let estimates = options.normals != NormalsMode::Keep;
+    for (is_had, is_asked, option) in [
+        (is_estimated, estimates, "--normals estimate"),
+        (has(PlaneKind::Tangents), options.tangents, "--tangents"),
+        (has(PlaneKind::ClipLines), options.sharp_features, "--sharp-features"),
+        (has(PlaneKind::Compact), options.compact, "--compact"),
+    ] {
+        if is_had && !is_asked {
+            missing.push(option);
+        }
+    }
+    let options = missing.join(" ");
+    (!missing.is_empty())
+        .then(|| format!("what was made for drawing is not taken over; {options} makes it again"))
 }
 
 /// What a file knows of its sources, blocks included, each with the path of what brings its points now.

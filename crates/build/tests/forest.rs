@@ -7,10 +7,12 @@ mod given;
 
 use cloud::below;
 use esker_build::onto::OFF_LATTICE;
-use esker_build::{BuildError, Options, against_sources, append_sources, build_sources, merge};
+use esker_build::{
+    BuildError, NormalsMode, Options, against_sources, append_sources, build_sources, export, merge,
+};
 use esker_format::{EskerFile, Forest, PagePoints};
 use esker_points::task::Silent;
-use esker_points::{AttrType, ColourDepth, MultisetHash, Task};
+use esker_points::{AttrType, ColourDepth, Filter, MultisetHash, Task};
 use esker_scan::source::Crs;
 use given::{Given, boxed, given, hash_of};
 use std::path::{Path, PathBuf};
@@ -179,6 +181,35 @@ fn another_reference_system_is_refused_with_both_names_unless_told_otherwise() {
     append(scan("b.las", 2, 300), &options()).unwrap();
 }
 
+/// Under one name there is one scale: with another the same stored value would be another one.
+#[test]
+fn attributes_that_count_in_other_steps_are_refused_with_both_names() {
+    let of = |name: &str, scale: f64| {
+        let mut scan = scan(name, 5, 100).with("height", AttrType::U16, |i| i);
+        let schema = std::sync::Arc::make_mut(&mut scan.info.schema);
+        let own = schema.find("height").unwrap();
+        schema.attributes[own].scale = scale;
+        scan
+    };
+    let yard = Yard::new();
+    let (fine, coarse) = (of("fine.las", 0.01), of("coarse.las", 0.1));
+    let told = |error: BuildError| {
+        let error = error.to_string();
+        for word in ["`height`", "fine", "coarse.las", "0.01", "0.1"] {
+            assert!(error.contains(word), "{word}: {error}");
+        }
+    };
+    let both = [fine.clone(), coarse.clone()];
+    let out = yard.at("both.esker");
+    told(build_sources(boxed(&both), &out, &options(), &Silent).unwrap_err());
+    yard.build("fine.esker", std::slice::from_ref(&fine));
+    let old = Forest::open(&yard.at("fine.esker")).unwrap();
+    told(append_sources(&old, boxed(&[coarse]), &out, &options(), &Silent).unwrap_err());
+    assert!(!out.exists());
+    // What rounding makes of a decimal number is the same.
+    yard.append("fine.esker", &[of("again.las", 0.1 * 0.1)], "two.esker");
+}
+
 #[test]
 fn what_is_read_is_not_written() {
     let yard = Yard::new();
@@ -220,9 +251,34 @@ fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
         assert_eq!(merged.verbatim(i).unwrap(), [block]);
     }
     against_sources(&merged, boxed(&all), &Silent).unwrap();
+    // Trees over one place are thinned each by itself, which is said.
+    let filter = Filter { max_spacing: Some(2.0), ..Filter::default() };
+    let thinned = |name: &str| {
+        let forest = Forest::open(&yard.at(name)).unwrap();
+        let exported = export(&forest, &yard.at("thinned.xyz"), &filter, &Silent).unwrap();
+        exported.notes.iter().any(|note| note.contains("trees overlap"))
+    };
+    assert!(thinned("abc.esker") && !thinned("merged.esker"));
     // Named on their own, the same files make the same tree; twice named they are taken once.
     let again = yard.merge(&["ab.esker", "abc.esker", "a.esker"], "again.esker");
     assert_eq!(nodes(&again), nodes(&whole));
+}
+
+#[test]
+fn what_merging_does_not_take_over_is_told_with_what_makes_it_again() {
+    let yard = Yard::new();
+    let all = [scan("a.las", 1, 3000)];
+    let made =
+        Options { normals: NormalsMode::Estimate, tangents: true, compact: true, ..options() };
+    build_sources(boxed(&all), &yard.at("a.esker"), &made, &Silent).unwrap();
+    let notes = |options: &Options| {
+        let report = merge(&[yard.at("a.esker")], &yard.at("merged.esker"), options, &Silent);
+        report.unwrap().notes
+    };
+    let told = notes(&options());
+    let told = told.iter().find(|note| note.contains("not taken over")).unwrap();
+    assert!(told.contains("--normals estimate --tangents"), "{told}");
+    assert!(!notes(&made).iter().any(|note| note.contains("not taken over")));
 }
 
 #[test]

@@ -96,7 +96,14 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         build: args.how.options(),
         ..render::Request::default()
     };
-    let (inputs, output) = (&args.inputs, &args.output);
+    let (inputs, output, given) = (&args.inputs, &args.output, args.how.given());
+    if let [file] = &inputs[..]
+        && !given.is_empty()
+        && render::is_esker(file).is_ok_and(|is_built| is_built)
+    {
+        let options = given.join(", ");
+        eprintln!("note: {}: is built already, {options} changes nothing of it", file.display());
+    }
     match args.out.filter(|_| !args.explain) {
         None => output.report(stop, |p| render::explain(inputs, &request, p), explain::text),
         Some(out) => {

@@ -58,6 +58,20 @@ pub struct BuildHow {
 }
 
 impl BuildHow {
+    /// Which of them were given that say what is built, and so nothing of what is built already.
+    pub fn given(&self) -> Vec<&'static str> {
+        let all = [
+            (self.node_capacity.is_some(), "--node-capacity"),
+            (self.colour_bits.is_some(), "--colour-bits"),
+            (!matches!(self.compress, Compress::Fast), "--compress"),
+            (!matches!(self.normals, NormalsArg::Keep), "--normals"),
+            (self.sharp_features, "--sharp-features"),
+            (self.tangents, "--tangents"),
+            (self.compact, "--compact"),
+        ];
+        all.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect()
+    }
+
     /// For a build that is kept where it is cut short.
     pub fn resumable(&self, goes_on: bool) -> BuildOptions {
         let resume = if goes_on { Resume::Now } else { Resume::Later };

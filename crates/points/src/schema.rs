@@ -5,6 +5,9 @@ use crate::attribute::{AttrType, Attribute, names};
 use crate::hash::layout_seed;
 use serde::{Deserialize, Serialize};
 
+/// Relative difference of scales that counts as none: what rounding makes of a decimal number.
+const SCALE_NOISE: f64 = 1e-12;
+
 /// Attributes in canonical order: by name, then type; no two alike.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Schema {
@@ -42,6 +45,17 @@ impl Schema {
     /// Bytes of all attribute values of one point.
     pub fn record_bytes(&self) -> usize {
         self.attributes.iter().map(|a| a.ty.size()).sum()
+    }
+
+    /// The first attribute that another schema has under the same name and type, but whose stored values mean others: with another scale
+    /// or offset. Both cannot be kept under one name.
+    pub fn conflict<'a>(&'a self, other: &'a Self) -> Option<[&'a Attribute; 2]> {
+        let is_near = |a: f64, b: f64| a == b || (a - b).abs() <= a.abs() * SCALE_NOISE;
+        self.attributes.iter().find_map(|own| {
+            let theirs = &other.attributes[other.find_typed(&own.name, own.ty)?];
+            let is_same = is_near(own.scale, theirs.scale) && is_near(own.offset, theirs.offset);
+            (!is_same).then_some([own, theirs])
+        })
     }
 
     /// The union with another schema, in canonical order.

@@ -340,6 +340,21 @@ fn counts_that_lie_are_named_or_put_right() {
     assert_eq!(read(source.as_ref()).unwrap().1.points, 8);
 }
 
+/// Bytes that were never points may make whole records by chance.
+#[test]
+fn what_lies_behind_the_points_and_outside_of_their_box_is_none_of_them() {
+    let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
+    for records in [1, 60, 3000] {
+        let mut bytes = file.las();
+        bytes.extend(b"<Metadata>text is".iter().cycle().take(20 * records));
+        let disk = on_disk(&bytes);
+        let source = open(&disk).unwrap();
+        let [note] = &source.info().notes[..] else { panic!("{:?}", source.info().notes) };
+        assert!(note.contains(&format!("{} bytes behind the 10 points", 20 * records)), "{note}");
+        assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
+    }
+}
+
 #[test]
 fn zeros_behind_the_points_that_the_header_claims_are_padding() {
     let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));

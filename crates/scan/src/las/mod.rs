@@ -48,6 +48,8 @@ const WINDOW_BYTES_MAX: u64 = 64 << 20;
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 /// Bytes behind the points that are read at once.
 const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
+/// Records that tell whether what lies behind the points is any.
+const STRAYS_LOOKED_AT: usize = 1000;
 
 /// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
@@ -193,7 +195,10 @@ fn check_count(
     let leaves_out = is_whole && (1..available).contains(&header.points);
     let claimed_end = || header.points_start + header.points * record_bytes;
     let is_padded = leaves_out && is_zero(file, claimed_end()..end, path, task)?;
-    if is_whole && !is_padded && (header.points > whole || header.points < available) {
+    let is_foreign =
+        leaves_out && !is_padded && is_outside(header, file, claimed_end()..end, path)?;
+    if is_whole && !is_padded && !is_foreign && (header.points > whole || header.points < available)
+    {
         notes.push(format!(
             "the header claims {} points, but {available} whole records are there; these are read",
             header.points
@@ -220,6 +225,32 @@ fn check_count(
         ));
     }
     Ok(())
+}
+
+/// Whether what lies behind the points that the header claims is nothing of the kind: its first whole records lie outside of the
+/// box that the header tells, as no first record of those claimed does.
+fn is_outside(
+    header: &Header,
+    file: &mut File,
+    behind: Range<u64>,
+    path: &Path,
+) -> Result<bool, ScanError> {
+    let Header { grid, bounds, record_bytes, .. } = header;
+    let mut strays = |start: u64, end: u64| -> Result<bool, ScanError> {
+        let room = usize::try_from(end - start).unwrap_or(usize::MAX) / record_bytes;
+        let mut records = vec![0; room.min(STRAYS_LOOKED_AT) * record_bytes];
+        file.seek(SeekFrom::Start(start)).map_err(|e| ScanError::io(path, e))?;
+        file.read_exact(&mut records).map_err(|e| ScanError::io(path, e))?;
+        Ok(records.chunks_exact(*record_bytes).any(|record| {
+            record.as_chunks().0.iter().take(3).enumerate().any(|(axis, &raw)| {
+                let at = f64::from(i32::from_le_bytes(raw)) * grid.scale[axis] + grid.offset[axis];
+                // Boxes are rounded by who writes them.
+                let slack = 2.0 * grid.scale[axis].abs();
+                !(bounds[0][axis] - slack..=bounds[1][axis] + slack).contains(&at)
+            })
+        }))
+    };
+    Ok(!strays(header.points_start, behind.start)? && strays(behind.start, behind.end)?)
 }
 
 /// Whether bytes of a file are all zero; reads no further than to the block of the first that is not.
