@@ -339,6 +339,36 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
     }
 }
 
+/// A gap must not become a height because another source has no heights.
+#[test]
+fn the_value_that_stands_for_none_stays_known_where_another_source_lacks_the_attribute() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut description = vec![0u8; 192];
+    // Unsigned 16 bits; no data, scale.
+    description[2..4].copy_from_slice(&[3, 0b1001]);
+    description[4..7].copy_from_slice(b"hgt");
+    description[40..48].copy_from_slice(&65535u64.to_le_bytes());
+    description[112..120].copy_from_slice(&0.01f64.to_le_bytes());
+    let scans = [(2, vec![("LASF_Spec".to_owned(), 4, description)]), (0, vec![])];
+    let sources = scans.map(|(extra, vlrs)| {
+        let variant = Variant { format: 0, minor: 2, extra };
+        let point = Point { position: [1, 2, 3], fields: [1; 60], extra: vec![255; extra.into()] };
+        let scan = File { variant, points: vec![point], vlrs };
+        open(&file(folder.path(), &format!("{extra}.las"), &scan.las()))
+    });
+    let schema = Arc::new(sources[0].info().schema.union(&sources[1].info().schema));
+    let batch = read(sources[0].as_ref()).1.remove(0);
+    assert_eq!(batch.schema, schema);
+    let origins = sources.each_ref().map(|s| Origin::from(s.info()));
+    let out = folder.path().join("out.las");
+    write(&out, read(sources[0].as_ref()).0, &origins, &[batch], 1);
+    let back = open(&out);
+    let vlrs = &back.info().verbatim[1].1;
+    let at = vlrs.windows(4).position(|w| w == b"hgt\0").unwrap() - 4;
+    assert_eq!(vlrs[at + 2..at + 4], [3, 0b1001]);
+    assert_eq!(vlrs[at + 40..at + 48], 65535u64.to_le_bytes());
+}
+
 #[test]
 fn a_file_tells_one_coordinate_reference_system() {
     let folder = tempfile::tempdir().unwrap();

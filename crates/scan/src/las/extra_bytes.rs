@@ -8,6 +8,9 @@ use esker_points::{AttrType, Attribute, attribute::names};
 
 /// Bytes of a description.
 pub const DESCRIPTION_BYTES: usize = 192;
+/// A value that stands for none is told.
+const OPTION_NO_DATA: u8 = 1;
+const NO_DATA_AT: usize = 40;
 const OPTION_SCALE: u8 = 1 << 3;
 const OPTION_OFFSET: u8 = 1 << 4;
 
@@ -126,6 +129,11 @@ fn describe(description: &[u8], before: &[Attribute]) -> Result<Vec<Attribute>, 
         .collect())
 }
 
+/// The descriptions in extra-bytes VLRs.
+pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
+    records.all("LASF_Spec", 4).flat_map(|vlr| vlr.data.chunks_exact(DESCRIPTION_BYTES))
+}
+
 /// Normals by the names that they usually have in LAS, and Esker's.
 const NORMALS: [(&str, &str); 3] =
     [("NormalX", names::NX), ("NormalY", names::NY), ("NormalZ", names::NZ)];
@@ -134,8 +142,9 @@ fn normal(name: &str) -> Option<&'static str> {
     NORMALS.iter().find(|(usual, _)| *usual == name).map(|&(_, own)| own)
 }
 
-/// Descriptions of attributes, each a value of its own: the way back of [`attributes`].
-pub fn describe_all(attributes: &[Attribute]) -> Vec<u8> {
+/// Descriptions of attributes, each a value of its own: the way back of [`attributes`]. Of `known` ones that say the same the value is
+/// kept that stands for none; least and greatest values are those of other points.
+pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::with_capacity(attributes.len() * DESCRIPTION_BYTES);
     for a in attributes {
         let mut description = [0; DESCRIPTION_BYTES];
@@ -146,9 +155,13 @@ pub fn describe_all(attributes: &[Attribute]) -> Vec<u8> {
         let kind = TYPES.iter().position(|&ty| ty == a.ty).map_or(0, |i| i as u8 + 1);
         let scale = if a.scale == 1.0 { 0 } else { OPTION_SCALE };
         let offset = if a.offset == 0.0 { 0 } else { OPTION_OFFSET };
+        let is_same = |d: &&Vec<u8>| describe(d, &[]).is_ok_and(|told| told == [a.clone()]);
+        let has_none = known.iter().find(is_same).filter(|d| d[3] & OPTION_NO_DATA != 0);
+        let none = has_none.map_or(0, |_| OPTION_NO_DATA);
         let usual = NORMALS.iter().find(|(_, own)| *own == a.name && a.ty == AttrType::F32);
-        put(2, &[kind, scale | offset], 2);
+        put(2, &[kind, none | scale | offset], 2);
         put(4, usual.map_or(a.name.as_str(), |(usual, _)| usual).as_bytes(), 32);
+        has_none.iter().for_each(|d| put(NO_DATA_AT, &d[NO_DATA_AT..NO_DATA_AT + 8], 8));
         put(112, &a.scale.to_le_bytes(), if scale > 0 { 8 } else { 0 });
         put(136, &a.offset.to_le_bytes(), if offset > 0 { 8 } else { 0 });
         put(160, a.description.as_bytes(), 32);

@@ -60,6 +60,8 @@ struct Found {
     other_times: usize,
     /// Whether the source whose coordinate reference system is written says that it is WKT.
     is_wkt: Option<bool>,
+    /// Descriptions of extra bytes, each once.
+    descriptions: Vec<Vec<u8>>,
     /// Sources whose coordinate reference system is told otherwise than by the first that tells one.
     other_systems: usize,
 }
@@ -98,7 +100,15 @@ pub fn plan(
     if !is_restored {
         vlrs.retain(|v| !(v.user == "LASF_Spec" && v.record == 4));
         if !extra.is_empty() {
-            vlrs.insert(0, vlr("LASF_Spec", 4, "extra bytes", extra_bytes::describe_all(&extra)));
+            vlrs.insert(
+                0,
+                vlr(
+                    "LASF_Spec",
+                    4,
+                    "extra bytes",
+                    extra_bytes::describe_all(&extra, &found.descriptions),
+                ),
+            );
         }
         found.note_format(sources, &records, &extra, &mut notes);
     }
@@ -163,6 +173,12 @@ impl Found {
         self.minor = self.minor.max(header.minor);
         let extra = header.record_bytes - format_bytes(header.point_format).unwrap_or(0);
         if extra <= EXTRA_BYTES_MAX {
+            for description in extra_bytes::descriptions(&records) {
+                let is_new = !self.descriptions.iter().any(|known| known == description);
+                if is_new && self.descriptions.len() < DESCRIPTIONS_MAX {
+                    self.descriptions.push(description.to_vec());
+                }
+            }
             let attributes = extra_bytes::attributes(&records, extra, &mut Vec::new());
             let layout = Layout::new(header.point_format, header.record_bytes, attributes);
             let same = self.layout.as_ref().is_none_or(|(format, l)| {
