@@ -149,7 +149,7 @@ pub struct Render {
     /// Distance of neighbouring points on the picture that is fine enough, in pixels; 0 draws all.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
-    /// rgb, intensity, elevation, classification, return_number, source_id, time, normal, level, depth, plain, or any
+    /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id, time, normal, level, depth, plain, or any
     /// attribute's name; where it has a range of values, that may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,

@@ -27,7 +27,7 @@ pub struct Args {
     /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
     #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
     pub camera: Camera,
-    /// rgb, intensity, elevation, classification, return_number, source_id, time, normal, level, depth, plain, or any
+    /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id, time, normal, level, depth, plain, or any
     /// attribute's name; where it has a range of values, that may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
