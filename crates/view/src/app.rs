@@ -13,10 +13,10 @@ use crate::settings::Settings;
 use crate::shots::Shots;
 use crate::source::Opening;
 use crate::times::{FrameTime, Times};
-use crate::{progress, theme};
+use crate::{keys, progress, theme};
 use anyhow::Result;
 use eframe::egui::{
-    CentralPanel, Context, CursorIcon, Event, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
+    CentralPanel, Context, CursorIcon, Frame, Key, Margin, Panel, RawInput, Rect, Sense, Ui,
     ViewportCommand,
 };
 use esker_engine::{BuildOptions, Method, memory};
@@ -123,26 +123,7 @@ impl App {
     /// Changes the input of the next pass: a script flies, and the panel's key is no other's.
     pub fn input(&mut self, ctx: &Context, raw: &mut RawInput) {
         self.fly(ctx, raw);
-        // Whatever was clicked keeps no key but while something is typed.
-        if ctx.text_edit_focused() {
-            return;
-        }
-        ctx.memory_mut(|memory| {
-            if let Some(id) = memory.focused() {
-                memory.surrender_focus(id);
-            }
-        });
-        // Else it would go from one widget to the next.
-        raw.events.retain(|event| {
-            let Event::Key { key: Key::Tab, pressed, repeat, modifiers, .. } = event else {
-                return true;
-            };
-            if !modifiers.is_none() {
-                return true;
-            }
-            self.has_panel ^= *pressed && !repeat;
-            false
-        });
+        self.has_panel ^= keys::take(ctx, raw);
     }
 
     fn fly(&mut self, ctx: &Context, raw: &mut RawInput) {
