@@ -44,7 +44,7 @@ pub struct Legend {
     pub palette: Option<Palette>,
     /// Numbers, what they mean, and their colours (sRGB).
     pub entries: Vec<(u8, String, [u8; 3])>,
-    /// Whether values are lengths, in the file's unit.
+    /// Whether values are lengths in the file's unit, that of its horizontal coordinates: heights may have another one.
     pub is_length: bool,
     /// Why there may be little to see.
     pub note: Option<&'static str>,
@@ -197,9 +197,8 @@ pub fn colouring_of(
     let name = if is_attribute { wish.name.to_owned() } else { wish.name.to_ascii_lowercase() };
     let plain = |by, name| Colouring { by, plane: None, codes: None, legend: Legend::named(name) };
     let mapped = |by: fn(ColourMap) -> ColourBy, name, [low, high]: [f64; 2], palette| {
-        let (range, palette_shown) = (Some([low, high]), Some(palette));
         let legend =
-            Legend { range, palette: palette_shown, is_length: true, ..Legend::named(name) };
+            Legend { range: Some([low, high]), palette: Some(palette), ..Legend::named(name) };
         Colouring { legend, ..plain(by(ColourMap { low, high, palette }), name) }
     };
     let without_range = |colouring| match wish.has_range() {
@@ -234,7 +233,9 @@ pub fn colouring_of(
         "depth" => {
             let extent = (0..3).map(|i| (bounds[1][i] - bounds[0][i]).powi(2)).sum::<f64>();
             let range = wish.range(|| Ok((0.0, extent.sqrt())))?;
-            Ok(mapped(ColourBy::EyeDepth, "depth", range, Palette::Viridis))
+            let mut colouring = mapped(ColourBy::EyeDepth, "depth", range, Palette::Viridis);
+            colouring.legend.is_length = true;
+            Ok(colouring)
         }
         _ => attribute(file, &wish, shown),
     }

@@ -73,10 +73,10 @@ pub fn info(path: &Path, task: &dyn Task) -> Result<Value> {
     }))
 }
 
-/// The unit of a file's lengths, where one of its sources tells one.
+/// The unit of a file's lengths, where one of its sources tells one; none where coordinates are degrees.
 pub fn unit(forest: &Forest) -> Option<String> {
     let mut records = forest.files().flat_map(|file| &file.metadata().sources);
-    records.find_map(|s| s.crs.as_ref())?.unit.clone()
+    records.find_map(|s| s.crs.as_ref())?.unit.clone().filter(|unit| unit != "degree")
 }
 
 /// What reading the sources of a file has left out or found odd: points that were refused, by reason, and the notes, each once and the

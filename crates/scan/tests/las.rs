@@ -342,17 +342,36 @@ fn counts_that_lie_are_named_or_put_right() {
 
 /// Bytes that were never points may make whole records by chance.
 #[test]
-fn what_lies_behind_the_points_and_outside_of_their_box_is_none_of_them() {
-    let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
+fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
+    let variant = Variant { format: 0, minor: 2, extra: 0 };
+    let mut points = plain_points(10, 0);
+    // With the box of the first points as the header's.
+    let bytes_of = |points: &[Point], claimed: usize| {
+        let mut bytes = file_of(variant, points.to_vec()).las();
+        bytes[107..111].copy_from_slice(&(claimed as u32).to_le_bytes());
+        for axis in 0..3 {
+            let values = points[..claimed].iter().map(|p| f64::from(p.position[axis]) * 0.01);
+            let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+            bytes[179 + 16 * axis..][..8].copy_from_slice(&high.to_le_bytes());
+            bytes[187 + 16 * axis..][..8].copy_from_slice(&low.to_le_bytes());
+        }
+        bytes
+    };
     for records in [1, 60, 3000] {
-        let mut bytes = file.las();
+        let mut bytes = bytes_of(&points, 10);
         bytes.extend(b"<Metadata>text is".iter().cycle().take(20 * records));
         let disk = on_disk(&bytes);
         let source = open(&disk).unwrap();
         let [note] = &source.info().notes[..] else { panic!("{:?}", source.info().notes) };
         assert!(note.contains(&format!("{} bytes behind the 10 points", 20 * records)), "{note}");
-        assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
+        assert_equal(&read(source.as_ref()).unwrap().0, &points, variant);
     }
+    // Points that were added without the header being told lie outside of its box, and are points.
+    points.iter_mut().skip(4).for_each(|p| p.position[0] += 100);
+    let disk = on_disk(&bytes_of(&points, 4));
+    let source = open(&disk).unwrap();
+    assert!(source.info().notes[0].contains("claims 4 points"), "{:?}", source.info().notes);
+    assert_equal(&read(source.as_ref()).unwrap().0, &points, variant);
 }
 
 #[test]

@@ -48,8 +48,9 @@ const WINDOW_BYTES_MAX: u64 = 64 << 20;
 const COLOUR_PROBE_POINTS: u64 = 1 << 16;
 /// Bytes behind the points that are read at once.
 const BEHIND_BLOCK_BYTES: u64 = 64 << 10;
-/// Records that tell whether what lies behind the points is any.
-const STRAYS_LOOKED_AT: usize = 1000;
+/// Records that tell whether what lies behind the points is any, and how many of the header's boxes away it is then.
+const FAR_RECORDS: usize = 1000;
+const FAR_BOXES: f64 = 100.0;
 
 /// What the GPS times of a source are counted from, by its blocks kept verbatim; none where it has no such times.
 pub fn gps_times(verbatim: &[(String, Vec<u8>)]) -> Option<GpsTimes> {
@@ -195,8 +196,7 @@ fn check_count(
     let leaves_out = is_whole && (1..available).contains(&header.points);
     let claimed_end = || header.points_start + header.points * record_bytes;
     let is_padded = leaves_out && is_zero(file, claimed_end()..end, path, task)?;
-    let is_foreign =
-        leaves_out && !is_padded && is_outside(header, file, claimed_end()..end, path)?;
+    let is_foreign = leaves_out && !is_padded && is_far(header, file, claimed_end()..end, path)?;
     if is_whole && !is_padded && !is_foreign && (header.points > whole || header.points < available)
     {
         notes.push(format!(
@@ -227,30 +227,34 @@ fn check_count(
     Ok(())
 }
 
-/// Whether what lies behind the points that the header claims is nothing of the kind: its first whole records lie outside of the
-/// box that the header tells, as no first record of those claimed does.
-fn is_outside(
+/// Whether what lies behind the points that the header claims is nothing of the kind: its first whole records all lie many boxes away
+/// from the one that the header tells, as none of the first records of those claimed does. (Points that were added later may lie
+/// outside of an old box, but not as far as any text is.)
+fn is_far(
     header: &Header,
     file: &mut File,
     behind: Range<u64>,
     path: &Path,
 ) -> Result<bool, ScanError> {
-    let Header { grid, bounds, record_bytes, .. } = header;
-    let mut strays = |start: u64, end: u64| -> Result<bool, ScanError> {
-        let room = usize::try_from(end - start).unwrap_or(usize::MAX) / record_bytes;
-        let mut records = vec![0; room.min(STRAYS_LOOKED_AT) * record_bytes];
-        file.seek(SeekFrom::Start(start)).map_err(|e| ScanError::io(path, e))?;
-        file.read_exact(&mut records).map_err(|e| ScanError::io(path, e))?;
-        Ok(records.chunks_exact(*record_bytes).any(|record| {
-            record.as_chunks().0.iter().take(3).enumerate().any(|(axis, &raw)| {
-                let at = f64::from(i32::from_le_bytes(raw)) * grid.scale[axis] + grid.offset[axis];
-                // Boxes are rounded by who writes them.
-                let slack = 2.0 * grid.scale[axis].abs();
-                !(bounds[0][axis] - slack..=bounds[1][axis] + slack).contains(&at)
-            })
-        }))
+    let Header { grid, bounds: [low, high], record_bytes, .. } = header;
+    let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+    let is_far = |record: &[u8]| {
+        record.as_chunks().0.iter().take(3).enumerate().any(|(axis, &raw)| {
+            let at = f64::from(i32::from_le_bytes(raw)) * grid.scale[axis] + grid.offset[axis];
+            let slack = extent * FAR_BOXES + grid.scale[axis].abs();
+            !(low[axis] - slack..=high[axis] + slack).contains(&at)
+        })
     };
-    Ok(!strays(header.points_start, behind.start)? && strays(behind.start, behind.end)?)
+    let mut first_of = |span: Range<u64>| -> Result<Vec<u8>, ScanError> {
+        let bytes = (span.end - span.start).min((FAR_RECORDS * record_bytes) as u64);
+        let mut records = vec![0; bytes as usize];
+        file.seek(SeekFrom::Start(span.start)).map_err(|e| ScanError::io(path, e))?;
+        file.read_exact(&mut records).map_err(|e| ScanError::io(path, e))?;
+        Ok(records)
+    };
+    let (claimed, others) = (first_of(header.points_start..behind.start)?, first_of(behind)?);
+    Ok(!claimed.chunks_exact(*record_bytes).any(is_far)
+        && others.chunks_exact(*record_bytes).all(is_far))
 }
 
 /// Whether bytes of a file are all zero; reads no further than to the block of the first that is not.
