@@ -12,6 +12,7 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("pictures: the scan and its file give the same", same_from_scan));
     trials.push(trial("pictures: every attribute colours them", every_attribute));
     trials.push(trial("pictures: every size and method", sizes));
+    trials.push(trial("pictures: one stray takes no colours", strays));
     trials.push(trial(
         "pictures: a camera that sees nothing gives a background and says why",
         nothing_seen,
@@ -81,6 +82,36 @@ fn every_attribute() {
         seen.insert(pixels);
     }
     assert!(seen.len() > 5, "{} of {} pictures differ", seen.len(), names.len());
+}
+
+/// A picture's range of colours.
+fn range(folder: &Folder, input: &Path, colour: &str) -> [f64; 2] {
+    let words = ["--size", "40x30", "--colour", colour, "--json"];
+    let report = render(input, &folder.file("p.png"), &words).json();
+    [0, 1].map(|end| report["colour"]["range"][end].as_f64().unwrap())
+}
+
+fn strays() {
+    let folder = Folder::new();
+    let mut lines = String::from("x,y,z,intensity,time,echo\n");
+    for i in 0..20_000 {
+        let (x, y) = (i % 200, i / 200);
+        let time = 3e8 + f64::from(i) * 0.01;
+        lines +=
+            &format!("{x},{y},{:.2},{},{time:.2},{}\n", 90.0 + f64::from(x) * 0.1, i % 32, i % 200);
+    }
+    let even = folder.write("even.csv", &lines);
+    let stray = folder.write("stray.csv", &format!("{lines}5,5,1000000,65535,1,1e12\n"));
+    for colour in ["elevation", "intensity", "time", "echo"] {
+        let [even, stray] = [&even, &stray].map(|scan| range(&folder, scan, colour));
+        let extent = even[1] - even[0];
+        for end in [0, 1] {
+            assert!(
+                (stray[end] - even[end]).abs() < 0.05 * extent,
+                "{colour}: {even:?}, {stray:?}"
+            );
+        }
+    }
 }
 
 fn sizes() {

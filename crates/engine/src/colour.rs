@@ -57,7 +57,7 @@ impl Legend {
 
     /// The ends of the range, in words.
     pub fn range_text(&self) -> Option<[String; 2]> {
-        self.range.map(|range| range.map(short))
+        self.range.map(ends)
     }
 
     /// So many colours from the first value to the last, sRGB; none where there is no range of colours.
@@ -72,7 +72,8 @@ impl Legend {
     pub fn text(&self) -> String {
         let mut text = self.name.clone();
         if let Some([low, high]) = self.range {
-            text += &format!(" {} .. {}", short(low), short(high));
+            let [low, high] = ends([low, high]);
+            text += &format!(" {low} .. {high}");
         }
         if let Some(palette) = self.palette {
             text += &format!(" ({})", palette.name());
@@ -110,6 +111,22 @@ fn short(value: f64) -> String {
     let text = if value.abs() >= 1e7 { format!("{value:.1}") } else { format!("{value:.3}") };
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
+
+/// The ends of a range, with as many digits as tell what lies between.
+fn ends([low, high]: [f64; 2]) -> [String; 2] {
+    let extent = high - low;
+    let texts = [low, high].map(short);
+    let told = [0, 1].map(|i| texts[i].parse::<f64>().unwrap_or(f64::NAN));
+    let is_told = ((told[1] - told[0]) - extent).abs() <= extent.abs() * TOLD;
+    if is_told || !extent.is_finite() || told.iter().any(|end| !end.is_finite()) {
+        return texts;
+    }
+    let decimals = (2.0 - extent.abs().log10()).ceil().clamp(0.0, 17.0) as usize;
+    [low, high].map(|end| format!("{end:.decimals$}"))
+}
+
+/// Share of a range's extent to which its ends tell it.
+const TOLD: f64 = 0.01;
 
 /// What the user asks for: `NAME`, or `NAME:MIN..MAX` with either end open.
 #[derive(Clone, Debug, PartialEq)]
@@ -216,7 +233,7 @@ pub fn colouring_of(
         }
         "plain" | "none" => without_range(plain(ColourBy::Plain, "plain")),
         "elevation" | "z" | "height" => {
-            let range = wish.range(|| Ok(ranges::of_heights(file, bounds, shown)))?;
+            let range = wish.range(|| ranges::of_heights(file, bounds, shown))?;
             Ok(mapped(ColourBy::Elevation, "elevation", range, Palette::Terrain))
         }
         "level" | "cell" | "node" => without_range(Colouring {
@@ -328,8 +345,6 @@ const RETURN_NUMBER: &str = "return_number";
 const RETURN_NUMBER_MASK: u8 = 15;
 const NUMBER_OF_RETURNS: &str = "number_of_returns";
 const NUMBER_OF_RETURNS_SHIFT: u8 = 4;
-/// Degrees of a step of scan angles (LAS 1.4 R15, table 15).
-const SCAN_ANGLE_STEP: f64 = 0.006;
 /// Those that most scanners tell.
 const RETURN_NUMBERS: (f64, f64) = (1.0, 5.0);
 /// Short names of attributes.
@@ -341,7 +356,7 @@ const SHORT: [(&str, &str); 4] = [
 ];
 
 /// The plane that an attribute has, where it has one of its own.
-fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
+pub(crate) fn plane_of(name: &str, ty: AttrType, index: usize) -> PlaneKind {
     if name == names::INTENSITY && ty == AttrType::U16 {
         PlaneKind::Intensity
     } else {
@@ -375,7 +390,11 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         bail!("{}: `{name}` is a part of the colour; use --colour rgb", file.path().display());
     }
     let whole = ranges::whole(file, index)?;
-    let note = (whole == (0.0, 0.0)).then_some("all values are zero");
+    let note = match whole {
+        Some((0.0, 0.0)) => Some("all values are zero"),
+        None => Some("no value is a number"),
+        Some(_) => None,
+    };
     let coded = |book, coding, entries| {
         let legend = Legend { entries, note, ..Legend::named(wish.name) };
         let codes = Some(Codes { ty, coding });
@@ -388,23 +407,20 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
             return coded(Codebook::Classes, whole, class_entries(file, shown)?);
         }
         if name == names::RETURNS && is_number {
-            let entry = |n: u8| (n, "return".to_owned(), bytes(hue(u32::from(n))));
-            return coded(
-                Codebook::Labels,
-                Coding::Bits { shift: 0, mask: RETURN_NUMBER_MASK },
-                (1..=5).map(entry).collect(),
-            );
+            let coding = Coding::Bits { shift: 0, mask: RETURN_NUMBER_MASK };
+            let entries = label_entries("return", &ranges::bytes_of(file, index)?, coding);
+            return coded(Codebook::Labels, coding, entries);
         }
     }
     if name == names::RETURNS && is_count && ty == AttrType::U8 {
         ensure!(!wish.has_range(), "`{NUMBER_OF_RETURNS}` has no range of values");
-        let entry = |n: u8| (n, "returns".to_owned(), bytes(hue(u32::from(n))));
         let coding = Coding::Bits { shift: NUMBER_OF_RETURNS_SHIFT, mask: RETURN_NUMBER_MASK };
-        return coded(Codebook::Labels, coding, (1..=5).map(entry).collect());
+        let entries = label_entries("returns", &ranges::bytes_of(file, index)?, coding);
+        return coded(Codebook::Labels, coding, entries);
     }
     if name == names::POINT_SOURCE_ID && !wish.has_range() {
         let colouring = coded(Codebook::Labels, Coding::Labels, Vec::new())?;
-        let legend = Legend { range: Some([whole.0, whole.1]), ..colouring.legend };
+        let legend = Legend { range: whole.map(<[f64; 2]>::from), ..colouring.legend };
         return Ok(Colouring { legend, ..colouring });
     }
     if is_number && ty == AttrType::U8 {
@@ -418,10 +434,9 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         return Ok(Colouring { legend, ..colouring });
     }
     // Extra bytes are shown scaled; the plane has what is stored.
-    let scale = match attribute.key() {
-        (names::SCAN_ANGLE, AttrType::I16) => SCAN_ANGLE_STEP,
-        _ if attribute.scale == 0.0 => 1.0,
-        _ => attribute.scale,
+    let scale = match attribute.shown_scale() {
+        0.0 => 1.0,
+        scale => scale,
     };
     let show = |stored: f64| stored * scale + attribute.offset;
     let range = wish.range(|| {
@@ -438,6 +453,13 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
     }
     let colouring = coded(Codebook::Along(palette), Coding::Along { low, high }, Vec::new())?;
     Ok(Colouring { legend, ..colouring })
+}
+
+/// The labels that are coded from the bytes that occur.
+fn label_entries(what: &str, values: &[u8], coding: Coding) -> Vec<(u8, String, [u8; 3])> {
+    let labels: BTreeSet<u8> = Codes { ty: AttrType::U8, coding }.of(values).into_iter().collect();
+    let entry = |n: u8| (n, what.to_owned(), bytes(hue(u32::from(n))));
+    labels.into_iter().map(entry).collect()
 }
 
 fn bytes(linear: glam::Vec3) -> [u8; 3] {
@@ -495,6 +517,10 @@ mod tests {
         assert_eq!(range.text(), "gps_time 1.5 .. 250 (viridis)");
         let wide = Legend { range: Some([-1e-5, f64::MAX]), ..Legend::named("odd") };
         assert_eq!(wide.text(), "odd -1.000e-5 .. 1.798e308");
+        let times = Legend { range: Some([3e8, 3e8 + 5e-5]), ..Legend::named("gps_time") };
+        assert_eq!(times.text(), "gps_time 300000000.0000000 .. 300000000.0000500");
+        let ids = Legend { range: Some([1e18, 1e18 + 4096.0]), ..Legend::named("id") };
+        assert_eq!(ids.text(), "id 1000000000000000000 .. 1000000000000004096");
         let empty = Legend { note: Some("all values are zero"), ..Legend::named("nir") };
         assert_eq!(empty.text(), "nir; all values are zero");
         let entries = vec![(2, "ground".to_owned(), [168, 124, 82])];

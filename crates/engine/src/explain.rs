@@ -76,8 +76,10 @@ pub(crate) fn not_evened(file: &Forest, scene: &Scene) -> Result<Option<&'static
         return Ok(Some(ONLY_OWN_COLOURS));
     }
     let (kind, _) = colour::scans(file)?;
-    let (least, greatest) = ranges::whole(file, usize::from(kind.attribute()))?;
-    Ok((least >= greatest).then_some("evening of exposures: all points are of one scan"))
+    let whole = ranges::whole(file, usize::from(kind.attribute()))?;
+    Ok(whole
+        .is_none_or(|(least, greatest)| least >= greatest)
+        .then_some("evening of exposures: all points are of one scan"))
 }
 
 /// The name of a plane; that of its attribute, where it is one's.

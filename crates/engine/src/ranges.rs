@@ -1,9 +1,11 @@
 //! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
 //! neither a few strays take all colours nor what a filter leaves out takes any. Where an end of these is a number that
-//! stands for no value, a sample of the values is read instead.
+//! stands for no value, or strays are so far away that they hide what the others differ by, a sample of the values is read.
 
+use crate::colour::plane_of;
 use anyhow::Result;
 use esker_format::{EskerFile, Forest, PlaneKind, Shown};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Node};
 
 /// Share of the values that may lie outside a range on either side.
@@ -14,6 +16,10 @@ const BINS: usize = 1024;
 const NO_VALUE: f64 = f32::MAX as f64;
 /// Values that a sample has at least, where there are so many.
 const SAMPLE: usize = 1 << 17;
+/// Less than this share of the whole range, strays and all, is told too coarsely by its bins.
+const COARSE: f64 = 1.0 / 16.0;
+/// Heights that spread over so many times those of a sample spread over strays.
+const SPREAD: f64 = 2.0;
 
 /// The range of an attribute of the forest, in stored values, over all trees that have it.
 ///
@@ -31,17 +37,20 @@ pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f6
         first += nodes;
     }
     let range = range.unwrap_or((0.0, 0.0));
-    if is_value(range.0) && is_value(range.1) {
+    let (is_told, whole) = (is_value(range.0) && is_value(range.1), whole(forest, number)?);
+    let whole = whole.map_or(0.0, |(low, high)| high - low);
+    if is_told && range.1 - range.0 >= whole * COARSE {
         return Ok(range);
     }
-    of_sample(forest, number, attribute.ty, shown)
+    let sample = of_sample(forest, number, attribute.ty, shown)?;
+    Ok(sample.filter(|(low, high)| !is_told || low < high).unwrap_or(range))
 }
 
-/// Least and greatest value of an attribute of the forest over all trees, strays and all.
+/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None` where nothing is a number.
 ///
 /// # Errors
 /// Where statistics cannot be read.
-pub fn whole(forest: &Forest, attribute: usize) -> Result<(f64, f64)> {
+pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
     let attribute = &forest.schema().attributes[attribute];
     let mut range = None;
     for file in forest.files() {
@@ -51,7 +60,31 @@ pub fn whole(forest: &Forest, attribute: usize) -> Result<(f64, f64)> {
             range = joined(range, (of.0 <= of.1).then_some(of));
         }
     }
-    Ok(range.unwrap_or((0.0, 0.0)))
+    Ok(range)
+}
+
+/// Which values of an attribute of bytes occur in the forest.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
+    let attribute = &forest.schema().attributes[attribute];
+    let mut occurs = [false; 1 << u8::BITS];
+    for file in forest.files() {
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
+        let statistics = file.statistics()?;
+        let histograms = statistics.histograms();
+        let (low, high) = histograms.ranges().of(index);
+        let counts = histograms.counts(index);
+        for (value, occurs) in (0u8..).zip(&mut occurs) {
+            let value = f64::from(value);
+            // No bin has two, and the last value is in the last.
+            let bin = ((value - low) / (high - low) * counts.len() as f64).max(0.0) as usize;
+            *occurs |= low <= value && value <= high && counts[bin.min(counts.len() - 1)] > 0;
+        }
+    }
+    Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
 }
 
 /// Whether a number is a value, and does not stand for none.
@@ -60,8 +93,13 @@ fn is_value(number: f64) -> bool {
 }
 
 /// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
-fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
-    let kind = PlaneKind::Attribute(attribute as u16);
+fn of_sample(
+    forest: &Forest,
+    attribute: usize,
+    ty: AttrType,
+    shown: &Shown,
+) -> Result<Option<(f64, f64)>> {
+    let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
     for node in nodes.filter(|&node| shown.points_max(node) > 0) {
@@ -72,10 +110,14 @@ fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> 
             break;
         }
     }
+    Ok(without_strays(values))
+}
+
+/// The range of so many values without strays.
+fn without_strays(mut values: Vec<f64>) -> Option<(f64, f64)> {
     values.sort_unstable_by(f64::total_cmp);
     let strays = (values.len() as f64 * STRAYS) as usize;
-    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
-    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
+    Some((*values.get(strays)?, *values.iter().rev().nth(strays)?))
 }
 
 fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
@@ -132,8 +174,50 @@ fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
     (low + bin * below as f64, high - bin * above as f64)
 }
 
-/// The range of heights, from the nodes' contours: no point is read. `bounds` are of all points.
-pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> (f64, f64) {
+/// The range of heights, from the nodes' contours; from the first nodes' points where a stray has stretched these. `bounds`
+/// are of all points.
+///
+/// # Errors
+/// Where a node cannot be read.
+pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<(f64, f64)> {
+    let range = of_contours(forest, bounds, shown);
+    let sample = without_strays(heights_of_sample(forest, shown)?);
+    let is_stretched =
+        |(low, high): &(f64, f64)| low < high && range.1 - range.0 > SPREAD * (high - low);
+    Ok(sample.filter(is_stretched).unwrap_or(range))
+}
+
+/// Heights of the first nodes' points that are shown.
+fn heights_of_sample(forest: &Forest, shown: &Shown) -> Result<Vec<f64>> {
+    let mut heights = Vec::new();
+    for (index, node) in (0u32..).zip(&forest.table().nodes) {
+        let points = node.points().min(shown.points_max(index));
+        if points == 0 {
+            continue;
+        }
+        // Where a stray has stretched a node's box, hot positions alone are coarse.
+        let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
+        let plane = planes.get(PlaneKind::Position).unwrap_or_default();
+        let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
+        let (hides, [min, _]) = (shown.hides_points(index), node.own_box());
+        let points = plane.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(points).enumerate();
+        heights.extend(points.filter(|(_, point)| !hides || point[HIDDEN_AT] == 0).map(
+            |(i, point)| {
+                let hot = u16::from_le_bytes([point[4], point[5]]);
+                let [.., low] = read_residual(residual, i, node.hot_shift);
+                let z = exact(hot, low, min[2], node.hot_shift);
+                forest.lattice().world_axis(2, f64::from(z))
+            },
+        ));
+        if heights.len() >= SAMPLE {
+            break;
+        }
+    }
+    Ok(heights)
+}
+
+/// The range of heights of the nodes' contours.
+fn of_contours(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> (f64, f64) {
     let (low, high) = (bounds[0][2], bounds[1][2]);
     let mut counts = [0u64; BINS];
     let bin = |z: f64| (((z - low) / (high - low) * BINS as f64).max(0.0) as usize).min(BINS - 1);

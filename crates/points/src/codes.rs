@@ -3,7 +3,8 @@
 
 use crate::attribute::AttrType;
 
-/// The code of what is no number, where values are coded along a range.
+/// The code of what is no number, or of the greatest that a float can be, which stands for none; where values are coded along a
+/// range.
 pub const NO_NUMBER: u8 = 255;
 /// The greatest code of a value along a range.
 pub const LAST: u8 = 254;
@@ -77,7 +78,8 @@ fn along(low: f64, high: f64) -> impl Fn(f64) -> u8 {
     let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
     move |value| {
         let at = (value - low) * per_unit;
-        if at.is_nan() { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
+        let is_none = at.is_nan() || [f64::from(f32::MAX), f64::MAX].contains(&value.abs());
+        if is_none { NO_NUMBER } else { (at + 0.5).clamp(0.0, f64::from(LAST)) as u8 }
     }
 }
 
@@ -96,6 +98,8 @@ mod tests {
         let coding = Coding::Along { low: 10.0, high: 20.0 };
         let values = [10.0, 15.0, 20.0, -1e300, f64::INFINITY, f64::NAN];
         assert_eq!(codes(coding, &values), [0, 127, LAST, 0, LAST, NO_NUMBER]);
+        let greatest = [f64::from(f32::MAX), f64::from(f32::MIN), f64::MAX, f64::MIN];
+        assert_eq!(codes(coding, &greatest), [NO_NUMBER; 4]);
         let down = Coding::Along { low: 20.0, high: 10.0 };
         assert_eq!(codes(down, &[20.0, 10.0]), [0, LAST]);
         let flat = Coding::Along { low: 3.0, high: 3.0 };
