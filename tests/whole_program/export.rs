@@ -17,6 +17,8 @@ pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("export: threads do not change a byte", threads));
     trials.push(trial("export: reports its fields", reports));
     trials.push(trial("export: of no points is a file of no points", no_points));
+    trials.push(trial("export: no two columns are called alike", names_are_apart));
+    trials.push(trial("export: scan angles are told in degrees by text and PLY", angles));
 }
 
 /// Exports `file` to `out`; what came of it.
@@ -390,4 +392,46 @@ fn no_points() {
         let again = folder.file("again.esker");
         assert_eq!(build(&[&out], &again, &[])["points_out"], 0, "{ending}");
     }
+}
+
+fn names_are_apart() {
+    let folder = Folder::new();
+    // One has whole intensities, one fractions; neither are those that LAS means.
+    let whole = folder.write("a.csv", "x,y,z,intensity,X\n1,2,3,70000,5\n4,5,7,70001,6\n");
+    let parts = folder.write("b.csv", "x,y,z,intensity,X\n1,2,4,0.5,0.25\n2,5,7,0.75,0.5\n");
+    let built = folder.file("built.esker");
+    build(&[&whole, &parts], &built, &[]);
+    for (ending, taken) in [("las", &["intensity", "X", "x"][..]), ("ply", &["x"]), ("csv", &["x"])]
+    {
+        let out = folder.file(&format!("out.{ending}"));
+        let report = export(&built, &out, &[]).json();
+        assert!(report["notes"].to_string().contains("names are taken"), "{ending}: {report}");
+        let info = esker([OsStr::new("info"), out.as_os_str(), OsStr::new("--json")]).json();
+        let attributes = info["attributes"].as_array().unwrap().iter();
+        let names: Vec<_> = attributes.map(|a| a["name"].as_str().unwrap().to_owned()).collect();
+        let mut once = names.clone();
+        once.sort();
+        once.dedup();
+        assert_eq!(once.len(), names.len(), "{ending}: {names:?}");
+        let extra = names.iter().filter(|n| n.starts_with("intensity_") || n.starts_with("X"));
+        assert!(extra.count() >= 3, "{ending}: {names:?}");
+        assert!(ending == "las" || taken.iter().all(|t| !names.contains(&(*t).to_owned())));
+    }
+}
+
+fn angles() {
+    let folder = Folder::new();
+    let built = folder.file("built.esker");
+    let words = ["build", "synthetic:terrain:5000:1", "-o", built.to_str().unwrap()];
+    esker(words).worked();
+    let out = folder.file("out.csv");
+    let report = export(&built, &out, &[]).json();
+    assert!(report["notes"].to_string().contains("scan_angle"), "{report}");
+    let text = std::fs::read_to_string(&out).unwrap();
+    let (head, lines) = text.split_once('\n').unwrap();
+    let column = head.split(',').position(|name| name == "scan_angle").unwrap();
+    let angles: Vec<f64> =
+        lines.lines().map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+    assert!(angles.iter().all(|a| a.abs() <= 90.0), "degrees");
+    assert!(angles.iter().any(|a| a.abs() > 1.0 && a.fract() != 0.0));
 }

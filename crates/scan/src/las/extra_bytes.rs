@@ -14,6 +14,8 @@ const NO_DATA_AT: usize = 40;
 const OPTION_SCALE: u8 = 1 << 3;
 const OPTION_OFFSET: u8 = 1 << 4;
 
+/// Bytes of a name.
+pub const NAME_BYTES: usize = 32;
 /// Names that mean LAS fields (or their like) everywhere in Esker; an extra dimension of such a name
 /// gets a suffix, since it need not mean the same.
 const RESERVED: [&str; 24] = [
@@ -134,6 +136,13 @@ pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
     records.all("LASF_Spec", 4).flat_map(|vlr| vlr.data.chunks_exact(DESCRIPTION_BYTES))
 }
 
+/// Names that an extra dimension had better not have: other programs know something else by them. Normals have another one here.
+pub fn taken() -> Vec<&'static str> {
+    let normals = NORMALS.map(|(_, own)| own);
+    let fields = RESERVED.into_iter().filter(|name| !normals.contains(name));
+    fields.chain(["x", "y", "z", "X", "Y", "Z", "return_number", "number_of_returns"]).collect()
+}
+
 /// Normals by the names that they usually have in LAS, and Esker's.
 const NORMALS: [(&str, &str); 3] =
     [("NormalX", names::NX), ("NormalY", names::NY), ("NormalZ", names::NZ)];
@@ -160,7 +169,7 @@ pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
         let none = has_none.map_or(0, |_| OPTION_NO_DATA);
         let usual = NORMALS.iter().find(|(_, own)| *own == a.name && a.ty == AttrType::F32);
         put(2, &[kind, none | scale | offset], 2);
-        put(4, usual.map_or(a.name.as_str(), |(usual, _)| usual).as_bytes(), 32);
+        put(4, usual.map_or(a.name.as_str(), |(usual, _)| usual).as_bytes(), NAME_BYTES);
         has_none.iter().for_each(|d| put(NO_DATA_AT, &d[NO_DATA_AT..NO_DATA_AT + 8], 8));
         put(112, &a.scale.to_le_bytes(), if scale > 0 { 8 } else { 0 });
         put(136, &a.offset.to_le_bytes(), if offset > 0 { 8 } else { 0 });

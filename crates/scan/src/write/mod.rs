@@ -15,6 +15,7 @@ mod partial;
 mod ply;
 mod shown;
 mod text;
+mod unique;
 
 use crate::error::ScanError;
 use crate::source::{Crs, SourceInfo};

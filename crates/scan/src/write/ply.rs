@@ -5,6 +5,7 @@
 use super::coordinates::Coordinates;
 use super::partial::Partial;
 use super::shown::{Shown, notes};
+use super::unique::unique;
 use super::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use crate::error::ScanError;
 use crate::text::naming::axis;
@@ -60,8 +61,10 @@ pub fn create(
     let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
     let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
     columns.sort_by_key(|c| rank(c).unwrap_or(FIRST.len()));
+    let wanted: Vec<_> = attributes.iter().map(|a| (property_name(a, is_ply), a.ty)).collect();
+    let (names, renamed) = unique(&wanted, &["x", "y", "z"], usize::MAX);
     for column in &columns {
-        let name = property_name(&attributes[column.index], is_ply);
+        let name = &names[column.index];
         let _ = writeln!(head, "property {} {name}", type_name(column.shown.ty()));
     }
     head.push_str("end_header\n");
@@ -77,7 +80,7 @@ pub fn create(
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: notes(attributes),
+        notes: [notes(attributes), renamed].concat(),
     })
 }
 

@@ -1,5 +1,5 @@
 //! Attribute values where a format has no place for a scale: as they are shown, which is what other programs take them for. What is
-//! counted in steps (extra bytes of LAS with a scale or an offset) becomes a double, or a decimal with all its digits;
+//! counted in steps (extra bytes of LAS with a scale or an offset, scan angles) becomes a double, or a decimal with all its digits;
 //! anything else stays as it is.
 
 use super::numbers::{Decimal, float, put};
@@ -25,7 +25,8 @@ enum How {
 impl Shown {
     /// Of an attribute. A scale of zero, or one that is no number, says nothing.
     pub fn of(attribute: &Attribute) -> Self {
-        let Attribute { ty, scale, offset, .. } = *attribute;
+        let &Attribute { ty, offset, .. } = attribute;
+        let scale = attribute.shown_scale();
         let is_plain = (scale == 1.0 && offset == 0.0) || scale == 0.0;
         let how = if is_plain || !scale.is_finite() || !offset.is_finite() {
             How::Stored

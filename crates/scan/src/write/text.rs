@@ -5,6 +5,7 @@
 use super::coordinates::Coordinates;
 use super::partial::Partial;
 use super::shown::{Shown, notes};
+use super::unique::unique;
 use super::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::error::ScanError;
 use esker_points::Batch;
@@ -29,8 +30,10 @@ pub fn create(
         false if has_blanks => b'\t',
         false => b' ',
     };
-    let names = ["x", "y", "z"].into_iter().chain(attributes.iter().map(|a| a.name.as_str()));
-    let names: Vec<String> = names.map(column_name).collect();
+    const PLACE: [&str; 3] = ["x", "y", "z"];
+    let wanted: Vec<_> = attributes.iter().map(|a| (column_name(&a.name), a.ty)).collect();
+    let (names, renamed) = unique(&wanted, &PLACE, usize::MAX);
+    let names: Vec<&str> = PLACE.into_iter().chain(names.iter().map(String::as_str)).collect();
     let separator = char::from(mark).to_string();
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
@@ -42,7 +45,7 @@ pub fn create(
         output: Box::new(TextOutput { file, names: line }),
         format: format!("text, {} columns, named", 3 + attributes.len()),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: notes(&outline.schema.attributes),
+        notes: [notes(&outline.schema.attributes), renamed].concat(),
     })
 }
 

@@ -10,6 +10,7 @@ use crate::las::extra_bytes;
 use crate::las::header::{ADJUSTED_BIT, GpsTimes, Header, WKT_BIT, format_bytes, has_bit, set_bit};
 use crate::las::points::Layout;
 use crate::las::vlr::{VLR_HEAD_BYTES, Vlr, of_blocks};
+use crate::write::unique::unique;
 use crate::write::{Origin, Origins, Outline};
 use esker_points::attribute::names;
 use esker_points::{AttrType, Attribute, Schema};
@@ -87,7 +88,7 @@ pub fn plan(
         of_source.and_then(|(f, layout)| Records::of_source(*f, layout, &outline.schema));
     let is_restored = of_source.is_some();
     let mut notes = Vec::new();
-    let (records, extra) = match of_source {
+    let (records, mut extra) = match of_source {
         Some(records) => (records, Vec::new()),
         None => {
             let format = least_format(&outline.schema, found.modern || found.layout.is_none());
@@ -95,6 +96,9 @@ pub fn plan(
         }
     };
     check_extra(path, &records, &extra)?;
+    let wanted: Vec<_> = extra.iter().map(|a| (a.name.clone(), a.ty)).collect();
+    let (names, renamed) = unique(&wanted, &extra_bytes::taken(), extra_bytes::NAME_BYTES);
+    extra.iter_mut().zip(names).for_each(|(attribute, name)| attribute.name = name);
     let (header, mut vlrs, tail) =
         found.first.take().unwrap_or_else(|| new_head(found.wkt.as_deref()));
     if !is_restored {
@@ -111,6 +115,7 @@ pub fn plan(
             );
         }
         found.note_format(sources, &records, &extra, &mut notes);
+        notes.extend(renamed);
     }
     let laszip = is_compressed.then(|| laszip(path, &records)).transpose()?;
     place_laszip(laszip.as_ref(), &mut vlrs, path)?;
@@ -118,7 +123,12 @@ pub fn plan(
         return Err(ScanError::unsupported(path, "its VLRs would take over a GiB"));
     }
     found.differ = !is_restored;
-    let mut header = with_version(header, &found, &records, outline.points_max, &mut notes);
+    let needed = if vlrs.iter().any(Vlr::is_extended) || outline.points_max > u32::MAX.into() {
+        4
+    } else {
+        0
+    };
+    let mut header = with_version(header, &found, &records, needed, &mut notes);
     header[104] = records.point_format | if is_compressed { 0x80 } else { 0 };
     header[105..107].copy_from_slice(&(records.record_bytes as u16).to_le_bytes());
     if let Some(is_wkt) = found.is_wkt {
@@ -200,11 +210,19 @@ impl Found {
         match &mut self.first {
             None => self.first = Some((bytes.to_vec(), vlrs, tail.to_vec())),
             Some((_, kept, _)) => {
+                // A source may have several of one number.
+                let before = kept.len();
                 for v in vlrs {
-                    match kept.iter().find(|k| k.user == v.user && k.record == v.record) {
-                        None => kept.push(v),
-                        Some(k) if k.data != v.data => self.conflicts += 1,
-                        Some(_) => {}
+                    let alike = || {
+                        kept[..before].iter().filter(|k| k.user == v.user && k.record == v.record)
+                    };
+                    if alike().any(|k| k.data == v.data) {
+                        continue;
+                    }
+                    if alike().next().is_some() {
+                        self.conflicts += 1;
+                    } else {
+                        kept.push(v);
                     }
                 }
             }
@@ -312,18 +330,16 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
     (header, vlrs, Vec::new())
 }
 
-/// The header in a version that has the point format and can count the points. One that is restored stays as it
-/// was, unless there are more points than it can count.
+/// The header in a version that has the point format, and at least in that which is `needed`. One that is restored stays else as
+/// it was.
 fn with_version(
     mut header: Vec<u8>,
     found: &Found,
     records: &Records,
-    points_max: u64,
+    needed: u8,
     notes: &mut Vec<String>,
 ) -> Vec<u8> {
-    let is_many = points_max > u64::from(u32::MAX);
-    let needed = match records.point_format {
-        _ if is_many => 4,
+    let of_format = match records.point_format {
         _ if !found.differ => 0,
         0..=1 => 0,
         2..=3 => 2,
@@ -331,7 +347,7 @@ fn with_version(
         _ => 4,
     };
     let own = minor(&header);
-    let minor = if found.differ { found.minor.min(4) } else { own }.max(needed);
+    let minor = if found.differ { found.minor.min(4) } else { own }.max(of_format).max(needed);
     if minor > own {
         notes.push(format!("written as LAS 1.{minor}, which its records need"));
         let bytes = HEADER_BYTES[usize::from(minor)];

@@ -1,0 +1,63 @@
+//! Names of columns, each once: most programs refuse a file in which two are called alike.
+
+use esker_points::AttrType;
+
+/// Names and types of columns as names of so many bytes at most that are neither `taken` nor another's: one that would be has its
+/// type behind it, then a number. And what to say of those.
+pub fn unique(
+    wanted: &[(String, AttrType)],
+    taken: &[&str],
+    bytes_max: usize,
+) -> (Vec<String>, Vec<String>) {
+    let mut names: Vec<String> = Vec::with_capacity(wanted.len());
+    let mut told = Vec::new();
+    for (wanted, ty) in wanted {
+        let end = |end: &str| {
+            let room = bytes_max.saturating_sub(end.len());
+            format!("{}{end}", &wanted[..wanted.floor_char_boundary(room)])
+        };
+        let numbers = (2..).map(|n: u32| format!("_{n}"));
+        let ends = [String::new(), format!("_{}", ty.name())].into_iter().chain(numbers);
+        let is_free = |name: &String| !taken.contains(&name.as_str()) && !names.contains(name);
+        let name = ends.map(|e| end(&e)).find(is_free).unwrap_or_default();
+        if name != end("") {
+            told.push(format!("{wanted} ({}) as {name}", ty.name()));
+        }
+        names.push(name);
+    }
+    let note = || format!("their names are taken: {}", told.join(", "));
+    let notes = (!told.is_empty()).then(note).into_iter().collect();
+    (names, notes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_is_taken_has_its_type_behind_it_then_a_number() {
+        let wanted =
+            [("x", AttrType::F32), ("a", AttrType::U8), ("a", AttrType::U16), ("a", AttrType::U16)];
+        let wanted = wanted.map(|(name, ty)| (name.to_owned(), ty));
+        let (names, notes) = unique(&wanted, &["x"], 32);
+        assert_eq!(names, ["x_f32", "a", "a_u16", "a_2"]);
+        assert_eq!(
+            notes,
+            ["their names are taken: x (f32) as x_f32, a (u16) as a_u16, a (u16) as a_2"]
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn names_are_short_and_each_is_there_once(wanted in prop::collection::vec("[aé_2]{0,9}", 0..40), bytes_max in 6usize..12) {
+            let wanted: Vec<_> = wanted.into_iter().map(|name| (name, AttrType::U8)).collect();
+            let (names, _) = unique(&wanted, &["a", "é"], bytes_max);
+            let mut once = names.clone();
+            once.sort();
+            once.dedup();
+            prop_assert_eq!(once.len(), wanted.len());
+            prop_assert!(names.iter().all(|n| n.len() <= bytes_max && n != "a" && n != "é"));
+        }
+    }
+}
