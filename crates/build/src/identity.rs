@@ -4,11 +4,11 @@ use crate::build::Options;
 use crate::record::{Reading, Record};
 use crate::shares::Shares;
 use esker_scan::Source;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::time::UNIX_EPOCH;
 
 /// Of what records of the journal hold; another where that changes.
-const FORM: &str = "4";
+const FORM: &str = "5";
 
 /// Names and what stands behind them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,7 +45,10 @@ impl Identity {
                 merged.map_or("nothing".into(), |m| format!("{} points, {}", m.points, m.hash))
             }),
         ];
-        for info in sources.iter().map(|s| s.info()) {
+        // In the order in which they are read.
+        let mut infos: Vec<_> = sources.iter().map(|s| s.info()).collect();
+        infos.sort_by_key(|info| info.path.as_os_str().as_encoded_bytes());
+        for info in infos {
             let modified = info.path.metadata().and_then(|m| m.modified()).ok();
             let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
             let time = since.map_or("unknown".into(), |t| {
@@ -84,13 +87,21 @@ impl Identity {
 
     /// What is not as it was, in words; more memory is no matter.
     pub fn difference(&self, now: &Self) -> Option<String> {
-        let names = |of| -> HashSet<&str> { Self::names(of).collect() };
-        let (before, after) = (names(self), names(now));
-        if let Some(gone) = Self::names(self).find(|name| !after.contains(name)) {
+        let counts = |of: &Self| {
+            let mut counts = HashMap::new();
+            Self::names(of).for_each(|name| *counts.entry(name.to_owned()).or_insert(0) += 1);
+            counts
+        };
+        let (before, after) = (counts(self), counts(now));
+        if let Some(gone) = Self::names(self).find(|name| !after.contains_key(*name)) {
             return Some(format!("{gone} was given, and is not now"));
         }
-        if let Some(new) = Self::names(now).find(|name| !before.contains(name)) {
+        if let Some(new) = Self::names(now).find(|name| !before.contains_key(*name)) {
             return Some(format!("{new} was not given"));
+        }
+        if let Some(name) = Self::names(self).find(|name| before[*name] != after[*name]) {
+            let (was, is) = (before[name], after[name]);
+            return Some(format!("{name} was given {was} times, and is {is} times now"));
         }
         let mut pairs = self.parts.iter().zip(&now.parts);
         if let Some(((name, was), (_, is))) = pairs.find(|(was, is)| was != is) {

@@ -296,9 +296,12 @@ fn what_has_changed_is_named() {
     let mut other = sources();
     other[1].info.bytes = 77;
     refused(&other, now(), LITTLE, &["the size of b was 0 bytes, and is 77 bytes"]);
-    // More memory does not matter, and nothing of all this has done harm.
+    let twice = [sources(), sources()[1..2].to_vec()].concat();
+    refused(&twice, now(), LITTLE, &["the input b was given 1 times, and is 2 times now"]);
+    // In which order they are named does not matter, nor does more memory, and nothing of all this has done harm.
     let more = Shares { buffer_bytes_max: 1 << 30, chunk_bytes_max: 1 << 30 };
-    with(&sources(), now(), more).unwrap();
+    let reversed: Vec<_> = sources().into_iter().rev().collect();
+    with(&reversed, now(), more).unwrap();
     assert!(place.file() == whole);
 }
 
