@@ -65,6 +65,17 @@ impl Camera {
         Ok(camera)
     }
 
+    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not in the middle on both axes.
+    /// It stays as it is, so that figures of different versions compare.
+    pub fn of_benchmarks(bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
+        Self::overview(bounds, oblique(DVec3::Z), FOVY_DEG.to_radians(), size)
+    }
+
+    fn overview(bounds: [[f64; 3]; 2], direction: DVec3, fovy: f64, size: [u32; 2]) -> View {
+        let [low, high] = bounds.map(DVec3::from_array);
+        View::fit(low, high, direction, fovy, size[0], size[1])
+    }
+
     /// The view on a scan within these bounds, fitted where the user said no eye.
     pub fn view(&self, bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         let fovy = self.fovy_deg.unwrap_or(FOVY_DEG).to_radians();
@@ -77,7 +88,7 @@ impl Camera {
         }
         let direction = self.direction.unwrap_or_else(|| oblique(up));
         if self.up.is_none() && self.target.is_none() {
-            return View::fit(low, high, direction, fovy, size[0], size[1]);
+            return Self::overview(bounds, direction, fovy, size).centred(low, high);
         }
         // Another up or target: far enough for the sphere around the scan.
         let radius = (high - low).length() * 0.5 + target.distance(low.midpoint(high));

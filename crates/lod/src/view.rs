@@ -96,6 +96,18 @@ impl View {
         Self::look_at(target - forward * distance, target, DVec3::Z, fovy_rad, width, height)
     }
 
+    /// The same moved beside, so that a box, all of which is before the eye, leaves as much room left as right, and above as below.
+    pub fn centred(self, bounds_min: DVec3, bounds_max: DVec3) -> Self {
+        let corners: [DVec3; 8] = std::array::from_fn(|corner| {
+            let pick =
+                |axis: usize| if corner >> axis & 1 == 1 { bounds_max } else { bounds_min }[axis];
+            self.to_view(DVec3::new(pick(0), pick(1), pick(2)))
+        });
+        let [right, up] = [0, 1].map(|axis| middle(corners.map(|v| (v[axis], -v.z))));
+        let by = self.world_from_view * DVec3::new(right, up, 0.0);
+        Self { eye: self.eye + by, ..self }
+    }
+
     /// The same with another margin around what is shown, which stays as it is.
     pub fn with_margin(self, margin_px: u32) -> Self {
         if margin_px == self.margin_px {
@@ -203,6 +215,28 @@ fn clamp_fovy(fovy_rad: f64) -> f64 {
     if fovy_rad.is_finite() { fovy_rad.clamp(FOVY_MIN_RAD, FOVY_MAX_RAD) } else { 1.0 }
 }
 
+/// How far beside points, each so far beside and before the eye, an eye stands for which the outermost on either side are as far from
+/// the picture's middle: the farther it stands, the less of them is on its one side and the more on the other.
+fn middle(points: [(f64, f64); 8]) -> f64 {
+    let sum = |at: f64| {
+        let places = points.map(|(beside, before)| (beside - at) / before.max(f64::MIN_POSITIVE));
+        let greatest = places.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        greatest + places.into_iter().fold(f64::INFINITY, f64::min)
+    };
+    let beside = points.map(|(beside, _)| beside);
+    let mut low = beside.into_iter().fold(f64::INFINITY, f64::min);
+    let mut high = beside.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let at = low.midpoint(high);
+        if sum(at) > 0.0 {
+            low = at;
+        } else {
+            high = at;
+        }
+    }
+    low.midpoint(high)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -266,11 +300,18 @@ mod tests {
                 let on = view.project(p);
                 prop_assert!(on.is_some_and(|on| view.is_on_picture(on)), "{:?}", on);
             }
+            let on = corners.clone().filter_map(|p| view.centred(a, b).project(p));
+            let size = DVec2::new(f64::from(width), f64::from(height));
+            let (mut low, mut high) = (size, DVec2::ZERO);
+            for at in on.map(|on| on.truncate()) {
+                (low, high) = (low.min(at), high.max(at));
+            }
+            prop_assert!((low / size - (1.0 - high / size)).abs().max_element() < 1e-6, "{} {}", low, high);
+            prop_assert!((low / size).min_element() > -1e-6, "{} {}", low, high);
             // Without the margin it touches two sides that lie opposite: no nearer view shows all of it.
             let middle = view.depth(a.midpoint(b));
             let ahead = -view.world_from_view.z_axis * middle * (1.0 - 1.0 / FIT_MARGIN);
             let nearest = View { eye: view.eye + ahead, ..view };
-            let size = DVec2::new(f64::from(width), f64::from(height));
             let (mut low, mut high) = (size, DVec2::ZERO);
             for p in corners {
                 // On the eye's own plane a corner is on the rim, or anywhere.

@@ -131,7 +131,7 @@ impl Path {
     /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a dense
     /// place that its points lie a pixel apart.
     pub fn of(file: &Forest, size: [u32; 2]) -> Self {
-        let overview = Camera::default().view(info::bounds(file), size);
+        let overview = Camera::of_benchmarks(info::bounds(file), size);
         let [low, high] = info::bounds(file).map(DVec3::from_array);
         let middle = low.midpoint(high);
         let (dense, spacing) = dense_place(file).unwrap_or((middle, 0.0));

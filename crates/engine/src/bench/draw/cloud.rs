@@ -93,7 +93,7 @@ impl Cloud<'_> {
                 let high = DVec3::new(side, side, HEIGHT) * STEP_M;
                 View::fit(DVec3::ZERO, high, DVec3::NEG_Z, 1.0, size[0], size[1])
             }
-            Self::File(file) => Camera::default().view(info::bounds(file), size),
+            Self::File(file) => Camera::of_benchmarks(info::bounds(file), size),
         }
     }
 
