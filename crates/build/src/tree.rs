@@ -308,7 +308,8 @@ impl Context {
         }
         let mut own = places_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
-        let is_given = |i: u32| i as usize >= pending.sampled;
+        let sampled = pending.sampled;
+        let is_given = |i: u32| i as usize >= sampled;
         if pending.offered.len() > pending.sampled {
             own.sort_by_cached_key(|&i| {
                 morton::encode3(rows.position(pending.offered[i as usize]))
@@ -323,6 +324,8 @@ impl Context {
         let full = spacing(drawn);
         if above.is_none() && total < SURFACE_POINTS {
             pending.radii.fill((full * DOT_SPACINGS) as f32);
+        } else if above.is_none() {
+            self.narrow_uppermost(rows, &mut pending, full);
         }
         for part in (0..count).rev() {
             let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
@@ -364,6 +367,24 @@ impl Context {
         }
         let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
         candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
+    }
+
+    /// The sample that no other is above reaches no farther than to the points around, as samples above others do: nothing else keeps
+    /// its radii from being wide where a surface only grazes a cell.
+    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut Pending, spacing: f64) {
+        let sampled = pending.sampled;
+        let candidates =
+            Candidates::new(rows, &pending.offered[..sampled], &pending.cell, self.scale, None);
+        let in_steps: Vec<f32> =
+            pending.radii[..sampled].iter().map(|r| r / candidates.step as f32).collect();
+        let mut steps = candidates.along_curve(&in_steps).into_owned();
+        fringe::narrow(&mut steps, || candidates.q.clone(), spacing / candidates.step);
+        let radii = candidates.as_offered(steps).into_iter().map(|r| r * candidates.step as f32);
+        pending
+            .radii
+            .iter_mut()
+            .zip(radii)
+            .for_each(|(radius, narrow)| *radius = radius.min(narrow));
     }
 
     /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
