@@ -113,6 +113,10 @@ fn others_stay() {
         assert!(outcome.error().contains("input and output at once"), "{}", outcome.stderr);
         assert!(std::fs::read(out).unwrap() == before);
     }
+    // Nor the scan that a file was built from.
+    let outcome = run("export", &[&new], &scan);
+    assert!(outcome.error().contains("one of the scans"), "{}", outcome.stderr);
+    assert_eq!(std::fs::read_to_string(&scan).unwrap(), text);
 }
 
 #[cfg(unix)]

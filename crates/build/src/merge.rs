@@ -44,6 +44,7 @@ pub fn merge(
         let systems = forests.iter().zip(&paths);
         one_system(systems.filter_map(|(f, path)| Some((path.as_str(), systems_of(f).next()?))))?;
     }
+    let named: usize = forests.iter().map(|forest| forest.files().len()).sum();
     let mut seen = HashSet::new();
     let files: Vec<_> = forests
         .into_iter()
@@ -51,6 +52,12 @@ pub fn merge(
         .filter(|file| seen.insert(file.footer().name_hash()))
         .map(Arc::new)
         .collect();
+    if files.len() < named {
+        let more = named - files.len();
+        task.note(&format!(
+            "{more} of {named} trees are there already; their points are taken once"
+        ));
+    }
     files.iter().try_for_each(|file| not_replaced(file, out))?;
 
     let mut merged = Merged { records: Vec::new(), points: 0, hash: MultisetHash::default() };

@@ -35,7 +35,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         }
         Command::Bench { benchmark: Some(benchmark) } => crate::bench::run(benchmark, stop),
         Command::Bench { benchmark: None } => {
-            let line = |(name, what)| format!("esker bench {name:<8} {what}");
+            let line = |(name, what)| format!("esker bench {name:<9} {what}");
             write(&bench::BENCHMARKS.map(line).join("\n"))
         }
     };

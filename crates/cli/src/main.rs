@@ -31,23 +31,8 @@ fn main() -> ExitCode {
     match commands::run(args.command.unwrap_or(args::Command::Demo { out: "out".into() }), stop) {
         Ok(code) => code,
         Err(error) => {
-            let message = one_line(&error);
-            eprintln!("error: {message}");
+            eprintln!("error: {}", output::visible(&esker_engine::one_line(&error)));
             ExitCode::FAILURE
         }
     }
-}
-
-/// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes is not
-/// said twice.
-fn one_line(error: &anyhow::Error) -> String {
-    let mut message = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if message.is_empty() {
-            message = cause;
-        } else if !message.contains(&cause) {
-            message = format!("{message}: {cause}");
-        }
-    }
-    message.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -48,7 +48,7 @@ pub enum ProgressArg {
     Bar,
     /// Lines of JSON.
     Json,
-    /// Nothing.
+    /// Nothing but notes.
     None,
 }
 
@@ -64,7 +64,14 @@ impl From<ProgressArg> for Style {
 
 /// A report for machines or for people, to standard output.
 pub fn print(as_json: bool, report: &Value, text: impl FnOnce() -> String) -> Result<()> {
-    write(&if as_json { report.to_string() } else { text() })
+    write(&if as_json { report.to_string() } else { visible(&text()) })
+}
+
+/// A text for a terminal: what files call their attributes, or are called, must not steer it.
+pub fn visible(text: &str) -> String {
+    let is_safe = |c: char| !c.is_control() || c == '\n' || c == '\t';
+    let escape = |c: char| if is_safe(c) { c.to_string() } else { c.escape_default().to_string() };
+    text.chars().map(escape).collect()
 }
 
 /// To standard output; a reader that went away is no reason to fail loudly.

@@ -27,7 +27,7 @@ pub struct BuildHow {
     /// Folder for what does not fit memory; the system's where not said.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Points that a node holds: 65536, or as many as in the file that is appended to, where not said.
+    /// Points that a node holds, 64 to 131072: 65536, or as many as in the file that is appended to, where not said.
     #[arg(long)]
     pub node_capacity: Option<u32>,
     /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input where not said.

@@ -35,6 +35,8 @@ pub fn export(
         let forest = Forest::open(file)?;
         let trees: Vec<_> = forest.files().map(|tree| tree.path().to_owned()).collect();
         output::may_write(out, &trees)?;
+        let scans = forest.files().flat_map(|tree| &tree.metadata().sources);
+        output::may_replace(out, output::folder_of(file), scans.map(|scan| scan.path.as_str()))?;
         seen::check_classes(&forest, filter)?;
         Ok(esker_build::export(&forest, out, filter, task)?)
     })?;

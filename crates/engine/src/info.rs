@@ -210,7 +210,7 @@ fn each_once(forest: &Forest, of: impl Fn(&esker_format::EskerFile) -> &'static 
 /// Bytes a point of hot planes, residuals, and everything else in the pages; and of each plane.
 fn bytes_a_point(forest: &Forest) -> Result<Value> {
     let (mut hot, mut residual, mut cold, mut directories) = (0u64, 0u64, 0u64, 0u64);
-    let mut planes: Vec<(String, bool, u64)> = Vec::new();
+    let mut planes: Vec<((String, bool, bool), u64)> = Vec::new();
     for file in forest.files() {
         let layout = file.layout();
         directories += (layout.directory_bytes() * file.table().nodes.len()) as u64;
@@ -224,16 +224,19 @@ fn bytes_a_point(forest: &Forest) -> Result<Value> {
                 PlaneKind::Attribute(a) => layout.schema().attributes[usize::from(a)].name.clone(),
                 kind => kind.name(),
             };
-            match planes.iter_mut().find(|p| p.0 == name) {
-                Some(known) => known.2 += bytes,
-                None => planes.push((name, plane.hot, bytes)),
+            // An attribute may be called as a plane is.
+            let is_attribute = matches!(plane.kind, PlaneKind::Attribute(_));
+            let key = (name, plane.hot, is_attribute);
+            match planes.iter_mut().find(|p| p.0 == key) {
+                Some(known) => known.1 += bytes,
+                None => planes.push((key, bytes)),
             }
         }
     }
     let points = forest.points().max(1) as f64;
     let planes: Vec<_> = planes
         .iter()
-        .map(|(name, hot, bytes)| json!({"plane": name, "hot": hot, "bytes": *bytes as f64 / points}))
+        .map(|((name, hot, _), bytes)| json!({"plane": name, "hot": hot, "bytes": *bytes as f64 / points}))
         .collect();
     Ok(json!({
         "hot": hot as f64 / points,

@@ -43,3 +43,17 @@ pub use esker_render::{Method, Picture};
 pub use esker_scan::caught::hide as hide_caught_panics;
 pub use esker_stream::{Cut, Status};
 pub use serde_json::Value;
+
+/// An error and its causes as one line, whatever they wrote; a cause that its effect already quotes is not
+/// said twice.
+pub fn one_line(error: &anyhow::Error) -> String {
+    let mut message = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if message.is_empty() {
+            message = cause;
+        } else if !message.contains(&cause) {
+            message = format!("{message}: {cause}");
+        }
+    }
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}

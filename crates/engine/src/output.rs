@@ -2,7 +2,7 @@
 //! file, an input that would be replaced, a file of another kind that would be.
 
 use crate::render::is_esker;
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use std::path::{Path, PathBuf};
 
 /// Refuses an output that would replace what it is made from, or that has no place.
@@ -43,6 +43,40 @@ pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
         path.display()
     );
     Ok(())
+}
+
+/// Refuses an output that would replace one of the scans that an .esker file in a folder was built from, as their paths were
+/// given then.
+///
+/// # Errors
+/// As said.
+pub fn may_replace<'a>(
+    path: &Path,
+    folder: &Path,
+    mut scans: impl Iterator<Item = &'a str>,
+) -> Result<()> {
+    let Ok(place) = path.canonicalize() else { return Ok(()) };
+    let is_it = |scan: &Path| scan.canonicalize().is_ok_and(|scan| scan == place);
+    let scan = scans.find(|scan| is_it(Path::new(scan)) || is_it(&folder.join(scan)));
+    ensure!(
+        scan.is_none(),
+        "{}: is one of the scans that the file was built from; choose another output",
+        path.display()
+    );
+    Ok(())
+}
+
+/// A folder for what is built to be drawn or measured alone, which goes with it: in the one that the user has named for such, else in the
+/// system's.
+///
+/// # Errors
+/// Where none can be made.
+pub fn temporary(scratch: Option<&Path>) -> Result<tempfile::TempDir> {
+    let folder = match scratch {
+        Some(scratch) => tempfile::tempdir_in(scratch),
+        None => tempfile::tempdir(),
+    };
+    folder.context("cannot make a temporary folder to build the scan in")
 }
 
 /// The folder that a file lies in.

@@ -147,8 +147,7 @@ pub(crate) fn open(
             );
         }
     }
-    let folder =
-        tempfile::tempdir().context("cannot make a temporary folder to build the scan in")?;
+    let folder = output::temporary(request.build.scratch.as_deref())?;
     let built = folder.path().join("scan.esker");
     esker_build::build(inputs, &built, &request.build, task)?;
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))

@@ -75,5 +75,5 @@ pub fn text(path: &Path, report: &Value) -> String {
 /// What machines are told of a file that did not hold: `ok` is false; its points, where it says them.
 pub fn refused(path: &Path, error: &anyhow::Error) -> Value {
     let points = EskerFile::open(path).ok().map(|file| file.footer().points);
-    json!({ "ok": false, "points": points, "error": format!("{error:#}") })
+    json!({ "ok": false, "points": points, "error": crate::one_line(error) })
 }

@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = quantity::bytes)]
     pub budget_ram: u64,
     /// Points drawn at most; what the backend draws fluently where not said.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = quantity::points_budget)]
     pub budget_points: Option<u64>,
     /// Distance of neighbouring points on the picture that is fine enough, in pixels.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]

@@ -2,7 +2,7 @@
 //! that goes with it. Done by a thread of its own, which tells how far it is and can be stopped.
 
 use anyhow::{Context, Result, bail};
-use esker_engine::{BuildOptions, Forest, Task, build, render};
+use esker_engine::{BuildOptions, Forest, Task, build, output, render};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -206,11 +206,7 @@ fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<O
             );
         }
     }
-    let folder = match &options.scratch {
-        Some(scratch) => tempfile::tempdir_in(scratch),
-        None => tempfile::tempdir(),
-    };
-    let folder = folder.context("cannot make a temporary folder to build the scan in")?;
+    let folder = output::temporary(options.scratch.as_deref())?;
     let known = || FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
     known().push(folder.path().to_owned());
     let built = folder.path().join("scan.esker");

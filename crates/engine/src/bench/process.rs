@@ -62,7 +62,7 @@ pub fn stream(plan: &Plan, task: &dyn Task) -> Result<Value> {
         let own = [plan.build.node_capacity];
         let capacities = if plan.capacities.is_empty() { &own } else { &plan.capacities[..] };
         for &node_capacity in capacities {
-            let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+            let folder = output::temporary(plan.build.scratch.as_deref())?;
             let built = folder.path().join("scan.esker");
             output::may_write(&built, std::slice::from_ref(input))?;
             let options = esker_build::Options { node_capacity, ..plan.build.clone() };
