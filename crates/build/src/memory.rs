@@ -8,6 +8,11 @@ pub fn default_bytes() -> u64 {
     half_of(granted_bytes().unwrap_or(4 << 30))
 }
 
+/// Bytes that the machine, or its control group, grants; `None` where it does not tell.
+pub fn granted() -> Option<u64> {
+    granted_bytes()
+}
+
 fn half_of(granted_bytes: u64) -> u64 {
     (granted_bytes / 2).max(MEMORY_BYTES_MIN)
 }

@@ -1,8 +1,9 @@
 //! `esker bench`: its arguments and the calls.
 
+use crate::commands::note_built;
 use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, parse_camera};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_engine::bench::build::Against;
 use esker_engine::bench::stream::Settings;
@@ -280,6 +281,7 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
 
 /// Table 1 of the other paper.
 fn run_splats(args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
+    ensure!(args.radii.is_empty(), "--radii goes with models: name one, or another --method");
     let request = splats::Request {
         splats: args.points,
         sizes: args.size,
@@ -308,6 +310,7 @@ fn run_size(args: BenchSize, stop: Arc<AtomicBool>) -> Result<()> {
 }
 
 fn run_stream(args: Stream, stop: Arc<AtomicBool>) -> Result<()> {
+    note_built(&args.inputs, &args.how);
     let plan = process::Plan {
         request: stream::Request {
             path: args.path,

@@ -2,11 +2,12 @@
 
 use crate::args::{Append, Build, Command, Render, Verify};
 use crate::output::{print, write};
+use crate::shared::BuildHow;
 use crate::{export, view};
 use anyhow::Result;
 use esker_engine::progress::{Progress, Style};
 use esker_engine::{bench, build, demo, devices, explain, info, render, verify};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -96,19 +97,22 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         build: args.how.options(),
         ..render::Request::default()
     };
-    let (inputs, output, given) = (&args.inputs, &args.output, args.how.given());
-    if let [file] = &inputs[..]
-        && !given.is_empty()
-        && render::is_esker(file).is_ok_and(|is_built| is_built)
-    {
-        let options = given.join(", ");
-        eprintln!("note: {}: is built already, {options} changes nothing of it", file.display());
-    }
+    let (inputs, output) = (&args.inputs, &args.output);
+    note_built(inputs, &args.how);
     match args.out.filter(|_| !args.explain) {
         None => output.report(stop, |p| render::explain(inputs, &request, p), explain::text),
         Some(out) => {
             output.report(stop, |p| render::render(inputs, &out, &request, p), render::text)
         }
+    }
+}
+
+/// Says which options change nothing, of inputs that are built already.
+pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
+    let options = how.given().join(", ");
+    let is_built = |file: &&PathBuf| render::is_esker(file).is_ok_and(|is_built| is_built);
+    for file in inputs.iter().filter(is_built).filter(|_| !options.is_empty()) {
+        eprintln!("note: {}: is built already, {options} changes nothing of it", file.display());
     }
 }
 

@@ -1,8 +1,10 @@
 //! Pictures to PNG files, whole or not at all.
 
 use crate::output;
+use crate::quantity::readable_bytes;
 use anyhow::{Context, Result, ensure};
-use esker_render::Picture;
+use esker_build::memory;
+use esker_render::{Method, Picture};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -17,6 +19,36 @@ pub fn check_name(path: &Path) -> Result<()> {
         "{}: pictures are written as PNG; name it {}",
         path.display(),
         path.with_extension("png").display()
+    );
+    Ok(())
+}
+
+/// Refuses a picture for which the machine has not the memory, before any work.
+///
+/// # Errors
+/// As said.
+pub fn check_size([width, height]: [u32; 2], method: Method) -> Result<()> {
+    check_bytes([width, height], method, memory::granted().unwrap_or(u64::MAX))
+}
+
+/// Bytes a pixel that the CPU renderer holds, measured at 36 million pixels, and the method's name.
+fn pixel_bytes(method: Method) -> (u64, &'static str) {
+    match method {
+        Method::Points => (15, "points"),
+        Method::PullPush => (85, "pull-push"),
+        Method::Ewa => (31, "ewa"),
+    }
+}
+
+fn check_bytes([width, height]: [u32; 2], method: Method, granted: u64) -> Result<()> {
+    let (each, name) = pixel_bytes(method);
+    let bytes = u64::from(width) * u64::from(height) * each;
+    ensure!(
+        bytes <= granted,
+        "a picture of {width}x{height} pixels by {} takes {} of memory, and the machine grants {}; make it smaller, or choose another --method",
+        name,
+        readable_bytes(bytes),
+        readable_bytes(granted)
     );
     Ok(())
 }
@@ -55,4 +87,19 @@ fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
 #[cfg(not(unix))]
 fn readable_by_all(_file: &std::fs::File) -> std::io::Result<()> {
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_larger_than_memory_is_refused_by_its_bytes() {
+        let refused = |size, method| check_bytes(size, method, 1 << 30).map_err(|e| e.to_string());
+        assert!(refused([3000, 3000], Method::PullPush).is_ok());
+        let error = refused([4000, 4000], Method::PullPush).unwrap_err();
+        assert!(error.contains("4000x4000 pixels by pull-push takes 1.3 GiB"), "{error}");
+        assert!(refused([4000, 4000], Method::Ewa).is_ok());
+        assert!(check_size([1, 1], Method::PullPush).is_ok());
+    }
 }

@@ -105,6 +105,7 @@ pub fn render(inputs: &[PathBuf], out: &Path, request: &Request, task: &dyn Task
         let start = Instant::now();
         output::may_write(out, inputs)?;
         picture::check_name(out)?;
+        picture::check_size(request.size, request.method)?;
         let (file, _folder) = open(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;

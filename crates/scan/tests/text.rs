@@ -14,6 +14,16 @@ mod cloud;
 use cloud::{error, read, read_path};
 
 #[test]
+fn whole_numbers_that_doubles_do_not_keep_are_told() {
+    let told = |value: &str| {
+        let cloud = read(format!("x,y,z,id,at\n0,0,0,{value},5\n1,1,1,7,1e30\n")).unwrap();
+        cloud.info.notes.iter().any(|n| n == "whole numbers over 2^53 are rounded to doubles: id")
+    };
+    assert!(told("1700000000123456789") && told("-9007199254740994"));
+    assert!(!told("9007199254740992") && !told("0.5") && !told("17.5"));
+}
+
+#[test]
 fn a_line_of_names_decides_the_columns() {
     for header in
         ["Intensity;R;G;B;Nx;Ny;Nz;Z;Y;X;Label\n", "//Intensity R G B Nx Ny Nz Z Y X Label\n"]

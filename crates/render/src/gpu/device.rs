@@ -2,6 +2,7 @@
 //! Nothing is required: WebGPU's default limits and no feature suffice (DESIGN section 8).
 
 use super::error::GpuError;
+use super::quiet;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard};
@@ -308,11 +309,12 @@ pub fn adapters(backends: Backends) -> Vec<wgpu::Adapter> {
     /// Never let go of: with its last instance a driver is unloaded, and NVIDIA's (580.159, Linux) then crashes threads
     /// that have used it and are just ending.
     static KEPT: OnceLock<wgpu::Instance> = OnceLock::new();
-    if backends.contains(Backends::VULKAN) {
-        KEPT.get_or_init(|| instance(Backends::VULKAN));
-    }
-    let instance = instance(backends);
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
+    let mut adapters = quiet::while_probing(|| {
+        if backends.contains(Backends::VULKAN) {
+            KEPT.get_or_init(|| instance(Backends::VULKAN));
+        }
+        pollster::block_on(instance(backends).enumerate_adapters(backends))
+    });
     adapters.sort_by_key(|a| {
         let info = a.get_info();
         (rank(info.device_type), info.backend == wgpu::Backend::Gl)

@@ -25,6 +25,7 @@ pub mod project;
 pub mod pull;
 pub mod push;
 pub mod pyramid;
+mod quiet;
 pub mod readback;
 pub mod relief;
 pub mod renderer;

@@ -40,6 +40,12 @@ impl Range {
         self.whole && min <= self.min && self.max <= max
     }
 
+    /// Whether values are whole numbers of which doubles do not keep all digits.
+    fn is_rounded(&self) -> bool {
+        let greatest = self.max.max(-self.min);
+        self.whole && greatest > WHOLE_MAX && greatest <= u64::MAX as f64
+    }
+
     /// The narrowest type that holds every value as it is.
     fn narrowest(&self) -> AttrType {
         if self.is_whole_within(0.0, 255.0) {
@@ -53,6 +59,9 @@ impl Range {
         }
     }
 }
+
+/// Up to here doubles are all whole numbers.
+const WHOLE_MAX: f64 = (1u64 << 53) as f64;
 
 /// What a pass over some lines finds.
 #[derive(Clone, Debug)]
@@ -196,6 +205,12 @@ impl Plan {
         let (schema, columns) = schema_of(named(&attributes));
         if schema.normals().is_some() {
             notes.push("normals are kept as 32-bit floats".into());
+        }
+        let rounded = attributes.iter().zip(&others).filter(|(_, c)| ranges[**c].is_rounded());
+        let rounded: Vec<_> = rounded.map(|((name, _), _)| *name).collect();
+        if !rounded.is_empty() {
+            let names = rounded.join(", ");
+            notes.push(format!("whole numbers over 2^53 are rounded to doubles: {names}"));
         }
         let mut sources = vec![0; others.len()];
         for (&text_column, column) in others.iter().zip(columns) {
