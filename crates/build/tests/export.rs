@@ -112,8 +112,7 @@ fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
     let two = [fine.clone(), coarse.clone()];
     assert_eq!(notes(&two, "las"), [""; 0]);
     let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
-    let scaled = "by their scale, as they are shown: scan_angle";
-    assert_eq!(notes(&two, "ply"), [scaled, zeros]);
+    assert_eq!(notes(&two, "ply"), [zeros]);
     assert_eq!(notes(&[fine, coarse, bare], "las"), [zeros]);
 }
 

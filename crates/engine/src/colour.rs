@@ -392,8 +392,8 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
     let whole = ranges::whole(file, index)?;
     let note = match whole {
         Some((0.0, 0.0)) => Some("all values are zero"),
-        None => Some("no value is a number"),
-        Some(_) => None,
+        None if file.points() > 0 => Some("no value is a number"),
+        _ => None,
     };
     let coded = |book, coding, entries| {
         let legend = Legend { entries, note, ..Legend::named(wish.name) };
@@ -434,7 +434,7 @@ fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring>
         return Ok(Colouring { legend, ..colouring });
     }
     // Extra bytes are shown scaled; the plane has what is stored.
-    let scale = match attribute.shown_scale() {
+    let scale = match schema.shown_scale(index) {
         0.0 => 1.0,
         scale => scale,
     };

@@ -60,7 +60,7 @@ pub fn may_replace<'a>(
     let scan = scans.find(|scan| is_it(Path::new(scan)) || is_it(&folder.join(scan)));
     ensure!(
         scan.is_none(),
-        "{}: is one of the scans that the file was built from; choose another output",
+        "{}: has the name of one of the scans that the file was built from; choose another output, or remove it first",
         path.display()
     );
     Ok(())
@@ -72,11 +72,11 @@ pub fn may_replace<'a>(
 /// # Errors
 /// Where none can be made.
 pub fn temporary(scratch: Option<&Path>) -> Result<tempfile::TempDir> {
-    let folder = match scratch {
-        Some(scratch) => tempfile::tempdir_in(scratch),
-        None => tempfile::tempdir(),
-    };
-    folder.context("cannot make a temporary folder to build the scan in")
+    let folder = scratch.map_or_else(std::env::temp_dir, Path::to_owned);
+    tempfile::tempdir_in(&folder).with_context(|| {
+        let folder = folder.display();
+        format!("{folder}: cannot make a temporary folder in it to build the scan in; name another by --scratch")
+    })
 }
 
 /// The folder that a file lies in.

@@ -1,6 +1,7 @@
 //! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
-//! neither a few strays take all colours nor what a filter leaves out takes any. Where an end of these is a number that
-//! stands for no value, or strays are so far away that they hide what the others differ by, a sample of the values is read.
+//! neither a few strays take all colours nor what a filter leaves out takes any. Where strays are so far away that bins, or the
+//! boxes of nodes, hide what the others differ by, points are read: of a few nodes, and only to tell where within a bin a
+//! range ends. Where an end is a number that stands for no value, a sample of the values tells all.
 
 use crate::colour::plane_of;
 use anyhow::Result;
@@ -16,10 +17,14 @@ const BINS: usize = 1024;
 const NO_VALUE: f64 = f32::MAX as f64;
 /// Values that a sample has at least, where there are so many.
 const SAMPLE: usize = 1 << 17;
-/// Less than this share of the whole range, strays and all, is told too coarsely by its bins.
+/// Less than this share of a whole range, strays and all, is told too coarsely by its bins.
 const COARSE: f64 = 1.0 / 16.0;
-/// Heights that spread over so many times those of a sample spread over strays.
-const SPREAD: f64 = 2.0;
+/// A node is tall that is so many times as high as the middle one.
+const TALL: f64 = 2.0;
+/// So many tall nodes are read: a stray makes its own and those above it so.
+const TALL_READ: usize = 12;
+/// So often heights are counted anew in what is left without strays.
+const ROUNDS: usize = 8;
 
 /// The range of an attribute of the forest, in stored values, over all trees that have it.
 ///
@@ -37,13 +42,10 @@ pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f6
         first += nodes;
     }
     let range = range.unwrap_or((0.0, 0.0));
-    let (is_told, whole) = (is_value(range.0) && is_value(range.1), whole(forest, number)?);
-    let whole = whole.map_or(0.0, |(low, high)| high - low);
-    if is_told && range.1 - range.0 >= whole * COARSE {
+    if is_value(range.0) && is_value(range.1) {
         return Ok(range);
     }
-    let sample = of_sample(forest, number, attribute.ty, shown)?;
-    Ok(sample.filter(|(low, high)| !is_told || low < high).unwrap_or(range))
+    of_sample(forest, number, attribute.ty, shown)
 }
 
 /// Least and greatest value of an attribute of the forest over all trees, strays and all; `None` where nothing is a number.
@@ -75,13 +77,11 @@ pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
         let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
         let statistics = file.statistics()?;
         let histograms = statistics.histograms();
-        let (low, high) = histograms.ranges().of(index);
         let counts = histograms.counts(index);
         for (value, occurs) in (0u8..).zip(&mut occurs) {
-            let value = f64::from(value);
-            // No bin has two, and the last value is in the last.
-            let bin = ((value - low) / (high - low) * counts.len() as f64).max(0.0) as usize;
-            *occurs |= low <= value && value <= high && counts[bin.min(counts.len() - 1)] > 0;
+            // No bin has two of them.
+            let bin = histograms.bin_of(index, value.into());
+            *occurs |= bin.is_some_and(|bin| counts[bin] > 0);
         }
     }
     Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
@@ -93,12 +93,7 @@ fn is_value(number: f64) -> bool {
 }
 
 /// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
-fn of_sample(
-    forest: &Forest,
-    attribute: usize,
-    ty: AttrType,
-    shown: &Shown,
-) -> Result<Option<(f64, f64)>> {
+fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
     let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
@@ -110,14 +105,10 @@ fn of_sample(
             break;
         }
     }
-    Ok(without_strays(values))
-}
-
-/// The range of so many values without strays.
-fn without_strays(mut values: Vec<f64>) -> Option<(f64, f64)> {
     values.sort_unstable_by(f64::total_cmp);
     let strays = (values.len() as f64 * STRAYS) as usize;
-    Some((*values.get(strays)?, *values.iter().rev().nth(strays)?))
+    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
+    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
 }
 
 fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
@@ -141,7 +132,12 @@ fn within(
         return Ok(None);
     }
     let counts = histograms.counts(attribute);
-    let (low, high) = central(whole, counts);
+    let bin = (whole.1 - whole.0) / counts.len() as f64;
+    let mut range = central(whole, counts);
+    if range.1 - range.0 < (whole.1 - whole.0) * COARSE {
+        range = within_bins(file, attribute, range, bin)?;
+    }
+    let (low, high) = range;
     if !shown.is_filtered() {
         return Ok(Some((low, high)));
     }
@@ -152,6 +148,34 @@ fn within(
     // What is kept may all be strays of the whole.
     let clamped = kept.map(|(a, b)| (a.max(low), b.min(high)));
     Ok(clamped.filter(|(a, b)| a <= b).or(kept))
+}
+
+/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as far as the first nodes have any.
+fn within_bins(
+    file: &EskerFile,
+    attribute: usize,
+    (low, high): (f64, f64),
+    bin: f64,
+) -> Result<(f64, f64)> {
+    let of = &file.metadata().schema.attributes[attribute];
+    let kind = plane_of(&of.name, of.ty, attribute);
+    let (mut least, mut greatest, mut read) = (f64::INFINITY, f64::NEG_INFINITY, 0);
+    for node in 0..file.table().nodes.len() as u32 {
+        if read >= SAMPLE {
+            break;
+        }
+        let planes = file.read_planes(node, &[kind])?;
+        let plane = planes.get(kind).unwrap_or_default();
+        for value in plane.chunks_exact(of.ty.size()).map(|value| of.ty.to_f64(value)) {
+            if value >= low && value <= high {
+                (least, greatest) = (least.min(value), greatest.max(value));
+            }
+            read += 1;
+        }
+    }
+    let least = if least <= low + bin { least } else { low };
+    let greatest = if greatest >= high - bin { greatest } else { high };
+    Ok((least, greatest))
 }
 
 /// The part of a range without its strays; `counts` are of bins of equal width.
@@ -174,62 +198,138 @@ fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
     (low + bin * below as f64, high - bin * above as f64)
 }
 
-/// The range of heights, from the nodes' contours; from the first nodes' points where a stray has stretched these. `bounds`
-/// are of all points.
+/// The range of heights. Points are taken to be spread evenly over the heights of their node's contour; those of a few tall
+/// nodes, which a stray may have stretched, are read. `bounds` are of all points.
 ///
 /// # Errors
 /// Where a node cannot be read.
 pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<(f64, f64)> {
-    let range = of_contours(forest, bounds, shown);
-    let sample = without_strays(heights_of_sample(forest, shown)?);
-    let is_stretched =
-        |(low, high): &(f64, f64)| low < high && range.1 - range.0 > SPREAD * (high - low);
-    Ok(sample.filter(is_stretched).unwrap_or(range))
+    let mut range = (bounds[0][2], bounds[1][2]);
+    let known = Heights::of(forest, shown)?;
+    for _ in 0..ROUNDS {
+        let cut = known.central(range);
+        let is_coarse = cut.1 - cut.0 < (range.1 - range.0) * COARSE;
+        range = cut;
+        if !is_coarse {
+            break;
+        }
+    }
+    Ok(range)
 }
 
-/// Heights of the first nodes' points that are shown.
-fn heights_of_sample(forest: &Forest, shown: &Shown) -> Result<Vec<f64>> {
-    let mut heights = Vec::new();
-    for (index, node) in (0u32..).zip(&forest.table().nodes) {
-        let points = node.points().min(shown.points_max(index));
-        if points == 0 {
-            continue;
+/// Heights of points.
+#[derive(Default)]
+struct Heights {
+    /// How many are spread evenly between two heights.
+    spread: Vec<([f64; 2], f64)>,
+    /// Those that were read.
+    exact: Vec<f64>,
+}
+
+impl Heights {
+    /// Of what is shown.
+    fn of(forest: &Forest, shown: &Shown) -> Result<Self> {
+        let nodes = (0u32..).zip(&forest.table().nodes);
+        let mut nodes: Vec<_> = nodes
+            .map(|(index, node)| {
+                let points = node.points().min(shown.points_max(index));
+                (index, heights(forest, node), points)
+            })
+            .filter(|(.., points)| *points > 0)
+            .collect();
+        let height = |[low, high]: [f64; 2]| high - low;
+        let mut all: Vec<f64> = nodes.iter().map(|(_, of, _)| height(*of)).collect();
+        let middle = all.len() / 2;
+        let usual = match all.len() {
+            // Nothing tells what is usual.
+            0..=3 => 0.0,
+            _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
+        };
+        // Those first that most of the range hangs on.
+        let weight = |of: [f64; 2], points: usize| height(of) * points as f64;
+        nodes.sort_by(|a, b| weight(b.1, b.2).total_cmp(&weight(a.1, a.2)));
+        let mut known = Self::default();
+        let mut read = 0;
+        for (index, of, points) in nodes {
+            if read < TALL_READ && height(of) > TALL * usual {
+                read += 1;
+                known.read(forest, shown, index, points)?;
+            } else {
+                known.spread.push((of, points as f64));
+            }
         }
-        // Where a stray has stretched a node's box, hot positions alone are coarse.
+        Ok(known)
+    }
+
+    /// Reads the heights of so many points of a node, but for those that a filter hides.
+    fn read(&mut self, forest: &Forest, shown: &Shown, index: u32, points: usize) -> Result<()> {
+        let node = forest.record(index);
+        // Where a stray has stretched its box, hot positions alone are coarse.
         let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
         let plane = planes.get(PlaneKind::Position).unwrap_or_default();
         let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
         let (hides, [min, _]) = (shown.hides_points(index), node.own_box());
         let points = plane.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(points).enumerate();
-        heights.extend(points.filter(|(_, point)| !hides || point[HIDDEN_AT] == 0).map(
-            |(i, point)| {
-                let hot = u16::from_le_bytes([point[4], point[5]]);
-                let [.., low] = read_residual(residual, i, node.hot_shift);
-                let z = exact(hot, low, min[2], node.hot_shift);
-                forest.lattice().world_axis(2, f64::from(z))
-            },
-        ));
-        if heights.len() >= SAMPLE {
-            break;
-        }
+        let shown = points.filter(|(_, point)| !hides || point[HIDDEN_AT] == 0);
+        self.exact.extend(shown.map(|(i, point)| {
+            let hot = u16::from_le_bytes([point[4], point[5]]);
+            let [.., low] = read_residual(residual, i, node.hot_shift);
+            let z = exact(hot, low, min[2], node.hot_shift);
+            forest.lattice().world_axis(2, f64::from(z))
+        }));
+        Ok(())
     }
-    Ok(heights)
-}
 
-/// The range of heights of the nodes' contours.
-fn of_contours(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> (f64, f64) {
-    let (low, high) = (bounds[0][2], bounds[1][2]);
-    let mut counts = [0u64; BINS];
-    let bin = |z: f64| (((z - low) / (high - low) * BINS as f64).max(0.0) as usize).min(BINS - 1);
-    for (index, node) in (0u32..).zip(&forest.table().nodes) {
-        let points = node.points().min(shown.points_max(index)) as u64;
-        let [from, to] = heights(forest, node).map(bin);
-        // The points are taken to be spread evenly over the heights of their box.
-        for count in &mut counts[from..=to.max(from)] {
-            *count += points * 1024 / (to.max(from) - from + 1) as u64;
+    /// The part of a range without strays, which may lie outside of it too.
+    fn central(&self, (low, high): (f64, f64)) -> (f64, f64) {
+        // One bin more on either side, for what lies beyond.
+        let mut counts = [0.0; BINS + 2];
+        let place =
+            |z: f64| ((z - low) / (high - low) * BINS as f64 + 1.0).clamp(0.0, BINS as f64 + 2.0);
+        let bin = |place: f64| (place as usize).min(BINS + 1);
+        for &z in &self.exact {
+            // The greatest is in the last bin.
+            let at = if z == high { BINS } else { bin(place(z)) };
+            counts[at] += 1.0;
         }
+        for &([from, to], points) in &self.spread {
+            let of = |z: f64| ((z - low) / (high - low) * BINS as f64 + 1.0, place(z));
+            let ((whole_from, from), (whole_to, to)) = (of(from), of(to));
+            let per_bin = points / (whole_to - whole_from);
+            if !(per_bin.is_finite() && whole_to - whole_from > 1.0) {
+                counts[bin(from)] += points;
+                continue;
+            }
+            counts[0] += (1.0 - whole_from).max(0.0).min(whole_to - whole_from) * per_bin;
+            let last = BINS as f64 + 1.0;
+            counts[BINS + 1] += (whole_to - last).max(0.0).min(whole_to - whole_from) * per_bin;
+            for (at, count) in counts.iter_mut().enumerate().take(bin(to) + 1).skip(bin(from)) {
+                let inside = to.min(at as f64 + 1.0) - from.max(at as f64);
+                if (1..=BINS).contains(&at) {
+                    *count += inside.max(0.0) * per_bin;
+                }
+            }
+        }
+        let strays = counts.iter().sum::<f64>() * STRAYS;
+        let beyond = |bins: &mut dyn Iterator<Item = &f64>| {
+            let mut sum = 0.0;
+            bins.take_while(|&&n| {
+                sum += n;
+                sum <= strays
+            })
+            .count()
+            .saturating_sub(1)
+        };
+        if low >= high || strays == 0.0 {
+            return (low, high);
+        }
+        let width = (high - low) / BINS as f64;
+        let (below, above) = (beyond(&mut counts.iter()), beyond(&mut counts.iter().rev()));
+        if below + above >= BINS {
+            return (low, high);
+        }
+        (low + width * below as f64, high - width * above as f64)
     }
-    central((low, high), &counts)
 }
 
 /// Least and greatest height of a node's contour.
@@ -243,6 +343,29 @@ fn heights(forest: &Forest, node: &Node) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn heights_are_cut_by_points_wherever_they_were_counted() {
+        let even = ([0.0, 100.0], 1000.0);
+        let known = Heights { spread: vec![even], exact: Vec::new() };
+        let (low, high) = known.central((0.0, 100.0));
+        assert!((low - 1.0).abs() < 0.11 && (high - 99.0).abs() < 0.11, "{low} {high}");
+        // Half of the points are high: no strays.
+        let tower =
+            Heights { spread: vec![([0.0, 1.0], 500.0), ([1.0, 50.0], 500.0)], exact: vec![] };
+        let (low, high) = tower.central((0.0, 50.0));
+        assert!(low < 0.06 && high > 48.9, "{low} {high}");
+        // A stray far above, and the range around what is left.
+        let exact: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).chain([1e6]).collect();
+        let known = Heights { spread: Vec::new(), exact };
+        let (low, high) = known.central((0.0, 1e6));
+        assert!(low == 0.0 && high < 1000.0);
+        let (low, high) = known.central((0.0, high));
+        assert!(low == 0.0 && high < 11.0, "{low} {high}");
+        let (low, high) = known.central((0.0, high));
+        assert!((low - 0.1).abs() < 0.02 && (high - 9.9).abs() < 0.02, "{low} {high}");
+        assert_eq!(Heights::default().central((1.0, 2.0)), (1.0, 2.0));
+    }
 
     #[test]
     fn strays_take_no_colours() {

@@ -184,6 +184,12 @@ impl Histograms {
         &self.ranges
     }
 
+    /// The bin of an attribute that a value falls into; `None` outside of its range.
+    pub fn bin_of(&self, attribute: usize, value: f64) -> Option<usize> {
+        let (least, greatest) = self.ranges.of(attribute);
+        Some(Bins::new(least, greatest).of(value)).filter(|&bin| bin < BINS)
+    }
+
     /// The bins of an attribute.
     pub fn counts(&self, attribute: usize) -> &[u64; BINS] {
         &self.counts[attribute]

@@ -114,22 +114,11 @@ impl Attribute {
         Self { name: name.into(), ty, description: String::new(), scale: 1.0, offset: 0.0 }
     }
 
-    /// What stored values are multiplied by to be shown: the scale, and for scan angles the step that LAS gives them.
-    pub fn shown_scale(&self) -> f64 {
-        match self.key() {
-            (names::SCAN_ANGLE, AttrType::I16) if self.scale == 1.0 => SCAN_ANGLE_STEP,
-            _ => self.scale,
-        }
-    }
-
     /// What identifies an attribute: name and type.
     pub fn key(&self) -> (&str, AttrType) {
         (&self.name, self.ty)
     }
 }
-
-/// Degrees of a step of scan angles (LAS 1.4 R15, table 15).
-const SCAN_ANGLE_STEP: f64 = 0.006;
 
 /// Names that LAS fields, and their like in other formats, have in Esker.
 pub mod names {

@@ -15,7 +15,24 @@ pub struct Schema {
     pub attributes: Vec<Attribute>,
 }
 
+/// Degrees of a step of scan angles (LAS 1.4 R15, table 15).
+const SCAN_ANGLE_STEP: f64 = 0.006;
+
 impl Schema {
+    /// What stored values of an attribute are multiplied by to be shown: its scale, and for the scan angles of LAS point formats 6 to
+    /// 10, which stand beside that format's bits, their step. (Another format may have degrees by that name.)
+    pub fn shown_scale(&self, attribute: usize) -> f64 {
+        let attribute = &self.attributes[attribute];
+        let bits = [names::RETURNS, names::FLAGS];
+        let is_las = || bits.iter().all(|name| self.find_typed(name, AttrType::U8).is_some());
+        match attribute.key() {
+            (names::SCAN_ANGLE, AttrType::I16) if attribute.scale == 1.0 && is_las() => {
+                SCAN_ANGLE_STEP
+            }
+            _ => attribute.scale,
+        }
+    }
+
     /// Sorts into canonical order. Of two attributes of equal name and type the later one gets a
     /// number behind its name, so that nothing is lost.
     pub fn new(mut attributes: Vec<Attribute>) -> Self {

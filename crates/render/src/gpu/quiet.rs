@@ -7,7 +7,7 @@ pub fn while_probing<T>(probe: impl FnOnce() -> T) -> T {
     use std::sync::{Mutex, PoisonError};
     /// One at a time, or one would restore what another has put there.
     static ONE: Mutex<()> = Mutex::new(());
-    if std::env::var_os("XDG_RUNTIME_DIR").is_some() {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|folder| !folder.is_empty()) {
         return probe();
     }
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);

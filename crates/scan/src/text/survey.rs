@@ -43,7 +43,7 @@ impl Range {
     /// Whether values are whole numbers of which doubles do not keep all digits.
     fn is_rounded(&self) -> bool {
         let greatest = self.max.max(-self.min);
-        self.whole && greatest > WHOLE_MAX && greatest <= u64::MAX as f64
+        self.whole && greatest >= WHOLE_MAX && greatest <= u64::MAX as f64
     }
 
     /// The narrowest type that holds every value as it is.
@@ -60,7 +60,7 @@ impl Range {
     }
 }
 
-/// Up to here doubles are all whole numbers.
+/// Below here doubles are all whole numbers; what reads as this may have been one more.
 const WHOLE_MAX: f64 = (1u64 << 53) as f64;
 
 /// What a pass over some lines finds.
@@ -210,7 +210,7 @@ impl Plan {
         let rounded: Vec<_> = rounded.map(|((name, _), _)| *name).collect();
         if !rounded.is_empty() {
             let names = rounded.join(", ");
-            notes.push(format!("whole numbers over 2^53 are rounded to doubles: {names}"));
+            notes.push(format!("whole numbers from 2^53 on are rounded to doubles: {names}"));
         }
         let mut sources = vec![0; others.len()];
         for (&text_column, column) in others.iter().zip(columns) {

@@ -56,8 +56,11 @@ pub fn create(
         let _ = writeln!(head, "property {} {axis}", type_name(place));
     }
     let attributes = &outline.schema.attributes;
-    let column =
-        |(index, a): (usize, &Attribute)| Column { index, bytes: a.ty.size(), shown: Shown::of(a) };
+    let column = |(index, a): (usize, &Attribute)| Column {
+        index,
+        bytes: a.ty.size(),
+        shown: Shown::of(&outline.schema, index),
+    };
     let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
     let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
     columns.sort_by_key(|c| rank(c).unwrap_or(FIRST.len()));
@@ -80,7 +83,7 @@ pub fn create(
         output: Box::new(output),
         format: "PLY 1.0, binary little-endian".into(),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: [notes(attributes), renamed].concat(),
+        notes: [notes(&outline.schema), renamed].concat(),
     })
 }
 

@@ -3,7 +3,7 @@
 //! anything else stays as it is.
 
 use super::numbers::{Decimal, float, put};
-use esker_points::{AttrType, Attribute};
+use esker_points::{AttrType, Attribute, Schema};
 
 /// How the values of an attribute are shown.
 #[derive(Clone, Copy, Debug)]
@@ -23,10 +23,10 @@ enum How {
 }
 
 impl Shown {
-    /// Of an attribute. A scale of zero, or one that is no number, says nothing.
-    pub fn of(attribute: &Attribute) -> Self {
-        let &Attribute { ty, offset, .. } = attribute;
-        let scale = attribute.shown_scale();
+    /// Of an attribute of a schema. A scale of zero, or one that is no number, says nothing.
+    pub fn of(schema: &Schema, attribute: usize) -> Self {
+        let Attribute { ty, offset, .. } = schema.attributes[attribute];
+        let scale = schema.shown_scale(attribute);
         let is_plain = (scale == 1.0 && offset == 0.0) || scale == 0.0;
         let how = if is_plain || !scale.is_finite() || !offset.is_finite() {
             How::Stored
@@ -76,9 +76,10 @@ impl Shown {
 }
 
 /// Says which attributes are written other than they are stored, if any are.
-pub fn notes(attributes: &[Attribute]) -> Vec<String> {
-    let scaled = attributes.iter().filter(|a| Shown::of(a).is_scaled());
-    let names: Vec<&str> = scaled.map(|a| a.name.as_str()).collect();
+pub fn notes(schema: &Schema) -> Vec<String> {
+    let all = schema.attributes.iter().enumerate();
+    let scaled = all.filter(|(index, _)| Shown::of(schema, *index).is_scaled());
+    let names: Vec<&str> = scaled.map(|(_, a)| a.name.as_str()).collect();
     let note = || format!("by their scale, as they are shown: {}", names.join(", "));
     (!names.is_empty()).then(note).into_iter().collect()
 }
@@ -117,7 +118,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn shown(ty: AttrType, scale: f64, offset: f64) -> Shown {
-        Shown::of(&Attribute { scale, offset, ..Attribute::new("own", ty) })
+        let attributes = vec![Attribute { scale, offset, ..Attribute::new("own", ty) }];
+        Shown::of(&Schema { attributes }, 0)
     }
 
     fn text(shown: Shown, stored: &[u8]) -> String {

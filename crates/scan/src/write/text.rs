@@ -8,7 +8,7 @@ use super::shown::{Shown, notes};
 use super::unique::unique;
 use super::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::error::ScanError;
-use esker_points::Batch;
+use esker_points::{Attribute, Batch};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,14 +38,15 @@ pub fn create(
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
     file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let columns = attributes.iter().map(|a| (Shown::of(a), a.ty.size())).collect();
+    let shown = |(i, a): (usize, &Attribute)| (Shown::of(&outline.schema, i), a.ty.size());
+    let columns = attributes.iter().enumerate().map(shown).collect();
     let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark };
     Ok(Export {
         encode: Arc::new(encode),
         output: Box::new(TextOutput { file, names: line }),
         format: format!("text, {} columns, named", 3 + attributes.len()),
         fields: (0..outline.schema.attributes.len()).collect(),
-        notes: [notes(&outline.schema.attributes), renamed].concat(),
+        notes: [notes(&outline.schema), renamed].concat(),
     })
 }
 
