@@ -242,6 +242,25 @@ fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
     assert!(widest < 0.15, "{widest} m, where points stand 0.05 m apart");
 }
 
+/// A sphere that is sampled as evenly as can be, and grazes cells: no point of the sample that no other is above is much wider
+/// than any.
+#[test]
+fn what_grazes_a_cell_makes_no_blobs_in_the_uppermost_sample() {
+    const POINTS: u64 = 100_000;
+    let position = |i: u64| {
+        let (z, turn) =
+            (1.0 - (2 * i + 1) as f64 / POINTS as f64, i as f64 * 2.399_963_229_728_653);
+        let across = (1.0 - z * z).sqrt();
+        [across * turn.cos(), across * turn.sin(), z].map(|c| (c * 1e6) as i32)
+    };
+    let options = esker_build::Options::default();
+    let (_, file, _folder) = built(vec![cloud("sphere", 1e-6, POINTS, position)], &options);
+    let planes = file.read_planes(0, &[PlaneKind::Position]).unwrap();
+    let points = planes.get(PlaneKind::Position).unwrap().as_chunks::<HOT_POSITION_BYTES>().0;
+    let widest = points.iter().map(|p| radius_factor(p[RADIUS_AT])).fold(0.0, f32::max);
+    assert!(points.len() > 10_000 && widest < 2.1, "{} points, {widest} spacings", points.len());
+}
+
 /// A few points are no surface: seen whole, they are dots beside each other.
 #[test]
 fn a_few_points_are_dots() {
