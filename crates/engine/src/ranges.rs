@@ -184,18 +184,20 @@ fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
     if total == 0 || low >= high {
         return (low, high);
     }
-    let strays = (total as f64 * STRAYS) as u64;
-    let beyond = |bins: &mut dyn Iterator<Item = &u64>| {
-        let mut sum = 0;
-        bins.take_while(|&&n| {
-            sum += n;
-            sum <= strays
-        })
-        .count()
+    let strays = total as f64 * STRAYS;
+    let counts = || counts.iter().map(|&n| n as f64);
+    let bin = (high - low) / counts().len() as f64;
+    (low + bin * outer(counts(), strays) as f64, high - bin * outer(counts().rev(), strays) as f64)
+}
+
+/// How many bins, from the outermost on, have no more than the strays.
+fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
+    let mut sum = 0.0;
+    let is_stray = |n: &f64| {
+        sum += n;
+        sum <= strays
     };
-    let bin = (high - low) / counts.len() as f64;
-    let (below, above) = (beyond(&mut counts.iter()), beyond(&mut counts.iter().rev()));
-    (low + bin * below as f64, high - bin * above as f64)
+    counts.take_while(is_stray).count()
 }
 
 /// The range of heights. Points are taken to be spread evenly over the heights of their node's contour; those of a few tall
@@ -284,51 +286,33 @@ impl Heights {
     fn central(&self, (low, high): (f64, f64)) -> (f64, f64) {
         // One bin more on either side, for what lies beyond.
         let mut counts = [0.0; BINS + 2];
-        let place =
-            |z: f64| ((z - low) / (high - low) * BINS as f64 + 1.0).clamp(0.0, BINS as f64 + 2.0);
-        let bin = |place: f64| (place as usize).min(BINS + 1);
+        let place = |z: f64| (z - low) / (high - low) * BINS as f64 + 1.0;
+        let bin = |place: f64| (place.max(0.0) as usize).min(BINS + 1);
         for &z in &self.exact {
             // The greatest is in the last bin.
-            let at = if z == high { BINS } else { bin(place(z)) };
-            counts[at] += 1.0;
+            counts[if z == high { BINS } else { bin(place(z)) }] += 1.0;
         }
         for &([from, to], points) in &self.spread {
-            let of = |z: f64| ((z - low) / (high - low) * BINS as f64 + 1.0, place(z));
-            let ((whole_from, from), (whole_to, to)) = (of(from), of(to));
-            let per_bin = points / (whole_to - whole_from);
-            if !(per_bin.is_finite() && whole_to - whole_from > 1.0) {
-                counts[bin(from)] += points;
-                continue;
-            }
-            counts[0] += (1.0 - whole_from).max(0.0).min(whole_to - whole_from) * per_bin;
-            let last = BINS as f64 + 1.0;
-            counts[BINS + 1] += (whole_to - last).max(0.0).min(whole_to - whole_from) * per_bin;
+            let (from, to) = (place(from), place(to));
+            let per_bin = points / (to - from);
+            let is_all = bin(from) == bin(to);
             for (at, count) in counts.iter_mut().enumerate().take(bin(to) + 1).skip(bin(from)) {
-                let inside = to.min(at as f64 + 1.0) - from.max(at as f64);
-                if (1..=BINS).contains(&at) {
-                    *count += inside.max(0.0) * per_bin;
-                }
+                let begin = if at == 0 { f64::NEG_INFINITY } else { at as f64 };
+                let end = if at == BINS + 1 { f64::INFINITY } else { (at + 1) as f64 };
+                let share = (to.min(end) - from.max(begin)) * per_bin;
+                *count += if is_all { points } else { share };
             }
         }
         let strays = counts.iter().sum::<f64>() * STRAYS;
-        let beyond = |bins: &mut dyn Iterator<Item = &f64>| {
-            let mut sum = 0.0;
-            bins.take_while(|&&n| {
-                sum += n;
-                sum <= strays
-            })
-            .count()
-            .saturating_sub(1)
-        };
         if low >= high || strays == 0.0 {
             return (low, high);
         }
+        // What lies beyond is none of the range's bins.
+        let within = |bins: usize| bins.saturating_sub(1) as f64;
+        let below = within(outer(counts.into_iter(), strays));
+        let above = within(outer(counts.into_iter().rev(), strays));
         let width = (high - low) / BINS as f64;
-        let (below, above) = (beyond(&mut counts.iter()), beyond(&mut counts.iter().rev()));
-        if below + above >= BINS {
-            return (low, high);
-        }
-        (low + width * below as f64, high - width * above as f64)
+        (low + width * below, high - width * above)
     }
 }
 

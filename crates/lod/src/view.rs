@@ -59,8 +59,8 @@ impl View {
         }
     }
 
-    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with a small margin; the
-    /// box is in the picture's middle, not its centre. Up is the world's z where that can be. A box without extent is
+    /// Looks along `direction` (from the eye into the scene) at a box, from as near as shows all of it, with a small margin; on
+    /// the axis that lets it be no nearer the box is in the picture's middle ([`View::centred`]: on both). Up is the world's z where that can be. A box without extent is
     /// looked at from distance 1.
     pub fn fit(
         bounds_min: DVec3,
