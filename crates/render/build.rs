@@ -2,7 +2,7 @@
 //! refuses does not build. Every `shaders/PASS/NAME.wgsl` becomes `sources::PASS_NAME`; what lies in
 //! `shaders/common` is only included.
 
-#[path = "src/gpu/link.rs"]
+#[path = "src/gpu/device/link.rs"]
 #[allow(dead_code, reason = "the crate uses more of it")]
 mod link;
 

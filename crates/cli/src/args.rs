@@ -4,8 +4,8 @@ use crate::bench::Benchmark;
 use crate::output::Output;
 use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, MethodArg, Threads, parse_camera};
 use clap::{Args as ClapArgs, Parser, Subcommand};
-use esker_engine::camera::Camera;
-use esker_engine::quantity;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::io::quantity;
 use std::path::PathBuf;
 
 /// Laser scans of any size, as one layered file and as pictures.

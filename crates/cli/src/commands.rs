@@ -5,8 +5,15 @@ use crate::output::{print, write};
 use crate::shared::BuildHow;
 use crate::{export, view};
 use anyhow::Result;
-use esker_engine::progress::{Progress, Style};
-use esker_engine::{bench, build, demo, devices, explain, info, render, verify};
+use esker_engine::io::progress::{Progress, Style};
+
+use esker_engine::calls::build;
+use esker_engine::calls::demo;
+use esker_engine::calls::explain;
+use esker_engine::calls::info;
+use esker_engine::calls::render;
+use esker_engine::calls::verify;
+use esker_engine::machine::devices;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -37,7 +44,7 @@ pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
         Command::Bench { benchmark: Some(benchmark) } => crate::bench::run(benchmark, stop),
         Command::Bench { benchmark: None } => {
             let line = |(name, what)| format!("esker bench {name:<9} {what}");
-            write(&bench::BENCHMARKS.map(line).join("\n"))
+            write(&esker_bench::BENCHMARKS.map(line).join("\n"))
         }
     };
     done.map(|()| ExitCode::SUCCESS)
@@ -81,7 +88,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     if args.fit {
         (camera.eye, camera.target) = (None, None);
     }
-    let request = render::Request {
+    let request = esker_engine::draw::scene::PictureRequest {
         size: args.size,
         method: args.method.into(),
         camera,
@@ -95,7 +102,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         with: (&args.with).into(),
         threads: args.how.threads.count,
         build: args.how.options(),
-        ..render::Request::default()
+        ..esker_engine::draw::scene::PictureRequest::default()
     };
     let (inputs, output) = (&args.inputs, &args.output);
     note_built(inputs, &args.how);
@@ -110,7 +117,8 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
 /// Says which options change nothing, of inputs that are built already.
 pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
     let options = how.given().join(", ");
-    let is_built = |file: &&PathBuf| render::is_esker(file).is_ok_and(|is_built| is_built);
+    let is_built =
+        |file: &&PathBuf| esker_engine::io::file::is_esker(file).is_ok_and(|is_built| is_built);
     for file in inputs.iter().filter(is_built).filter(|_| !options.is_empty()) {
         eprintln!("note: {}: is built already, {options} changes nothing of it", file.display());
     }

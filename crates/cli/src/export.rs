@@ -4,7 +4,7 @@ use crate::output::Output;
 use crate::shared::{FilterArgs, Threads};
 use anyhow::Result;
 use clap::Args as ClapArgs;
-use esker_engine::export;
+use esker_engine::calls::export;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

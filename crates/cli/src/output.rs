@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::Value;
-use esker_engine::progress::{Progress, Style};
+use esker_engine::io::progress::{Progress, Style};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

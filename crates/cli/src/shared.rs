@@ -1,11 +1,12 @@
 //! Groups of options that several commands share.
 
 use clap::{Args as ClapArgs, ValueEnum};
-use esker_engine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
-use esker_engine::camera::Camera;
+use esker_engine::calls::export;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::io::quantity;
+use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_engine::{
-    Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon,
-    Resume, export, quantity,
+    Bounds, BuildOptions, Classes, Codec, ColourDepth, Filter, Method, NormalsMode, Polygon, Resume,
 };
 use std::path::PathBuf;
 

@@ -2,39 +2,14 @@
 //! lod, stream and render together; the programs only parse their command lines and print what comes
 //! back.
 
-pub mod backend;
-pub mod bench;
-pub mod budget;
-pub mod build;
-pub mod camera;
-pub mod colour;
-pub mod demo;
-pub mod devices;
-pub mod drawing;
-pub mod explain;
-pub mod export;
-pub mod info;
-mod inputs;
-pub mod options;
-pub mod output;
-mod painter;
-pub mod picture;
-pub mod pool;
-pub mod progress;
-pub mod quantity;
-pub mod ranges;
-pub mod render;
-pub mod seen;
-pub mod session;
-pub mod slots;
-mod stages;
-pub mod staging;
-pub mod system;
-pub mod verify;
-mod whole;
+pub mod calls;
+pub mod cameras;
+pub mod draw;
+pub mod io;
+pub mod machine;
 
-pub use esker_build::memory;
-pub use esker_build::{NormalsMode, Options as BuildOptions, Report as BuildReport, Resume};
+pub use esker_builder::budget::memory;
+pub use esker_builder::{NormalsMode, Options as BuildOptions, Report as BuildReport, Resume};
 pub use esker_format::{Codec, EskerFile, Forest};
 pub use esker_lod::View;
 pub use esker_points::filter::{Bounds, Classes, Filter, Polygon};

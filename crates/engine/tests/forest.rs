@@ -7,11 +7,12 @@
 mod flip;
 mod parts;
 
-use esker_engine::backend::{Backend, DrawWith};
-use esker_engine::camera::Camera;
-use esker_engine::info;
-use esker_engine::render::{Request, draw};
-use esker_engine::session::{Options, Session};
+use esker_engine::calls::info;
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::PictureRequest;
+use esker_engine::draw::session::{Options, Session};
+use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_format::Forest;
 use esker_lod::View;
 use esker_points::task::Silent;
@@ -30,8 +31,14 @@ const LOOKS: [&str; 3] = [CAMERAS[0], "fovy=30", CAMERAS[1]];
 fn picture(file: &Forest, method: Method, target_spacing_px: f64, camera: &str) -> Picture {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
     let camera = Camera::parse(camera).unwrap();
-    let request =
-        Request { size: SIZE, method, with, target_spacing_px, camera, ..Request::default() };
+    let request = PictureRequest {
+        size: SIZE,
+        method,
+        with,
+        target_spacing_px,
+        camera,
+        ..PictureRequest::default()
+    };
     draw(file, &request, &Silent).unwrap().0
 }
 

@@ -5,8 +5,9 @@
 #[path = "../../render/tests/gpu/flip.rs"]
 mod flip;
 
-use esker_engine::backend::{Backend, DrawWith, GpuRequest, ProjectPath};
-use esker_engine::render::{Request, draw};
+use esker_engine::calls::render::draw;
+use esker_engine::draw::scene::PictureRequest;
+use esker_engine::machine::backend::{Backend, DrawWith, GpuRequest, ProjectPath};
 use esker_format::Forest;
 use esker_points::task::Silent;
 use esker_render::gpu::Gpu;
@@ -67,11 +68,11 @@ fn gpu_equals_cpu(method: Method) {
     let folder = tempfile::tempdir().unwrap();
     for input in inputs() {
         let built = folder.path().join("scan.esker");
-        let options = esker_build::Options { node_capacity: 8192, ..Default::default() };
-        esker_build::build(std::slice::from_ref(&input), &built, &options, &Silent).unwrap();
+        let options = esker_builder::Options { node_capacity: 8192, ..Default::default() };
+        esker_builder::build(std::slice::from_ref(&input), &built, &options, &Silent).unwrap();
         let file = Forest::open(&built).unwrap();
         let by = |with| {
-            let request = Request { size: SIZE, method, with, ..Request::default() };
+            let request = PictureRequest { size: SIZE, method, with, ..PictureRequest::default() };
             draw(&file, &request, &Silent).unwrap().0
         };
         let expected = by(DrawWith { backend: Backend::Cpu, ..DrawWith::default() });

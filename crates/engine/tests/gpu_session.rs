@@ -9,8 +9,8 @@ mod creek;
 mod flip;
 
 use creek::{SIZE, Wanderer, overview, sample};
-use esker_engine::backend::{Backend, GpuRequest, ProjectPath};
-use esker_engine::session::{Image, Options, Session};
+use esker_engine::draw::session::{Image, Options, Session};
+use esker_engine::machine::backend::{Backend, GpuRequest, ProjectPath};
 use esker_format::Forest;
 use esker_render::gpu::Gpu;
 use esker_render::gpu::device::all_interfaces;
@@ -94,8 +94,8 @@ fn a_gpu_draws_compact_planes_as_the_cpu_does() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("compact.esker");
     let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
-    let built = esker_build::Options { node_capacity: 2048, compact: true, ..Default::default() };
-    esker_build::build(&[scan], &path, &built, &esker_points::task::Silent).unwrap();
+    let built = esker_builder::Options { node_capacity: 2048, compact: true, ..Default::default() };
+    esker_builder::build(&[scan], &path, &built, &esker_points::task::Silent).unwrap();
     for method in [Method::Points, Method::PullPush, Method::Ewa] {
         let open = |o: Options| {
             let file = Arc::new(Forest::open(&path).unwrap());

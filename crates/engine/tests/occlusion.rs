@@ -9,7 +9,7 @@ use esker_lod::{
     View, select, tiles_of,
 };
 use esker_points::task::Silent;
-use esker_render::camera::{Camera, Positions};
+use esker_render::inputs::camera::{Camera, Positions};
 use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer};
 use glam::{DMat3, DVec3};
 use std::collections::HashSet;
@@ -30,8 +30,8 @@ impl Scan {
     fn build(input: PathBuf, node_capacity: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("scan.esker");
-        let options = esker_build::Options { node_capacity, ..Default::default() };
-        esker_build::build(&[input], &out, &options, &Silent).unwrap();
+        let options = esker_builder::Options { node_capacity, ..Default::default() };
+        esker_builder::build(&[input], &out, &options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let kinds = [PlaneKind::Position, PlaneKind::Residual];
         let nodes = 0..file.table().nodes.len() as u32;

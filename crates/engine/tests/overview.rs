@@ -7,15 +7,15 @@
 #[path = "../../render/tests/gpu/flip.rs"]
 #[allow(dead_code, reason = "other tests use the rest of it")]
 mod flip;
-#[path = "../../build/tests/given/mod.rs"]
+#[path = "../../builder/tests/given/mod.rs"]
 mod given;
-#[path = "../../build/tests/poisson/mod.rs"]
+#[path = "../../builder/tests/poisson/mod.rs"]
 #[allow(dead_code, reason = "other tests use the rest of it")]
 mod poisson;
 
-use esker_engine::colour::colouring;
-use esker_engine::drawing::{draw_node, frame};
-use esker_engine::info;
+use esker_engine::calls::info;
+use esker_engine::cameras::colour::colouring;
+use esker_engine::draw::frame::{draw_node, frame};
 use esker_format::{Forest, PlaneKind};
 use esker_lod::{AllResident, CompactOctree, Drawn, Options, View, select};
 use esker_points::strata::{STRATA, stratum_len};
@@ -74,8 +74,8 @@ fn one_node(points: &[Point], lattice: &Lattice, folder: &Path, name: &str) -> F
     }
     let source = source.coloured(ColourDepth::Eight);
     let out = folder.join(format!("{name}.esker"));
-    let options = esker_build::Options { node_capacity: 1 << 17, ..Default::default() };
-    esker_build::build_sources(vec![source.boxed()], &out, &options, &Silent).unwrap();
+    let options = esker_builder::Options { node_capacity: 1 << 17, ..Default::default() };
+    esker_builder::build_sources(vec![source.boxed()], &out, &options, &Silent).unwrap();
     let file = Forest::open(&out).unwrap();
     assert_eq!(file.table().nodes.len(), 1);
     file
@@ -162,8 +162,8 @@ impl Scan {
     fn build(input: &Path) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("scan.esker");
-        let options = esker_build::Options { node_capacity: CAPACITY, ..Default::default() };
-        esker_build::build(&[input.to_owned()], &out, &options, &Silent).unwrap();
+        let options = esker_builder::Options { node_capacity: CAPACITY, ..Default::default() };
+        esker_builder::build(&[input.to_owned()], &out, &options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let all = points_of(&file);
         let [low, high] = info::bounds(&file).map(DVec3::from_array);

@@ -6,10 +6,10 @@
 
 mod pumping;
 
-use esker_engine::bench::path::Path as Flight;
-use esker_engine::colour::{Colouring, colouring};
-use esker_engine::drawing::{draw_node, frame};
-use esker_engine::info;
+use esker_engine::calls::info;
+use esker_engine::cameras::colour::{Colouring, colouring};
+use esker_engine::cameras::path::Path as Flight;
+use esker_engine::draw::frame::{draw_node, frame};
 use esker_format::{Forest, PlaneKind, Planes};
 use esker_lod::{
     AllResident, CompactOctree, Missing, Options, OrientedBox, Projection, Residency, Selection,
@@ -45,19 +45,19 @@ struct Whole {
 
 impl Whole {
     fn build(scan: &Path, node_capacity: u32, folder: &Path) -> Self {
-        let options = esker_build::Options { node_capacity, ..Default::default() };
+        let options = esker_builder::Options { node_capacity, ..Default::default() };
         Self::build_as(scan, &options, folder, Method::PullPush)
     }
 
     /// Of a scan that is built so, to be drawn by a method.
     fn build_as(
         scan: &Path,
-        options: &esker_build::Options,
+        options: &esker_builder::Options,
         folder: &Path,
         method: Method,
     ) -> Self {
         let out = folder.join("scan.esker");
-        esker_build::build(&[scan.to_path_buf()], &out, options, &Silent).unwrap();
+        esker_builder::build(&[scan.to_path_buf()], &out, options, &Silent).unwrap();
         let file = Forest::open(&out).unwrap();
         let colouring = colouring(&file, None, info::bounds(&file)).unwrap();
         let mut kinds = vec![PlaneKind::Position, PlaneKind::Residual, PlaneKind::Normal];

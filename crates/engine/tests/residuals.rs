@@ -3,12 +3,12 @@
 //! chose to read; and where hot positions are enough, the residuals are left on the disk.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use esker_engine::camera::Camera;
-use esker_engine::render::{Request, Scene};
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_format::{Forest, PlaneKind};
 use esker_points::quant;
 use esker_points::task::Silent;
-use esker_render::camera::{Camera as Projection, Positions};
+use esker_render::inputs::camera::{Camera as Projection, Positions};
 use glam::DVec3;
 use std::fmt::Write;
 
@@ -55,8 +55,9 @@ struct Seen {
 
 /// Every drawn point against its exact place.
 fn look(file: &Forest, camera: &str, size: [u32; 2]) -> Seen {
-    let request = Request { size, camera: Camera::parse(camera).unwrap(), ..Default::default() };
-    let scene = Scene::read(file, &request, &Silent).unwrap();
+    let request =
+        PictureRequest { size, camera: Camera::parse(camera).unwrap(), ..Default::default() };
+    let scene = PictureScene::read(file, &request, &Silent).unwrap();
     let lattice = file.lattice();
     let projection = Projection::new(&scene.view, lattice).unwrap();
     let mut seen = Seen { points: 0, worst_px: 0.0, nodes_exact: 0, nodes_hot: 0 };
@@ -109,8 +110,8 @@ fn drawn_points_are_within_half_a_pixel_however_close_the_view() {
     let scan = folder.path().join("plane.xyz");
     std::fs::write(&scan, cloud()).unwrap();
     let out = folder.path().join("plane.esker");
-    let options = esker_build::Options { node_capacity: 1 << 13, ..Default::default() };
-    esker_build::build(&[scan], &out, &options, &Silent).unwrap();
+    let options = esker_builder::Options { node_capacity: 1 << 13, ..Default::default() };
+    esker_builder::build(&[scan], &out, &options, &Silent).unwrap();
     let file = Forest::open(&out).unwrap();
     let table = file.table();
     let inner = table.nodes.iter().filter(|n| n.child_count > 0 && n.hot_shift > 0).count();

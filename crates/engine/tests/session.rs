@@ -17,8 +17,8 @@ mod shapes;
 mod splats;
 
 use creek::{SIZE, Wanderer, overview, sample};
-use esker_engine::backend::Backend;
-use esker_engine::session::{Options, Session};
+use esker_engine::draw::session::{Options, Session};
+use esker_engine::machine::backend::Backend;
 use esker_format::Forest;
 use esker_lod::View;
 use esker_render::Picture;

@@ -10,10 +10,10 @@ mod gpu;
 mod scene;
 
 use esker_lod::View;
-use esker_render::camera::Camera;
 use esker_render::ewa::splat::{Disc, Lens, Placed};
 use esker_render::gpu::wgpu::{self, BufferUsages, Features, TextureFormat, util::DeviceExt};
 use esker_render::gpu::{GpuRenderer, Request};
+use esker_render::inputs::camera::Camera;
 use esker_render::{Frame, Method};
 use glam::{DVec3, Vec2, Vec3};
 use scene::{Dice, Scene, sheet};

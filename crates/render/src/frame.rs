@@ -1,7 +1,7 @@
 //! What a frame is made from, and what comes out: the view, the nodes to draw with the planes that
 //! they bring, how to colour them, and the picture with its counts and times. Plain borrowed data.
 
-use crate::colour::ColourBy;
+use crate::inputs::colour::ColourBy;
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
@@ -84,7 +84,7 @@ impl Default for Background {
 /// Everything that a frame is drawn from.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a, P = &'a [u8]> {
-    /// The camera and the size of the picture. Its margin is drawn where surfaces are filled ([`crate::margin`]).
+    /// The camera and the size of the picture. Its margin is drawn where surfaces are filled ([`crate::picture::margin`]).
     pub view: &'a View,
     /// The grid of all coordinates.
     pub lattice: &'a Lattice,
@@ -106,16 +106,16 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether views that are dense everywhere are drawn without pull and push
-    /// ([`crate::density::DENSE_PX`]).
+    /// ([`crate::inputs::density::DENSE_PX`]).
     pub skips_push: bool,
     /// Whether the points of a pixel's front surface are averaged where points crowd
-    /// ([`crate::density::CROWDED_PX`]); else one wins it.
+    /// ([`crate::inputs::density::CROWDED_PX`]); else one wins it.
     pub averages: bool,
-    /// Whether pixels that show one point are smoothed ([`crate::push`]).
+    /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,
-    /// Whether planes are told from depths where points have no normals ([`crate::slant`]).
+    /// Whether planes are told from depths where points have no normals ([`crate::passes::fit_planes`]).
     pub slants: bool,
-    /// Whether differences of exposure between scans are evened out ([`crate::even`]): the spare bytes of colour planes then
+    /// Whether differences of exposure between scans are evened out ([`crate::passes::exposure`]): the spare bytes of colour planes then
     /// tell scans apart.
     pub evens: bool,
     /// What lies behind the points.

@@ -9,43 +9,19 @@
 //! that passes on a GPU are held against: `f32`, flat buffers, one file a pass. Knows no file, starts
 //! no thread (it works in the current rayon pool) and touches no device.
 
-pub mod average;
-pub mod camera;
-pub mod colour;
-pub mod density;
-pub mod edges;
-pub mod ellipse;
-pub mod error;
-pub mod even;
+pub(crate) mod error;
 pub mod ewa;
-pub mod frame;
-pub mod gather;
+pub(crate) mod frame;
 pub mod gpu;
-mod lanes;
-pub mod margin;
-pub mod marks;
-pub mod mend;
-pub mod plan;
-pub mod project;
-pub mod pull;
-pub mod push;
-pub mod pyramid;
-pub mod relief;
-pub mod renderer;
-pub mod resolve;
-mod rim;
-mod rim_row;
-pub mod shade;
-pub mod slant;
-pub mod soften;
-pub mod surface;
-pub mod tangent;
-pub mod trim;
-mod values;
-mod windows;
+pub mod inputs;
+pub mod passes;
+pub mod picture;
+pub(crate) mod plan;
+pub(crate) mod renderer;
+pub(crate) mod simd;
 
-pub use colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use error::RenderError;
 pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stage, Stages, Stats};
+pub use inputs::colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use plan::{Asked, FramePlan, Pass, SceneHas, Variant};
 pub use renderer::{Renderer, render};

@@ -2,10 +2,10 @@
 //! passes, the planes and the variants of pipelines that it takes. What a scene does not need is left out: it is
 //! not read, not resident, not bound and not computed. Both renderers follow it, and so does who reads planes.
 
-use crate::colour::ColourBy;
-use crate::density::{is_crowded, is_dense};
 use crate::frame::{ColourPlane, Frame, Method, Stages};
-use crate::pyramid::Planes;
+use crate::inputs::colour::ColourBy;
+use crate::inputs::density::{is_crowded, is_dense};
+use crate::picture::pyramid::Planes;
 use std::ops::Deref;
 
 /// A pass, or passes that are timed together.
@@ -129,13 +129,13 @@ pub struct Asked {
     pub colour: ColourBy,
     /// Whether surfaces have highlights.
     pub shines: bool,
-    /// Whether points are dense in the whole view, see [`crate::density::DENSE_PX`].
+    /// Whether points are dense in the whole view, see [`crate::inputs::density::DENSE_PX`].
     pub is_dense: bool,
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
     /// Whether planes are told from depths where there are no normals.
     pub slants: bool,
-    /// Whether points crowd, see [`crate::density::CROWDED_PX`].
+    /// Whether points crowd, see [`crate::inputs::density::CROWDED_PX`].
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
     pub evens: bool,
@@ -164,10 +164,10 @@ pub struct FramePlan {
     pub shines: bool,
     /// Whether pixels find a surface above level 0 of the pyramid.
     pub has_pyramid: bool,
-    /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::push`]): where that is asked, points
+    /// Whether pixels of surfaces take a part of what is interpolated there ([`crate::passes::push`]): where that is asked, points
     /// do not crowd and colours are no names.
     pub smooths: bool,
-    /// What a frame draws beyond the picture on each side, pixels ([`crate::margin`]); 0 while no view is known.
+    /// What a frame draws beyond the picture on each side, pixels ([`crate::picture::margin`]); 0 while no view is known.
     pub margin_px: u32,
     /// What gives points their colour, as the shaders number it.
     colour: u32,

@@ -1,29 +1,29 @@
 //! The frame from first pass to last, and the memory that the passes keep from frame to frame (fresh
 //! pages cost more than the passes that fill them). Which passes run, the frame's plan says.
 
-use crate::average::Averages;
-use crate::camera::Camera;
-use crate::edges::edges;
 use crate::error::RenderError;
-use crate::even::Evening;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
-use crate::gather::{Lookup, gather};
-use crate::margin::crop;
-use crate::marks::Marks;
-use crate::mend::mend;
+use crate::inputs::camera::Camera;
+use crate::passes::antialias::soften;
+use crate::passes::average::Averages;
+use crate::passes::exposure::Evening;
+use crate::passes::fill_holes::mend;
+use crate::passes::fit_planes::Slants;
+use crate::passes::gather::{Lookup, gather};
+use crate::passes::project::{DrawList, EMPTY, project};
+use crate::passes::pull::pull;
+use crate::passes::push::push_with;
+use crate::passes::resolve::resolve;
+use crate::passes::shade::shade;
+use crate::passes::silhouette::trim_with;
+use crate::passes::smooth_depth::ReliefScratch;
+use crate::passes::tangent::Lens;
+use crate::picture::edges::edges;
+use crate::picture::margin::crop;
+use crate::picture::marks::Marks;
+use crate::picture::pyramid::{Planes, Pyramid};
 use crate::plan::{FramePlan, Pass};
-use crate::project::{DrawList, EMPTY, project};
-use crate::pull::pull;
-use crate::push::push_with;
-use crate::pyramid::{Planes, Pyramid};
-use crate::relief::ReliefScratch;
-use crate::resolve::resolve;
-use crate::shade::shade;
-use crate::slant::Slants;
-use crate::soften::soften;
-use crate::tangent::Lens;
-use crate::trim::trim_with;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
@@ -188,7 +188,11 @@ impl Renderer {
                 Pass::Blend => {
                     let normals = plan.carries_normals;
                     stats.pixels_projected = ewa.draw(camera, normals, &mut picture.depth);
-                    edges = crate::edges::edges(&picture.depth, width, STEP_PX / camera.focal_px);
+                    edges = crate::picture::edges::edges(
+                        &picture.depth,
+                        width,
+                        STEP_PX / camera.focal_px,
+                    );
                 }
                 Pass::Pull => pull(pyramid),
                 Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),

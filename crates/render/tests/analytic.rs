@@ -5,7 +5,7 @@
 mod scene;
 mod truth;
 
-use esker_render::colour::{Encoder, linear};
+use esker_render::inputs::colour::{Encoder, linear};
 use esker_render::{FramePlan, Renderer};
 use glam::{DVec2, DVec3, Vec3};
 use scene::{Dice, Scene};
@@ -112,7 +112,7 @@ fn dense_walls_closer_than_a_radius_seen_nearly_edge_on_show_through_less_than_a
     }
 }
 
-/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::shade`] has it: what a colour is multiplied by, and
+/// Light on a surface (marroquim2007 section 3.4), as [`esker_render::passes::shade`] has it: what a colour is multiplied by, and
 /// what is added.
 fn phong(normal: DVec3, to_eye: DVec3) -> (f64, f64) {
     let key = DVec3::new(-0.42, 0.60, 0.6808);

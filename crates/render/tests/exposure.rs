@@ -6,7 +6,7 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::pyramid::Pyramid;
+use esker_render::picture::pyramid::Pyramid;
 use esker_render::{Frame, FramePlan, Renderer};
 use glam::{DVec3, Vec4};
 use scene::{Dice, Scene, ScenePoint};

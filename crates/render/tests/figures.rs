@@ -1,8 +1,9 @@
 //! The worked examples of marroquim2007: the renormalised weights of figure 5 and the displacement
 //! vector of figure 3, exactly.
 
-use esker_render::pyramid::{INVALID, Planes, Pyramid};
-use esker_render::{pull, push};
+use esker_render::passes::pull;
+use esker_render::passes::push;
+use esker_render::picture::pyramid::{INVALID, Planes, Pyramid};
 use glam::{Vec2, Vec4};
 
 /// Only the two coarsest levels of a 4 x 4 picture, all pixels invalid.

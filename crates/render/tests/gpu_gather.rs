@@ -11,7 +11,7 @@ mod rig;
 use esker_lod::{CompactOctree, Drawn, View, tiles_of};
 use esker_points::quant::INDEX_AT;
 use esker_points::{AttrType, Cell, Node, NodeTable};
-use esker_render::gpu::pyramid::GpuPyramid;
+use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::{
     Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan, Method,
     Palette,
@@ -95,9 +95,11 @@ fn assert_gathers(rig: &mut Rig, frame: &Frame<'_>, what: &str) {
             assert_eq!(gpu.front[i], twin.front[i], "{what}: an invalid pixel");
             continue;
         }
-        let normal =
-            |l: &esker_render::pyramid::Level| l.normal.get(i).copied().unwrap_or_default();
-        let tilt = |l: &esker_render::pyramid::Level| l.tilt.get(i).copied().unwrap_or_default();
+        let normal = |l: &esker_render::picture::pyramid::Level| {
+            l.normal.get(i).copied().unwrap_or_default()
+        };
+        let tilt =
+            |l: &esker_render::picture::pyramid::Level| l.tilt.get(i).copied().unwrap_or_default();
         // Displacements are what is left of places of hundreds of pixels: within a thousandth of one.
         let [front, twins] = [gpu.front[i], twin.front[i]];
         // Depths of told planes are moved along them, others are the points' own.

@@ -8,7 +8,7 @@ mod scene;
 
 use esker_lod::{Occlusion, OrientedBox, View};
 use esker_points::quant::HIDDEN_AT;
-use esker_render::gpu::readback::read;
+use esker_render::gpu::device::readback::read;
 use esker_render::gpu::{Gpu, GpuRenderer, wgpu};
 use esker_render::{
     Background, ColourBy, ColourMap, Frame, FramePlan, Method, Palette, Picture, render,

@@ -7,10 +7,10 @@ mod scene;
 
 use esker_lod::View;
 use esker_points::{Lattice, Node};
-use esker_render::camera::Camera;
-use esker_render::gpu::readback::read;
+use esker_render::gpu::device::readback::read;
 use esker_render::gpu::{Gpu, GpuError, GpuRenderer, PlaneAt};
-use esker_render::project::{DrawList, EMPTY, project, unpack};
+use esker_render::inputs::camera::Camera;
+use esker_render::passes::project::{DrawList, EMPTY, project, unpack};
 use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
 use glam::DVec3;
 use gpu::{gpus, laid_frame, lay, name};

@@ -6,7 +6,7 @@ mod gpu;
 mod scene;
 
 use esker_lod::View;
-use esker_render::gpu::shader::FOLDER;
+use esker_render::gpu::device::shader::FOLDER;
 use esker_render::gpu::{GpuError, GpuRenderer};
 use glam::DVec3;
 use gpu::{few_gpus, laid_frame, lay};

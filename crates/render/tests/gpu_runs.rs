@@ -7,8 +7,8 @@ mod scene;
 
 use esker_lod::View;
 use esker_points::quant::HOT_POSITION_BYTES;
-use esker_render::gpu::readback::read;
-use esker_render::gpu::runs::{BOX_BYTES, RUN_BYTES};
+use esker_render::gpu::device::readback::read;
+use esker_render::gpu::memory::runs::{BOX_BYTES, RUN_BYTES};
 use esker_render::gpu::wgpu::{Buffer, BufferUsages};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, ProjectPath};
 use esker_render::{DrawNode, Frame, Method};

@@ -5,21 +5,27 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::camera::Camera;
+use esker_render::gpu::device::readback::read;
+use esker_render::gpu::device::timing::Timing;
 use esker_render::gpu::device::{Counted, all_interfaces};
-use esker_render::gpu::frame::FrameUniform;
-use esker_render::gpu::picture::GpuPicture;
-use esker_render::gpu::pyramid::GpuPyramid;
-use esker_render::gpu::readback::read;
+use esker_render::gpu::memory::frame::FrameUniform;
+use esker_render::gpu::memory::picture::GpuPicture;
+use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::gpu::surface::{Choices, Surface};
-use esker_render::gpu::timing::Timing;
 use esker_render::gpu::wgpu::{self, BufferUsages};
 use esker_render::gpu::{Gpu, Request};
-use esker_render::pyramid::{INVALID, Level, Planes, Pyramid};
-use esker_render::relief::ReliefScratch;
-use esker_render::tangent::Lens;
+use esker_render::inputs::camera::Camera;
+use esker_render::passes::antialias;
+use esker_render::passes::fill_holes;
+use esker_render::passes::pull;
+use esker_render::passes::push;
+use esker_render::passes::shade;
+use esker_render::passes::silhouette;
+use esker_render::passes::smooth_depth::ReliefScratch;
+use esker_render::passes::tangent::Lens;
+use esker_render::picture::edges;
+use esker_render::picture::pyramid::{INVALID, Level, Planes, Pyramid};
 use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
-use esker_render::{edges, mend, pull, push, shade, soften, trim};
 use glam::{DVec3, Vec2, Vec4};
 use scene::{Dice, Scene, sheet, sphere};
 
@@ -98,15 +104,15 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     level.depth_image(&pulled.lens, depth);
     let level = &mut last.levels[0];
     let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
-    mend::mend(level, depth, camera.focal_px);
+    fill_holes::mend(level, depth, camera.focal_px);
     let mended = depth.clone();
-    let trimmed = trim::trim(level, depth, &found, camera.focal_px);
+    let trimmed = silhouette::trim(level, depth, &found, camera.focal_px);
     let found = found.or(&trimmed);
     let mut scratch = ReliefScratch::default();
     let shaded =
         shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);
     let (depth, rgba) = (&picture.depth, &mut picture.rgba);
-    soften::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
+    antialias::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
     Twins { pulled, pushed, mended, picture }
 }
 
@@ -179,7 +185,7 @@ impl<'a> Rig<'a> {
     /// All levels as they are.
     fn levels(&self) -> Vec<Level> {
         let planes = self.pyramid.planes;
-        let level = |l: &esker_render::gpu::pyramid::GpuLevel| {
+        let level = |l: &esker_render::gpu::memory::pyramid::GpuLevel| {
             let count = (l.width * l.height) as usize;
             Level {
                 width: l.width as usize,

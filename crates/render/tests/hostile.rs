@@ -7,10 +7,12 @@ mod scene;
 
 use esker_lod::View;
 use esker_points::{AttrType, Lattice, Node};
-use esker_render::pyramid::Pyramid;
+use esker_render::passes::pull;
+use esker_render::passes::push;
+use esker_render::picture::pyramid::Pyramid;
 use esker_render::{
     Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette,
-    RenderError, Renderer, pull, push,
+    RenderError, Renderer,
 };
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;

@@ -6,7 +6,7 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::margin::{MARGIN_PX, goes_beyond};
+use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{Background, Frame, FramePlan, Method, Picture, render};
 use glam::{DVec2, DVec3};
 use scene::{Dice, Scene, ScenePoint};

@@ -7,7 +7,7 @@ mod scene;
 
 use esker_lod::View;
 use esker_points::{Cell, Lattice, Node, quant};
-use esker_render::camera::{Camera, Positions};
+use esker_render::inputs::camera::{Camera, Positions};
 use esker_render::{ColourPlane, DrawNode};
 use glam::DVec3;
 use scene::Dice;

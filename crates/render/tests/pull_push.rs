@@ -7,9 +7,11 @@ mod reference;
 mod scene;
 
 use esker_lod::View;
-use esker_render::pyramid::{Level, Planes, Pyramid};
-use esker_render::tangent::Lens;
-use esker_render::{Renderer, pull, push};
+use esker_render::Renderer;
+use esker_render::passes::pull;
+use esker_render::passes::push;
+use esker_render::passes::tangent::Lens;
+use esker_render::picture::pyramid::{Level, Planes, Pyramid};
 use glam::{DVec3, Vec2, Vec4};
 use reference::{Image, Pixel, pull_push};
 use scene::{Dice, Scene, sheet, sphere};
@@ -104,7 +106,7 @@ fn random(dice: &mut Dice, width: usize, height: usize, planes: Planes) -> Pyram
     let layers = (dice.unit() * 4.0) as u32;
     let base = &mut pyramid.levels[0];
     for i in 0..width * height {
-        base.front[i] = esker_render::pyramid::INVALID;
+        base.front[i] = esker_render::picture::pyramid::INVALID;
         if dice.unit() >= share {
             continue;
         }

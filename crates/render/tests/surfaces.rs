@@ -7,10 +7,10 @@ mod scene;
 
 use esker_lod::{CompactOctree, Drawn, View};
 use esker_points::{AttrType, Lattice, Node, NodeTable};
-use esker_render::colour::linear;
-use esker_render::pull::pull;
-use esker_render::push::push;
-use esker_render::pyramid::Pyramid;
+use esker_render::inputs::colour::linear;
+use esker_render::passes::pull::pull;
+use esker_render::passes::push::push;
+use esker_render::picture::pyramid::Pyramid;
 use esker_render::{
     Background, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, Method, Palette, Picture,
     Renderer,

@@ -1,8 +1,10 @@
 //! The command line of the window.
 
 use clap::{Parser, ValueEnum};
-use esker_engine::camera::Camera;
-use esker_engine::{Bounds, Classes, Filter, Method, Polygon, export, quantity};
+use esker_engine::calls::export;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::io::quantity;
+use esker_engine::{Bounds, Classes, Filter, Method, Polygon};
 use std::path::PathBuf;
 
 /// Flies through an .esker file, or a scan, in a window.

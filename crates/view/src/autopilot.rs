@@ -6,7 +6,7 @@ use crate::gestures::{SPEED_A_POINT, TURN_RAD};
 use crate::pilot::{Sight, clicked, place_at, pressed, scrolled};
 use eframe::egui::{Event, Key, PointerButton, vec2};
 use esker_engine::View;
-use esker_engine::bench::path::Path;
+use esker_engine::cameras::path::Path;
 use glam::DVec3;
 
 /// Share of the error in direction that a frame takes back.

@@ -1,6 +1,6 @@
 //! What the panel counts: taken from each frame and from the session's status, plain numbers.
 
-use esker_engine::session::GpuBytes;
+use esker_engine::draw::session::GpuBytes;
 use esker_engine::{Cut, Status};
 
 /// Counts of the newest frame.

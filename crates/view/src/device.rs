@@ -4,8 +4,8 @@ use crate::args::Backend;
 use crate::settings::Settings;
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
-use esker_engine::backend::{self, GpuRequest};
-use esker_engine::options::{Gpu, Options, descriptor};
+use esker_engine::draw::options::{Gpu, Options, descriptor};
+use esker_engine::machine::backend::{self, GpuRequest};
 
 /// Who shows the window.
 #[derive(Clone, Default)]

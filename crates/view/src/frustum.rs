@@ -64,8 +64,12 @@ mod tests {
     use super::*;
 
     fn view(eye: DVec3, target: DVec3) -> View {
-        esker_engine::camera::Camera { eye: Some(eye), target: Some(target), ..Default::default() }
-            .view([[0.0; 3], [1.0; 3]], [200, 100])
+        esker_engine::cameras::camera::Camera {
+            eye: Some(eye),
+            target: Some(target),
+            ..Default::default()
+        }
+        .view([[0.0; 3], [1.0; 3]], [200, 100])
     }
 
     #[test]

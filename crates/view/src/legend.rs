@@ -2,7 +2,7 @@
 
 use crate::theme;
 use eframe::egui::{Align2, Color32, FontId, Label, Mesh, Rect, RichText, Sense, Ui, pos2, vec2};
-use esker_engine::colour::Legend;
+use esker_engine::cameras::colour::Legend;
 
 /// Height of the bar, and the side of a colour, points.
 const BAR: f32 = 10.0;

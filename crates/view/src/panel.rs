@@ -14,8 +14,8 @@ use eframe::egui::{
     ScrollArea, Slider, SliderClamping, Ui, emath,
 };
 use esker_engine::Method;
-use esker_engine::colour::{Legend, SCANS};
-use esker_engine::quantity::{grouped, readable_bytes};
+use esker_engine::cameras::colour::{Legend, SCANS};
+use esker_engine::io::quantity::{grouped, readable_bytes};
 use std::ops::RangeInclusive;
 
 /// Points budgets that the slider offers.

@@ -56,7 +56,7 @@ enum Part {
 }
 
 /// The camera paths of a script, by the names that its steps give.
-pub type Paths = Vec<(Option<PathBuf>, esker_engine::bench::path::Path)>;
+pub type Paths = Vec<(Option<PathBuf>, esker_engine::cameras::path::Path)>;
 
 /// A script on its way.
 pub struct Pilot {

@@ -5,7 +5,7 @@ use crate::theme;
 use eframe::egui::{
     Align2, Area, Color32, Frame, Id, Label, Margin, Order, ProgressBar, Rect, RichText, Ui, vec2,
 };
-use esker_engine::quantity::grouped;
+use esker_engine::io::quantity::grouped;
 use std::path::PathBuf;
 use std::time::Duration;
 

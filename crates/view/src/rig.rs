@@ -6,8 +6,10 @@ use crate::script::{Script, Step};
 use crate::times::FrameTime;
 use anyhow::{Context, Result};
 use eframe::egui::RawInput;
-use esker_engine::bench::path::Path;
-use esker_engine::{Forest, Value, info, system};
+use esker_engine::calls::info;
+use esker_engine::cameras::path::Path;
+use esker_engine::machine::system;
+use esker_engine::{Forest, Value};
 use std::io::Write;
 
 /// A scripted run.

@@ -5,11 +5,12 @@
 use crate::device::Device;
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
-use esker_engine::backend::Drawer;
-use esker_engine::colour::Legend;
-use esker_engine::options::Options;
-use esker_engine::session::{Frame, GpuBytes, Session};
-use esker_engine::{Cut, Forest, Picture, Status, View, seen};
+use esker_engine::cameras::colour::Legend;
+use esker_engine::draw::empty_picture;
+use esker_engine::draw::options::Options;
+use esker_engine::draw::session::{Frame, GpuBytes, Session};
+use esker_engine::machine::backend::Drawer;
+use esker_engine::{Cut, Forest, Picture, Status, View};
 use glam::DVec2;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -281,7 +282,7 @@ impl Opening {
 /// Opens a session that has something to show.
 fn open(file: Arc<Forest>, options: Options) -> Result<Session> {
     let session = Session::open(file, options)?;
-    seen::check_wanted(session.file(), &session.look().shown)?;
+    empty_picture::check_wanted(session.file(), &session.look().shown)?;
     Ok(session)
 }
 

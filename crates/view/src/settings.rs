@@ -1,7 +1,7 @@
 //! What the user can change while looking: budgets, detail, method, colours. Compared as a whole: what the running
 //! session cannot change is reopened.
 
-use esker_engine::options::Options;
+use esker_engine::draw::options::Options;
 use esker_engine::{Filter, Method};
 
 /// What a session costs and how it draws.

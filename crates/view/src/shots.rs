@@ -3,7 +3,8 @@
 
 use anyhow::Result;
 use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
-use esker_engine::{Picture, picture};
+use esker_engine::Picture;
+use esker_engine::io::picture;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;

@@ -2,7 +2,10 @@
 //! that goes with it. Done by a thread of its own, which tells how far it is and can be stopped.
 
 use anyhow::{Context, Result, bail};
-use esker_engine::{BuildOptions, Forest, Task, build, output, render};
+use esker_engine::calls::build;
+use esker_engine::calls::render;
+use esker_engine::io::output;
+use esker_engine::{BuildOptions, Forest, Task};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
@@ -194,12 +197,12 @@ impl Task for Told {
 
 fn open(inputs: &[PathBuf], options: &BuildOptions, task: &dyn Task) -> Result<Opened> {
     if let [one] = inputs
-        && render::is_esker(one)?
+        && esker_engine::io::file::is_esker(one)?
     {
         return Ok(Opened { file: Arc::new(Forest::open(one)?), folder: None });
     }
     for input in inputs {
-        if render::is_esker(input)? {
+        if esker_engine::io::file::is_esker(input)? {
             bail!(
                 "{}: several inputs are shown together only where all are scans",
                 input.display()

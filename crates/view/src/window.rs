@@ -11,7 +11,7 @@ use eframe::egui::{self, ViewportBuilder};
 use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 use eframe::{CreationContext, NativeOptions};
-use esker_engine::options::is_software;
+use esker_engine::draw::options::is_software;
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 use std::sync::{Arc, Mutex, PoisonError};

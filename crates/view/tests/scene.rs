@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
-use esker_engine::camera::Camera;
-use esker_engine::progress::{Progress, Style};
-use esker_engine::{BuildOptions, Filter, Forest, View, build, info};
+use esker_engine::calls::build;
+use esker_engine::calls::info;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::io::progress::{Progress, Style};
+use esker_engine::{BuildOptions, Filter, Forest, View};
 use esker_view::args::Backend;
 use esker_view::device::ShownBy;
 use esker_view::scene::{Look, Scene, Shown};

@@ -3,10 +3,12 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
-use esker_engine::bench::path;
-use esker_engine::camera::Camera;
-use esker_engine::progress::{Progress, Style};
-use esker_engine::{Forest, Picture, Value, info, render};
+use esker_engine::calls::info;
+use esker_engine::calls::render;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::path;
+use esker_engine::io::progress::{Progress, Style};
+use esker_engine::{Forest, Picture, Value};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -76,7 +78,7 @@ fn sample() -> &'static Path {
         let folder = tempfile::tempdir().unwrap();
         let built = folder.path().join("creek.esker");
         let options = esker_engine::BuildOptions::default();
-        esker_engine::build::build(&[scan()], &built, &options, 0, &silent()).unwrap();
+        esker_engine::calls::build::build(&[scan()], &built, &options, 0, &silent()).unwrap();
         (folder, built)
     });
     built
@@ -116,7 +118,11 @@ fn drawn_by_the_engine(size: [u32; 2]) -> Picture {
         target: Some(view.eye + view.forward() * 1000.0),
         ..Camera::default()
     };
-    let request = render::Request { size, camera, ..render::Request::default() };
+    let request = esker_engine::draw::scene::PictureRequest {
+        size,
+        camera,
+        ..esker_engine::draw::scene::PictureRequest::default()
+    };
     render::draw(&file, &request, &silent()).unwrap().0
 }
 
@@ -193,7 +199,11 @@ fn a_camera_path_is_followed_by_keys_and_mouse() {
     let stops = path::Path::parse(path, info::bounds(&file), size).unwrap().views;
     let (view, target) = (stops[1].view, stops[1].target);
     let camera = Camera { eye: Some(view.eye), target: Some(target), ..Camera::default() };
-    let request = render::Request { size, camera, ..render::Request::default() };
+    let request = esker_engine::draw::scene::PictureRequest {
+        size,
+        camera,
+        ..esker_engine::draw::scene::PictureRequest::default()
+    };
     let (end, _) = render::draw(&file, &request, &silent()).unwrap();
     let mean = |picture: &Picture| {
         let sum: u64 = picture.rgba.iter().map(|&v| u64::from(v)).sum();

@@ -11,17 +11,17 @@ const ALLOWED: [(&str, &[&str]); 13] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),
     ("esker-format", &["points"]),
-    ("esker-build", &["points", "scan", "format"]),
+    ("esker-builder", &["points", "scan", "format"]),
     ("esker-lod", &["points"]),
     ("esker-stream", &["points", "format", "lod"]),
     ("esker-render", &["points", "lod"]),
-    ("esker-trace", &["points", "render"]),
-    ("esker-engine", &["points", "scan", "format", "build", "lod", "stream", "render", "trace"]),
+    ("esker-engine", &["points", "scan", "format", "builder", "lod", "stream", "render"]),
+    ("esker-bench", &["points", "scan", "format", "builder", "lod", "stream", "render", "engine"]),
     ("esker-view", &["engine"]),
-    ("esker", &["engine"]),
+    ("esker", &["engine", "bench"]),
     // Tools may use any library.
     ("esker-generate", &["points", "scan"]),
-    ("xtask", &["points", "scan", "format", "build", "lod", "stream", "render", "trace", "engine"]),
+    ("xtask", &["points", "scan", "format", "builder", "lod", "stream", "render", "engine"]),
 ];
 
 /// Outside crates that open windows.
@@ -35,7 +35,7 @@ const NEVER: [(&str, &[&[&str]]); 7] = [
     ("esker-points", &[&WINDOW, &GPU]),
     ("esker-scan", &[&WINDOW, &GPU]),
     ("esker-format", &[&WINDOW, &GPU]),
-    ("esker-build", &[&WINDOW, &GPU]),
+    ("esker-builder", &[&WINDOW, &GPU]),
     ("esker-lod", &[&WINDOW, &GPU]),
     ("esker-stream", &[&WINDOW, &GPU]),
     ("esker", &[&WINDOW]),
@@ -102,10 +102,10 @@ mod tests {
 
     #[test]
     fn edges_against_the_direction_are_refused() {
-        assert!(refused("esker-build", &["esker-points", "esker-format"]).is_empty());
+        assert!(refused("esker-builder", &["esker-points", "esker-format"]).is_empty());
         assert_eq!(refused("esker-lod", &["esker-points", "esker-render"]).len(), 1);
         assert_eq!(refused("esker-points", &["esker"]).len(), 1);
-        assert_eq!(refused("esker", &["esker-engine", "esker-build"]).len(), 1);
+        assert_eq!(refused("esker", &["esker-engine", "esker-builder"]).len(), 1);
         assert_eq!(refused("esker-new", &[]).len(), 1);
     }
 

@@ -1,7 +1,7 @@
 //! The project's sample scan in small nodes, and a camera that wanders over it.
 
-use esker_engine::info;
-use esker_engine::session::Session;
+use esker_engine::calls::info;
+use esker_engine::draw::session::Session;
 use esker_lod::View;
 use esker_points::task::Silent;
 use glam::DVec3;
@@ -17,8 +17,8 @@ pub fn sample() -> &'static Path {
         let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
         let name = format!("{}-sample.esker", env!("CARGO_CRATE_NAME"));
         let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let options = esker_build::Options { node_capacity: 2048, ..Default::default() };
-        esker_build::build(&[scan], &out, &options, &Silent).unwrap();
+        let options = esker_builder::Options { node_capacity: 2048, ..Default::default() };
+        esker_builder::build(&[scan], &out, &options, &Silent).unwrap();
         out
     })
 }

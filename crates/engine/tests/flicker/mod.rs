@@ -2,12 +2,12 @@
 //! four times the pixels a side does, averaged.
 
 use super::creek::sample;
-use esker_engine::camera::Camera;
-use esker_engine::render::{Request, Scene};
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
 use esker_format::Forest;
 use esker_lod::CompactOctree;
 use esker_points::task::Silent;
-use esker_render::colour::linear;
+use esker_render::inputs::colour::linear;
 use esker_render::{Frame, Renderer};
 use glam::{DMat3, DVec3, Vec3};
 
@@ -20,7 +20,7 @@ const STEP_PX: f64 = 0.3;
 
 /// The scan seen obliquely from above, a little farther around in each frame.
 fn camera(file: &Forest, frame: usize) -> Camera {
-    let [low, high] = esker_engine::info::bounds(file).map(DVec3::from_array);
+    let [low, high] = esker_engine::calls::info::bounds(file).map(DVec3::from_array);
     let (middle, half) = (low.midpoint(high), (high - low) / 2.0);
     let away = DVec3::new(-0.5, -0.9, 0.8) * half.truncate().length();
     // A pixel is about so wide, seen from there.
@@ -31,13 +31,13 @@ fn camera(file: &Forest, frame: usize) -> Camera {
 
 /// A picture in linear light, pixel by pixel.
 fn draw(file: &Forest, frame: usize, size: [u32; 2], spacing_px: f64, averages: bool) -> Vec<Vec3> {
-    let asked = Request {
+    let asked = PictureRequest {
         size,
         camera: camera(file, frame),
         target_spacing_px: spacing_px,
-        ..Request::default()
+        ..PictureRequest::default()
     };
-    let scene = Scene::read(file, &asked, &Silent).unwrap();
+    let scene = PictureScene::read(file, &asked, &Silent).unwrap();
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(file);
     let drawn = scene.look.frame(file, &scene.view, &draws, &octree);

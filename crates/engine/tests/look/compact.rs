@@ -3,8 +3,9 @@
 
 use super::flip::mean_flip;
 use super::look::{off, request, session};
-use esker_engine::render::{Request, Scene, draw};
-use esker_engine::session::Options;
+use esker_engine::calls::render::draw;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::session::Options;
 use esker_engine::{Filter, Method};
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
@@ -19,14 +20,14 @@ fn creek() -> &'static Path {
         let scan = std::path::absolute("../../tests/sample/creek.laz").unwrap();
         let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compact-creek.esker");
         let options =
-            esker_build::Options { node_capacity: 4096, compact: true, ..Default::default() };
-        esker_build::build(&[scan], &out, &options, &Silent).unwrap();
+            esker_builder::Options { node_capacity: 4096, compact: true, ..Default::default() };
+        esker_builder::build(&[scan], &out, &options, &Silent).unwrap();
         out
     })
 }
 
 /// Bytes of planes that are no residuals.
-fn bytes_of(scene: &Scene) -> usize {
+fn bytes_of(scene: &PictureScene) -> usize {
     let kinds = scene.planes.iter().flat_map(|planes| {
         [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Compact].map(|kind| planes.get(kind))
     });
@@ -37,8 +38,10 @@ fn bytes_of(scene: &Scene) -> usize {
 fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
     let file = Forest::open(creek()).unwrap();
     for method in [Method::Points, Method::PullPush, Method::Ewa] {
-        let [full, compact] = [true, false].map(|full| Request { method, full, ..request() });
-        let scenes = [&full, &compact].map(|asked| Scene::read(&file, asked, &Silent).unwrap());
+        let [full, compact] =
+            [true, false].map(|full| PictureRequest { method, full, ..request() });
+        let scenes =
+            [&full, &compact].map(|asked| PictureScene::read(&file, asked, &Silent).unwrap());
         let [all, some] = [&scenes[0], &scenes[1]].map(bytes_of);
         assert_eq!(all * 2, some * 3);
         let [full, compact] = [full, compact].map(|asked| draw(&file, &asked, &Silent).unwrap().0);
@@ -57,9 +60,9 @@ fn a_compact_picture_is_near_the_full_one_and_takes_two_thirds_of_the_bytes() {
 #[test]
 fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
     let file = Arc::new(Forest::open(creek()).unwrap());
-    let view = Scene::choose(&file, &request()).unwrap().view;
+    let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = [true, false].map(|full| {
-        let (expected, _) = draw(&file, &Request { full, ..request() }, &Silent).unwrap();
+        let (expected, _) = draw(&file, &PictureRequest { full, ..request() }, &Silent).unwrap();
         let mut session = session(&file, Options { full, ..Options::default() });
         let cut = session.settle(&view, Duration::from_secs(60)).unwrap();
         assert!(session.frame(&view).unwrap().cut.complete);
@@ -78,40 +81,41 @@ fn a_session_streams_two_thirds_and_draws_what_a_picture_shows() {
 #[test]
 fn other_colours_filters_and_evening_have_the_full_planes() {
     let file = Forest::open(creek()).unwrap();
-    let kinds = |asked: Request| {
-        let scene = Scene::read(&file, &asked, &Silent).unwrap();
+    let kinds = |asked: PictureRequest| {
+        let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
         let has = |kind| scene.planes.iter().any(|planes| planes.get(kind).is_some());
         [PlaneKind::Position, PlaneKind::Colour, PlaneKind::Compact].map(has)
     };
-    let by = |name: &str| Request { colour_by: Some(name.into()), ..request() };
+    let by = |name: &str| PictureRequest { colour_by: Some(name.into()), ..request() };
     assert_eq!(kinds(request()), [false, false, true]);
     assert_eq!(kinds(by("rgb")), [false, false, true]);
     assert_eq!(kinds(by("intensity")), [true, false, false]);
     assert_eq!(kinds(by("elevation")), [true, false, false]);
-    assert_eq!(kinds(Request { evens: true, ..request() }), [true, true, false]);
+    assert_eq!(kinds(PictureRequest { evens: true, ..request() }), [true, true, false]);
     // A filter marks points in the byte that numbers take.
-    let [low, high] = esker_engine::info::bounds(&file);
+    let [low, high] = esker_engine::calls::info::bounds(&file);
     let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;
     let bounds = format!("{},{},{},{}", low[0], low[1], middle(0), middle(1));
     let filter = Filter { bounds: Some(bounds.parse().unwrap()), ..Filter::default() };
-    assert_eq!(kinds(Request { filter, ..request() }), [true, true, false]);
+    assert_eq!(kinds(PictureRequest { filter, ..request() }), [true, true, false]);
 }
 
 #[test]
 fn a_forest_of_one_palette_is_drawn_from_compact_planes() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b] = ["a.esker", "b.esker"].map(|name| folder.path().join(name));
-    let options = esker_build::Options { node_capacity: 1024, compact: true, ..Default::default() };
+    let options =
+        esker_builder::Options { node_capacity: 1024, compact: true, ..Default::default() };
     let scans = ["synthetic:office:20k:1", "synthetic:office:20k:2"].map(PathBuf::from);
-    esker_build::build(&scans[..1], &a, &options, &Silent).unwrap();
-    esker_build::append(&a, &scans[1..], &b, &options, &Silent).unwrap();
+    esker_builder::build(&scans[..1], &a, &options, &Silent).unwrap();
+    esker_builder::append(&a, &scans[1..], &b, &options, &Silent).unwrap();
     let file = Forest::open(&b).unwrap();
-    let asked = Request { target_spacing_px: 0.0, ..request() };
-    let scene = Scene::read(&file, &asked, &Silent).unwrap();
+    let asked = PictureRequest { target_spacing_px: 0.0, ..request() };
+    let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
     assert!(scene.planes.len() > 1);
     assert!(scene.planes.iter().all(|planes| planes.get(PlaneKind::Compact).is_some()));
     let [full, compact] = [true, false]
-        .map(|full| draw(&file, &Request { full, ..asked.clone() }, &Silent).unwrap().0);
+        .map(|full| draw(&file, &PictureRequest { full, ..asked.clone() }, &Silent).unwrap().0);
     assert_eq!(full.depth, compact.depth);
     let off = off(&full, &compact);
     assert!(off <= 0.01, "{off} of the pixels are off");

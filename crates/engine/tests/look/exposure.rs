@@ -1,25 +1,27 @@
 //! Evening of exposures: what it takes beside colours is read where it is asked, and nowhere else.
 
 use super::look::{camera_of, off, request, session, terrain};
-use esker_engine::render::{Request, Scene, draw};
-use esker_engine::session::Options;
+use esker_engine::calls::render::draw;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::session::Options;
 use esker_format::{Forest, PlaneKind};
 use esker_points::task::Silent;
 use std::sync::Arc;
 use std::time::Duration;
 
-fn asked(evens: bool) -> Request {
-    Request { colour_by: Some("rgb".into()), evens, ..request() }
+fn asked(evens: bool) -> PictureRequest {
+    PictureRequest { colour_by: Some("rgb".into()), evens, ..request() }
 }
 
 #[test]
 fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
     let file = Forest::open(terrain()).unwrap();
-    let [plain, evened] = [false, true].map(|evens| Scene::read(&file, &asked(evens), &Silent));
+    let [plain, evened] =
+        [false, true].map(|evens| PictureScene::read(&file, &asked(evens), &Silent));
     let (plain, evened) = (plain.unwrap(), evened.unwrap());
     assert!(evened.plan.evens() && !plain.plan.evens());
     assert!(evened.read_bytes > plain.read_bytes);
-    let bytes = |scene: &Scene| scene.planes.iter().map(|p| p.bytes()).sum::<u64>();
+    let bytes = |scene: &PictureScene| scene.planes.iter().map(|p| p.bytes()).sum::<u64>();
     assert_eq!(bytes(&evened), bytes(&plain), "no byte more is kept");
     let kind = PlaneKind::Attribute(file.schema().find("point_source_id").unwrap() as u16);
     let mut scans = [0; 256];
@@ -36,18 +38,18 @@ fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
     }
     assert!(scans.into_iter().filter(|&points| points > 100).count() > 1, "{scans:?}");
     // Neither points alone nor other colours are evened out.
-    let elevation = Request { colour_by: Some("elevation".into()), ..asked(true) };
-    let scene = Scene::choose(&file, &elevation).unwrap();
+    let elevation = PictureRequest { colour_by: Some("elevation".into()), ..asked(true) };
+    let scene = PictureScene::choose(&file, &elevation).unwrap();
     assert!(!scene.plan.evens() && scene.look.evens);
 }
 
 #[test]
 fn a_session_evens_out_what_a_picture_does() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
-    let scene = Scene::choose(&file, &asked(true)).unwrap();
+    let scene = PictureScene::choose(&file, &asked(true)).unwrap();
     let camera = camera_of(&scene);
     let [plain, expected] = [false, true]
-        .map(|evens| draw(&file, &Request { camera, ..asked(evens) }, &Silent).unwrap().0);
+        .map(|evens| draw(&file, &PictureRequest { camera, ..asked(evens) }, &Silent).unwrap().0);
     assert!(plain.rgba != expected.rgba);
     let options = Options { colour_by: Some("rgb".into()), evens: true, ..Options::default() };
     let mut session = session(&file, options);
@@ -64,9 +66,9 @@ fn where_nothing_tells_scans_apart_exposures_are_not_evened_out() {
     let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n";
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
     std::fs::write(&scan, format!("{head}{colours}0 0 0 9 9 9\n1 1 1 9 9 9\n")).unwrap();
-    esker_build::build(&[scan], &out, &esker_build::Options::default(), &Silent).unwrap();
+    esker_builder::build(&[scan], &out, &esker_builder::Options::default(), &Silent).unwrap();
     let file = Forest::open(&out).unwrap();
-    let error = Scene::choose(&file, &asked(true)).err().unwrap().to_string();
+    let error = PictureScene::choose(&file, &asked(true)).err().unwrap().to_string();
     assert!(error.contains("point_source_id or scan or scan_id"), "{error}");
-    assert!(Scene::choose(&file, &asked(false)).is_ok());
+    assert!(PictureScene::choose(&file, &asked(false)).is_ok());
 }

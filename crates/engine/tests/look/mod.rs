@@ -2,11 +2,13 @@
 //! are neither read nor resident, sessions draw what pictures show, and each map and method has its golden picture.
 
 use super::flip::mean_flip;
-use esker_engine::backend::{Backend, DrawWith};
-use esker_engine::colour::choices;
-use esker_engine::render::{Request, Scene, draw};
-use esker_engine::session::{Options, Session};
-use esker_engine::{Filter, Method, NormalsMode, Picture, picture};
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::colour::choices;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::session::{Options, Session};
+use esker_engine::io::picture;
+use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::{Filter, Method, NormalsMode, Picture};
 use esker_format::{Forest, PlaneKind, Shown};
 use esker_lod::CompactOctree;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
@@ -33,8 +35,8 @@ fn build_terrain(name: &str, normals: NormalsMode) -> PathBuf {
 }
 
 fn build(scan: &Path, out: &Path, normals: NormalsMode) {
-    let options = esker_build::Options { node_capacity: 1024, normals, ..Default::default() };
-    esker_build::build(&[scan.to_owned()], out, &options, &Silent).unwrap();
+    let options = esker_builder::Options { node_capacity: 1024, normals, ..Default::default() };
+    esker_builder::build(&[scan.to_owned()], out, &options, &Silent).unwrap();
 }
 
 /// Two scans of one hill, each of two thirds of it, the second twice as bright.
@@ -55,14 +57,14 @@ fn two_exposures(folder: &Path) -> Forest {
     Forest::open(&out).unwrap()
 }
 
-pub fn request() -> Request {
+pub fn request() -> PictureRequest {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
-    Request { size: SIZE, with, ..Request::default() }
+    PictureRequest { size: SIZE, with, ..PictureRequest::default() }
 }
 
 /// Filters of every kind: a box over a quarter of the scan, classes, a spacing, and all at once.
 fn filters(file: &Forest) -> Vec<Filter> {
-    let [low, high] = esker_engine::info::bounds(file);
+    let [low, high] = esker_engine::calls::info::bounds(file);
     let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;
     let text = format!("{},{},{},{}", low[0], low[1], middle(0), middle(1));
     let bounds = Some(text.parse().unwrap());
@@ -96,7 +98,7 @@ fn a_filter_shows_what_export_writes() {
     let folder = tempfile::tempdir().unwrap();
     for (i, filter) in filters(&file).iter().enumerate() {
         let out = folder.path().join(format!("{i}.las"));
-        let written = esker_build::export(&file, &out, filter, &Silent).unwrap().points_out;
+        let written = esker_builder::export(&file, &out, filter, &Silent).unwrap().points_out;
         assert!(written > 100 && written < file.points() * 3 / 4, "{filter:?}: {written}");
         assert_eq!(shown_points(&file, filter), written, "{filter:?}");
     }
@@ -105,12 +107,12 @@ fn a_filter_shows_what_export_writes() {
 #[test]
 fn what_is_filtered_away_is_neither_read_nor_resident() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
-    let all = Request { target_spacing_px: 0.0, ..request() };
-    let whole = Scene::read(&file, &all, &Silent).unwrap();
+    let all = PictureRequest { target_spacing_px: 0.0, ..request() };
+    let whole = PictureScene::read(&file, &all, &Silent).unwrap();
     let camera = camera_of(&whole);
     for filter in filters(&file) {
-        let mut asked = Request { filter: filter.clone(), camera, ..all.clone() };
-        let scene = Scene::read(&file, &asked, &Silent).unwrap();
+        let mut asked = PictureRequest { filter: filter.clone(), camera, ..all.clone() };
+        let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
         let shown = &scene.look.shown;
         let drawn = |node| scene.selection.drawn.iter().any(|d| d.node == node);
         assert!(scene.selection.counters.filtered > 0 || filter.max_spacing.is_some());
@@ -132,14 +134,14 @@ fn what_is_filtered_away_is_neither_read_nor_resident() {
         }
         // No point has this class: of the pages nothing is read.
         asked.filter.classes = Some("250".parse().unwrap());
-        assert!(Scene::read(&file, &asked, &Silent).unwrap().planes.is_empty());
+        assert!(PictureScene::read(&file, &asked, &Silent).unwrap().planes.is_empty());
     }
 }
 
 /// The camera of a scene, to be kept whatever a filter leaves.
-pub fn camera_of(scene: &Scene) -> esker_engine::camera::Camera {
+pub fn camera_of(scene: &PictureScene) -> esker_engine::cameras::camera::Camera {
     let (eye, forward) = (scene.view.eye, scene.view.forward());
-    let mut camera = esker_engine::camera::Camera::default();
+    let mut camera = esker_engine::cameras::camera::Camera::default();
     (camera.eye, camera.target) = (Some(eye), Some(eye + forward));
     camera
 }
@@ -164,8 +166,9 @@ fn a_session_draws_what_a_picture_shows() {
     looks.extend(filters(&file).into_iter().map(|filter| ("classification", filter)));
     for (colour, filter) in looks {
         let colour_by = Some(colour.to_owned());
-        let asked = Request { colour_by: colour_by.clone(), filter: filter.clone(), ..request() };
-        let view = Scene::choose(&file, &asked).unwrap().view;
+        let asked =
+            PictureRequest { colour_by: colour_by.clone(), filter: filter.clone(), ..request() };
+        let view = PictureScene::choose(&file, &asked).unwrap().view;
         let (expected, _) = draw(&file, &asked, &Silent).unwrap();
         let mut session = session(&file, Options { colour_by, filter, ..Options::default() });
         session.settle(&view, Duration::from_secs(60)).unwrap();
@@ -178,7 +181,7 @@ fn a_session_draws_what_a_picture_shows() {
 #[test]
 fn only_what_is_shown_is_resident() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
-    let view = Scene::choose(&file, &request()).unwrap().view;
+    let view = PictureScene::choose(&file, &request()).unwrap().view;
     let bytes = |colour: &str, method| {
         let colour_by = Some(colour.to_owned());
         let mut session = session(&file, Options { colour_by, method, ..Options::default() });
@@ -200,7 +203,7 @@ fn only_what_is_shown_is_resident() {
 #[test]
 fn normals_come_when_a_session_begins_to_draw_surfaces() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
-    let view = Scene::choose(&file, &request()).unwrap().view;
+    let view = PictureScene::choose(&file, &request()).unwrap().view;
     let options = || Options { colour_by: Some("plain".into()), ..Options::default() };
     let mut fresh = session(&file, options());
     fresh.settle(&view, Duration::from_secs(60)).unwrap();
@@ -220,8 +223,8 @@ fn normals_come_when_a_session_begins_to_draw_surfaces() {
 #[test]
 fn a_dense_view_needs_no_push() {
     let file = Forest::open(terrain()).unwrap();
-    let asked = Request { target_spacing_px: 0.0, size: [40, 30], ..request() };
-    let scene = Scene::read(&file, &asked, &Silent).unwrap();
+    let asked = PictureRequest { target_spacing_px: 0.0, size: [40, 30], ..request() };
+    let scene = PictureScene::read(&file, &asked, &Silent).unwrap();
     assert!(!scene.plan.passes.contains(&Pass::Push), "{:?}", scene.plan);
     let octree = CompactOctree::new(file.table(), &scene.selection.drawn);
     let draws = scene.draws(&file);
@@ -231,7 +234,7 @@ fn a_dense_view_needs_no_push() {
     assert_eq!((without.stats.stages.push_ms, without.stats.stages.pull_ms), (0.0, 0.0));
     let flip = mean_flip(&without.rgba, &with.rgba, 40);
     assert!(flip <= 0.05, "FLIP {flip}");
-    let near = Scene::choose(&file, &request()).unwrap();
+    let near = PictureScene::choose(&file, &request()).unwrap();
     assert!(near.plan.passes.contains(&Pass::Push));
 }
 
@@ -250,7 +253,7 @@ fn every_map_and_method_has_its_golden_picture() {
             Method::Ewa => format!("splats-{colour}.png"),
         };
         let colour_by = Some(colour);
-        is_golden(&file, &Request { method, colour_by, ..request() }, &name);
+        is_golden(&file, &PictureRequest { method, colour_by, ..request() }, &name);
     }
 }
 
@@ -259,18 +262,18 @@ fn every_map_and_method_has_its_golden_picture() {
 #[test]
 fn every_option_of_surfaces_has_its_golden_picture() {
     let file = Forest::open(terrain()).unwrap();
-    let rgb = Request { colour_by: Some("rgb".into()), ..request() };
-    let plain = Request { colour_by: Some("plain".into()), ..request() };
+    let rgb = PictureRequest { colour_by: Some("rgb".into()), ..request() };
+    let plain = PictureRequest { colour_by: Some("plain".into()), ..request() };
     let filter = filters(&file).remove(0);
-    is_golden(&file, &Request { filter, ..rgb.clone() }, "surface-rgb-box.png");
+    is_golden(&file, &PictureRequest { filter, ..rgb.clone() }, "surface-rgb-box.png");
     let folder = tempfile::tempdir().unwrap();
     let hill = two_exposures(folder.path());
     let csg = folder.path().join("csg.esker");
     build(Path::new("synthetic:csg:20000"), &csg, NormalsMode::Estimate);
     let csg = Forest::open(&csg).unwrap();
     for (file, asked, other, name) in [
-        (&hill, Request { evens: true, ..rgb.clone() }, &rgb, "surface-rgb-even.png"),
-        (&csg, Request { shines: false, ..plain.clone() }, &plain, "surface-plain-matt.png"),
+        (&hill, PictureRequest { evens: true, ..rgb.clone() }, &rgb, "surface-rgb-even.png"),
+        (&csg, PictureRequest { shines: false, ..plain.clone() }, &plain, "surface-plain-matt.png"),
     ] {
         is_golden(file, &asked, name);
         let [with, without] = [&asked, other].map(|asked| draw(file, asked, &Silent).unwrap().0);
@@ -312,12 +315,12 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
     // Straight down on the middle 8 m: a pixel is 0.1 m, and half a point's spacing.
     const PIXELS: usize = 80;
     let camera = "eye=5,5,100;target=5,5,0;up=0,1,0;fovy=4.580";
-    let camera = esker_engine::camera::Camera::parse(camera).unwrap();
+    let camera = esker_engine::cameras::camera::Camera::parse(camera).unwrap();
     // How light the maps are at each pixel: they get lighter with their values.
     let lightness = |colour: &str| {
         let colour_by = Some(colour.to_owned());
         let size = [PIXELS as u32; 2];
-        let asked = Request { size, camera, colour_by, shines: false, ..request() };
+        let asked = PictureRequest { size, camera, colour_by, shines: false, ..request() };
         let (drawn, _) = draw(&file, &asked, &Silent).unwrap();
         let pixels = drawn.rgba.chunks_exact(4);
         pixels.map(|p| p[..3].iter().map(|c| f64::from(*c)).sum()).collect::<Vec<f64>>()
@@ -340,7 +343,7 @@ fn texture_coordinates_of_a_file_cross_the_surface_between_its_points() {
 }
 
 /// Holds that a picture is the one that is kept.
-fn is_golden(file: &Forest, asked: &Request, name: &str) {
+fn is_golden(file: &Forest, asked: &PictureRequest, name: &str) {
     let (drawn, _) = draw(file, asked, &Silent).unwrap();
     let path = std::path::absolute("tests/golden").unwrap().join(name);
     if std::env::var_os("ESKER_BLESS").is_some() {

@@ -2,14 +2,15 @@
 
 use super::flip::mean_flip;
 use super::splats::request;
-use esker_engine::backend::Backend;
-use esker_engine::render::{Scene, draw};
-use esker_engine::session::{Options, Session};
+use esker_engine::calls::render::draw;
+use esker_engine::draw::scene::PictureScene;
+use esker_engine::draw::session::{Options, Session};
+use esker_engine::machine::backend::Backend;
 use esker_engine::{Method, NormalsMode, Picture};
 use esker_format::{EskerFile, Forest, PlaneKind, verify};
 use esker_lod::View;
 use esker_points::task::Silent;
-use esker_render::colour::linear;
+use esker_render::inputs::colour::linear;
 use glam::{DVec2, DVec3};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -62,8 +63,8 @@ fn built(scan: &Path, tangents: bool) -> Forest {
     let out = scan.with_file_name(format!("{tangents}.esker"));
     let normals = NormalsMode::Estimate;
     let options =
-        esker_build::Options { normals, tangents, node_capacity: 2048, ..Default::default() };
-    esker_build::build(&[scan.to_path_buf()], &out, &options, &Silent).unwrap();
+        esker_builder::Options { normals, tangents, node_capacity: 2048, ..Default::default() };
+    esker_builder::build(&[scan.to_path_buf()], &out, &options, &Silent).unwrap();
     verify(&EskerFile::open(&out).unwrap(), &Silent).unwrap();
     Forest::open(&out).unwrap()
 }
@@ -106,7 +107,7 @@ fn a_scan_in_lines_is_sharper_with_the_shapes_of_its_splats_and_as_closed() {
         let mut asked = request("direction=0,1,-1.2;fovy=40", SIZE);
         (asked.camera.eye, asked.camera.target) =
             (Some(DVec3::new(0.3, -1.6, 1.8)), Some(DVec3::ZERO));
-        let view = Scene::choose(&file, &asked).unwrap().view;
+        let view = PictureScene::choose(&file, &asked).unwrap().view;
         let (picture, _) = draw(&file, &asked, &Silent).unwrap();
         let open = picture.depth.iter().filter(|d| !d.is_finite()).count();
         // The same by a session, which streams the plane.

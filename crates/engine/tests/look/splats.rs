@@ -3,11 +3,13 @@
 
 use super::flip::mean_flip;
 use super::look::read_png;
-use esker_engine::backend::{Backend, DrawWith};
-use esker_engine::camera::Camera;
-use esker_engine::render::{Request, Scene, draw};
-use esker_engine::session::{Options, Session};
-use esker_engine::{Method, NormalsMode, Picture, picture};
+use esker_engine::calls::render::draw;
+use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::scene::{PictureRequest, PictureScene};
+use esker_engine::draw::session::{Options, Session};
+use esker_engine::io::picture;
+use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::{Method, NormalsMode, Picture};
 use esker_format::{EskerFile, Forest, PlaneKind, verify};
 use esker_points::task::Silent;
 use glam::{DVec2, DVec3};
@@ -20,16 +22,23 @@ fn built(model: &str, found: bool, test: impl FnOnce(&Forest)) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("model.esker");
     let normals = if found { NormalsMode::Estimate } else { NormalsMode::Keep };
-    let options = esker_build::Options { normals, sharp_features: found, ..Default::default() };
-    esker_build::build(&[PathBuf::from(model)], &out, &options, &Silent).unwrap();
+    let options = esker_builder::Options { normals, sharp_features: found, ..Default::default() };
+    esker_builder::build(&[PathBuf::from(model)], &out, &options, &Silent).unwrap();
     verify(&EskerFile::open(&out).unwrap(), &Silent).unwrap();
     test(&Forest::open(&out).unwrap());
 }
 
-pub fn request(camera: &str, size: [u32; 2]) -> Request {
+pub fn request(camera: &str, size: [u32; 2]) -> PictureRequest {
     let with = DrawWith { backend: Backend::Cpu, ..DrawWith::default() };
     let (camera, method) = (Camera::parse(camera).unwrap(), Method::Ewa);
-    Request { size, with, camera, method, target_spacing_px: 0.0, ..Request::default() }
+    PictureRequest {
+        size,
+        with,
+        camera,
+        method,
+        target_spacing_px: 0.0,
+        ..PictureRequest::default()
+    }
 }
 
 /// The corners of the cube that is generated.
@@ -67,7 +76,7 @@ fn outside(place: DVec2, hull_of: &[DVec2]) -> f64 {
 /// share.
 fn wrong(file: &Forest, camera: &str, pixels: f64) -> f64 {
     let asked = request(camera, [320, 240]);
-    let view = Scene::choose(file, &asked).unwrap().view;
+    let view = PictureScene::choose(file, &asked).unwrap().view;
     let hull = corners().map(|corner| {
         let p = view.view_from_world() * (corner - view.eye);
         let scale = view.focal_px() / -p.z;
@@ -124,7 +133,7 @@ fn edges_are_found_from_positions_alone() {
 fn a_session_draws_clip_lines_as_a_picture_does() {
     built("synthetic:csg:6400", false, |file| {
         let asked = request("direction=-0.8,1.3,-0.9;fovy=30", [160, 120]);
-        let view = Scene::choose(file, &asked).unwrap().view;
+        let view = PictureScene::choose(file, &asked).unwrap().view;
         let (expected, _) = draw(file, &asked, &Silent).unwrap();
         let clipped = |method| {
             let file = Arc::new(Forest::open(file.path()).unwrap());

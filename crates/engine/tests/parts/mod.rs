@@ -1,6 +1,6 @@
 //! Scans in two parts: each built as a tree of its own, one appended to the other, beside all of it at once.
 
-use esker_build::{Options, append_sources, build_sources};
+use esker_builder::{Options, append_sources, build_sources};
 use esker_format::Forest;
 use esker_points::lattice::Placement;
 use esker_points::task::Silent;

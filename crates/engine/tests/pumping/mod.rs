@@ -3,7 +3,8 @@
 //! point is drawn, is small, and no frame stands out.
 
 use super::{Whole, uncovered};
-use esker_engine::{Method, NormalsMode, info};
+use esker_engine::calls::info;
+use esker_engine::{Method, NormalsMode};
 use esker_lod::{AllResident, View};
 use esker_render::{Picture, Renderer};
 use glam::DVec3;
@@ -100,7 +101,7 @@ fn measure(whole: &Whole, target_px: f64) -> Pumping {
 fn assert_does_not_pump(scan: &Path, target_px: f64) {
     let folder = tempfile::tempdir().unwrap();
     let normals = NormalsMode::Estimate;
-    let options = esker_build::Options { node_capacity: 1024, normals, ..Default::default() };
+    let options = esker_builder::Options { node_capacity: 1024, normals, ..Default::default() };
     let [splats, closed] = [Method::Ewa, Method::PullPush].map(|method| {
         let whole = Whole::build_as(scan, &options, folder.path(), method);
         let found = measure(&whole, target_px);

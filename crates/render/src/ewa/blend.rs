@@ -2,18 +2,18 @@
 //! visibility (the front's inverse depth, moved back), attributes (sums with weights, over what is not behind
 //! that), and normalisation (sums over the sum of weights), into planes that are shaded afterwards.
 
-use super::cover::{Pixels, Window, for_each, for_each_small};
-use super::gauss::Falloff;
-use super::place::{PART_MAX, along, unpacked};
-use super::planes::Planes;
-use super::splat::{Dye, Splat};
-use super::sums::{
+use crate::ewa::cover::{Pixels, Window, for_each, for_each_small};
+use crate::ewa::gauss::Falloff;
+use crate::ewa::place::{PART_MAX, along, unpacked};
+use crate::ewa::planes::Planes;
+use crate::ewa::splat::{Dye, Splat};
+use crate::ewa::sums::{
     INVERSE_DEPTH, PAIRS, Rows, SHAPE, Share, Sums, TINT, WEIGHT, add, advance, front, replace,
 };
-use super::tiles::{Entry, Run, TILE};
-use crate::camera::Camera;
-use crate::surface::Surface;
-use crate::values::{EIGHT, Values, dot, only};
+use crate::ewa::tiles::{Entry, Run, TILE};
+use crate::inputs::camera::Camera;
+use crate::picture::surface::Surface;
+use crate::simd::values::{EIGHT, Values, dot, only};
 use fearless_simd::{ExtractToken, Level, Simd, SimdMask, dispatch, f32x8};
 use rayon::prelude::*;
 

@@ -4,12 +4,12 @@
 //! the sign of `(c x e) . ray`. Both depend on the lattice and the eye alone, not on the splat, and numbers only change
 //! their sign from one splat of a pair to the other: what the one leaves the other takes, to the pixel.
 
-use crate::camera::Camera;
-use crate::values::Values;
+use crate::inputs::camera::Camera;
+use crate::simd::values::Values;
 use esker_points::clip::{CLIP_BYTES, Clip, ClipLine, Grain};
 use glam::{Vec2, Vec3};
 
-use super::splat::Box4;
+use crate::ewa::splat::Box4;
 
 /// The lines of a splat, each over the homogeneous pixel (x, y, 1) from the picture's middle: not negative where the splat
 /// is kept. As large as on the GPU.

@@ -2,11 +2,11 @@
 //! its plane is there. Most splats are no wider than four pixels and take a short way without any branch but that for their
 //! rows.
 
-use super::clip::Lines;
-use super::splat::{Splat, WIDENED};
-use super::sums::{PAIR, PAIRS, Rows};
-use super::tiles::{LANES, Part, TILE};
-use crate::values::{EIGHT, Values, load};
+use crate::ewa::clip::Lines;
+use crate::ewa::splat::{Splat, WIDENED};
+use crate::ewa::sums::{PAIR, PAIRS, Rows};
+use crate::ewa::tiles::{LANES, Part, TILE};
+use crate::simd::values::{EIGHT, Values, load};
 use fearless_simd::{ExtractToken, Simd, SimdMask, f32x8, mask32x8};
 
 /// Pixels of a tile's row in its buffers: what is worked on together may end past the tile.
@@ -298,10 +298,10 @@ fn for_each_by_rays<S: Simd>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::splat::{Disc, Lens, Placed};
-    use super::super::sums::Sums;
-    use super::super::tiles::{Entry, Run, Tiles};
     use super::*;
+    use crate::ewa::splat::{Disc, Lens, Placed};
+    use crate::ewa::sums::Sums;
+    use crate::ewa::tiles::{Entry, Run, Tiles};
     use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
     use proptest::prelude::*;

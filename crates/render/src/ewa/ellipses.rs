@@ -1,10 +1,10 @@
-//! Eight splats at once: what [`super::splat`] does with one disc, in registers of eight.
+//! Eight splats at once: what [`crate::ewa::splat`] does with one disc, in registers of eight.
 
-use super::splat::{Box4, CONDITION_MAX, Lens, REACH_MAX, Splat, edges, ellipse};
-use super::sums::PAIR;
-use super::tiles::{LANES, Part, TILE};
-use crate::lanes::turned;
-use crate::values::{EIGHT, Values, bits};
+use crate::ewa::splat::{Box4, CONDITION_MAX, Lens, REACH_MAX, Splat, edges, ellipse};
+use crate::ewa::sums::PAIR;
+use crate::ewa::tiles::{LANES, Part, TILE};
+use crate::simd::lanes::turned;
+use crate::simd::values::{EIGHT, Values, bits};
 use fearless_simd::{Bytes, Simd, SimdBase, f32x8, mask32x8, u32x8};
 use glam::Vec4;
 
@@ -36,7 +36,7 @@ struct Parts {
 }
 
 impl<S: Simd> Ellipses<S> {
-    /// Of eight discs, as [`super::splat::Disc::place`] does, in a picture of so many columns of tiles.
+    /// Of eight discs, as [`crate::ewa::splat::Disc::place`] does, in a picture of so many columns of tiles.
     #[inline(always)]
     pub fn new(
         lens: &Lens,
@@ -187,9 +187,9 @@ fn side_by_side<S: Simd>(values: [f32x8<S>; 4]) -> [Vec4; EIGHT] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::splat::{Disc, Placed};
     use super::*;
-    use crate::values::load;
+    use crate::ewa::splat::{Disc, Placed};
+    use crate::simd::values::load;
     use fearless_simd::{Level, dispatch};
     use glam::{Vec2, Vec3};
     use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! The Gaussian's weights inside its cutoff.
 
-use crate::values::Values;
+use crate::simd::values::Values;
 
 /// Least and greatest cutoff, standard deviations from the middle to where kernels end (zwicker2004, section
 /// 4.4 and figure 5).

@@ -9,7 +9,7 @@
 //!
 //! All of it is computed of one splat or of several at once ([`Values`]).
 
-use crate::values::{Values, dot};
+use crate::simd::values::{Values, dot};
 use glam::{Vec2, Vec3};
 
 /// The homogeneous mapping of equation 4, recentred: the rows of `M`, with the splat's centre in the third.

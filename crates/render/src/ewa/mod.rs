@@ -22,11 +22,11 @@ pub mod tiles;
 
 pub use blend::Passes;
 
-use crate::camera::Camera;
 use crate::frame::Frame;
-use crate::gather::Lookup;
+use crate::inputs::camera::Camera;
+use crate::passes::gather::Lookup;
+use crate::passes::project::DrawList;
 use crate::plan::FramePlan;
-use crate::project::DrawList;
 use blend::Blend;
 use clip::Clipping;
 use esker_points::Grain;

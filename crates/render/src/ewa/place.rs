@@ -2,17 +2,17 @@
 //! keeps its own splats, in the order of its points, and for each tile the list of those that touch it. A tile goes
 //! through the runs in their order: the same sums, and so the same bits, for any number of threads.
 
-use super::clip::{Clipping, Lines, WIDER};
-use super::ellipses::Ellipses;
-use super::shape::{Codes, Shapes, WIDEST, shape_code};
-use super::splat::{Box4, Disc, Dye, Lens, Placed, across};
-use super::tiles::{RUN_POINTS, Run, Tiles};
-use crate::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
-use crate::colour::{ColourBy, linear};
+use crate::ewa::clip::{Clipping, Lines, WIDER};
+use crate::ewa::ellipses::Ellipses;
+use crate::ewa::shape::{Codes, Shapes, WIDEST, shape_code};
+use crate::ewa::splat::{Box4, Disc, Dye, Lens, Placed, across};
+use crate::ewa::tiles::{RUN_POINTS, Run, Tiles};
 use crate::frame::{ColourPlane, DrawNode, Frame};
-use crate::gather::Lookup;
-use crate::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
-use crate::values::{EIGHT, Values, WHOLE, bits, directions, dot, load, only};
+use crate::inputs::camera::{Camera, NodePlace, Positions, SHIFT_MAX};
+use crate::inputs::colour::{ColourBy, linear};
+use crate::passes::gather::Lookup;
+use crate::passes::project::{DrawList, NO_NORMAL, is_hidden, normal_code};
+use crate::simd::values::{EIGHT, Values, WHOLE, bits, directions, dot, load, only};
 use esker_points::Node;
 use esker_points::quant::{HOT_POSITION_BYTES, RADIUS_AT};
 use fearless_simd::{Bytes, Level, Simd, SimdMask, dispatch, f32x8, mask32x8, u32x8};

@@ -2,8 +2,8 @@
 //! side, plane after plane: what a row of a tile leaves is one run of memory, which is written in half the time that
 //! planes a whole row apart take.
 
-use crate::surface::{Surface, SurfaceRow};
-use crate::values::{EIGHT, load};
+use crate::picture::surface::{Surface, SurfaceRow};
+use crate::simd::values::{EIGHT, load};
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 

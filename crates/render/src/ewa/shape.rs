@@ -1,6 +1,6 @@
 //! Ellipses in the plane of the normal, where a file keeps the shapes of splats ([`esker_points::tangents`]): eight at a time.
 
-use crate::values::{EIGHT, Values, cross, dot, load};
+use crate::simd::values::{EIGHT, Values, cross, dot, load};
 use esker_points::quant::radius_factor;
 use esker_points::tangents::{ASPECT_MAX, COARSER, LEAST, ROOM, TANGENT_BYTES, aspect_of, axis_of};
 use fearless_simd::{Simd, f32x8};

@@ -4,8 +4,8 @@
 //! pixel's ray instead, where the paper drops it; one wholly before the near plane is culled by its depth,
 //! for behind the eye a projection passes the test for an ellipse too.
 
-use super::mapping::{Conic, Mapping, amplitude, inverse, mapping};
-use crate::values::{Values, WHOLE};
+use crate::ewa::mapping::{Conic, Mapping, amplitude, inverse, mapping};
+use crate::simd::values::{Values, WHOLE};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
@@ -52,9 +52,9 @@ pub struct Disc {
 pub struct Splat {
     /// Where its coordinates start, pixels from the picture's upper left.
     pub origin: [f32; 2],
-    /// Of an ellipse: the conic ([`super::mapping::Conic`]), the amplitude, which is negative where weights follow
+    /// Of an ellipse: the conic ([`crate::ewa::mapping::Conic`]), the amplitude, which is negative where weights follow
     /// the exact Gaussian, least and greatest inverse depth.
-    /// Of a splat evaluated by rays: the rows u and v of [`super::mapping::Inverse`].
+    /// Of a splat evaluated by rays: the rows u and v of [`crate::ewa::mapping::Inverse`].
     pub form: [f32; 6],
     /// Inverse depth on its plane: at the origin, and its growth a pixel to the right and down.
     pub inverse_depth: [f32; 3],
@@ -71,7 +71,7 @@ pub struct Splat {
 pub struct Dye {
     /// Linear light.
     pub tint: [f32; 3],
-    /// The world normal, turned to the eye ([`super::place::unpacked`]); where the cloud has none, the radius in pixels as
+    /// The world normal, turned to the eye ([`crate::ewa::place::unpacked`]); where the cloud has none, the radius in pixels as
     /// bits.
     pub normal: u32,
 }
@@ -308,7 +308,7 @@ impl Splat {
     }
 
     /// What a place in the picture sees of it: the square of the place in the splat, 1 at the cutoff, and the
-    /// inverse depth on its plane; `None` outside. [`super::blend`] does the same for several pixels at once.
+    /// inverse depth on its plane; `None` outside. [`crate::ewa::blend`] does the same for several pixels at once.
     pub fn at(&self, place: Vec2, near: f32) -> Option<[f32; 2]> {
         let d = place - Vec2::from_array(self.origin);
         let [z, z_x, z_y] = self.inverse_depth;

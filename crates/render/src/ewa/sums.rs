@@ -1,9 +1,9 @@
 //! What a tile holds while its splats are drawn: the front, and sums over what is not behind it, plane after plane in each
 //! pair of rows. A pixel lies beside the one under it, so that four neighbours of two rows are one addition a plane.
 
-use super::cover::STRIDE;
-use super::tiles::TILE;
-use crate::values::{EIGHT, Values, load, only};
+use crate::ewa::cover::STRIDE;
+use crate::ewa::tiles::TILE;
+use crate::simd::values::{EIGHT, Values, load, only};
 use fearless_simd::{ExtractToken, Simd, f32x8, mask32x8};
 
 /// Planes of rows: the front; red, green, blue, the weight; the normal (or the radius), the inverse depth.

@@ -1,14 +1,14 @@
 //! The splats of a run of points, and for each tile of the picture the list of those that touch it, sorted by counting.
 
-use super::clip::{Lines, WHOLE};
-use super::splat::{Box4, Dye, Splat};
-use super::sums::PAIR;
-use crate::values::EIGHT;
+use crate::ewa::clip::{Lines, WHOLE};
+use crate::ewa::splat::{Box4, Dye, Splat};
+use crate::ewa::sums::PAIR;
+use crate::simd::values::EIGHT;
 
 /// Pixels on a side of a tile: its sums stay in the nearest cache.
 pub const TILE: usize = 32;
 /// Pixels of a row that are worked on together.
-pub const LANES: usize = crate::lanes::LANES;
+pub const LANES: usize = crate::simd::lanes::LANES;
 
 /// Tiles of a picture.
 #[derive(Clone, Copy, Debug, Default)]

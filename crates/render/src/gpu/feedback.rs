@@ -1,15 +1,15 @@
 //! What comes back from a frame some frames later: its counts and times, and the depth tiles by which the next
 //! views tell what is hidden. All of it is copied behind the frame's passes and polled, never waited for.
 
-use super::device::{Counted, Gpu};
-use super::error::GpuError;
-use super::kernel::{Kernel, groups_of};
-use super::picture::GpuPicture;
-use super::readback::ReadbackRing;
-use super::shader::sources;
-use super::tiles::{TILES_BYTES, Tiles, tiles_from};
-use super::timing::Timing;
 use crate::frame::{Method, Stats};
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Kernel, groups_of};
+use crate::gpu::device::readback::ReadbackRing;
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::picture::GpuPicture;
+use crate::gpu::passes::tiles::{TILES_BYTES, Tiles, tiles_from};
 use esker_lod::{DepthFeedback, View};
 use wgpu::{BufferUsages, CommandEncoder, PollType};
 

@@ -1,32 +1,32 @@
 //! The frame on the GPU from first pass to last, as its plan says: all passes in one command buffer, submitted
 //! once. Nothing waits for the GPU but [`GpuRenderer::read`]. Twin: [`crate::renderer`].
 
-use super::average::Average;
-use super::cut::GpuCut;
-use super::device::{Counted, Gpu, ProjectPath};
-use super::error::GpuError;
-use super::even::Even;
-use super::ewa::{self, GpuEwa, Room};
-use super::feedback::Feedback;
-use super::frame::FrameUniform;
-use super::gather::Gather;
-use super::hits::Hits;
-use super::lookup::{GpuLookup, Won};
-use super::picture::GpuPicture;
-use super::pool::NodePool;
-use super::primitives::Primitives;
-use super::project::Project;
-use super::pyramid::GpuPyramid;
-use super::readback;
-use super::resolve::Resolve;
-use super::shade::Store;
-use super::surface::Surface;
-use super::table::PlaneAt;
-use crate::camera::Camera;
 use crate::frame::{Frame, Method, Picture, Stats};
-use crate::margin::crop;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::readback;
+use crate::gpu::device::{Counted, Gpu, ProjectPath};
+use crate::gpu::feedback::Feedback;
+use crate::gpu::memory::cut::GpuCut;
+use crate::gpu::memory::frame::FrameUniform;
+use crate::gpu::memory::hits::Hits;
+use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::picture::GpuPicture;
+use crate::gpu::memory::pool::NodePool;
+use crate::gpu::memory::pyramid::GpuPyramid;
+use crate::gpu::memory::table::PlaneAt;
+use crate::gpu::passes::average::Average;
+use crate::gpu::passes::ewa::{self, GpuEwa, Room};
+use crate::gpu::passes::exposure::Even;
+use crate::gpu::passes::gather::Gather;
+use crate::gpu::passes::primitives::Primitives;
+use crate::gpu::passes::project::Project;
+use crate::gpu::passes::resolve::Resolve;
+use crate::gpu::passes::shade::Store;
+use crate::gpu::surface::Surface;
+use crate::inputs::camera::Camera;
+use crate::picture::margin::crop;
+use crate::picture::pyramid::Planes;
 use crate::plan::{FramePlan, Pass};
-use crate::pyramid::Planes;
 use esker_lod::DepthFeedback;
 use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, TextureView};
@@ -348,7 +348,7 @@ impl GpuRenderer {
         (&self.hits, &self.cut)
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (where [`super::shader::folder`] is). Whether any has.
+    /// Makes kernels anew whose shaders have changed on the disk (where [`crate::gpu::device::shader::folder`] is). Whether any has.
     ///
     /// # Errors
     /// Where a changed shader does not build; what it made before goes on.

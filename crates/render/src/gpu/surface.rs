@@ -1,22 +1,22 @@
 //! From a filled level 0 of the pyramid to the picture, on the GPU: pull, push, mend, trim, shade, soften. Kernels are
 //! made when a scene first needs them, and bound once; a frame then only runs their dispatches.
 
-use super::device::{Counted, Gpu};
-use super::dispatch::{Dispatch, Groups};
-use super::error::GpuError;
-use super::kernel::{Beside, Kernel};
-use super::mend::Mend;
-use super::picture::GpuPicture;
-use super::pull::Pull;
-use super::push::Push;
-use super::pyramid::{GpuLevel, GpuPyramid};
-use super::relief::Relief;
-use super::shade::{Shade, Soften};
-use super::shader::sources;
-use super::timing::Timing;
-use super::trim::{Trim, Turns};
+use crate::gpu::device::dispatch::{Dispatch, Groups};
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Beside, Kernel};
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::picture::GpuPicture;
+use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
+use crate::gpu::passes::fill_holes::Mend;
+use crate::gpu::passes::pull::Pull;
+use crate::gpu::passes::push::Push;
+use crate::gpu::passes::shade::{Shade, Soften};
+use crate::gpu::passes::silhouette::{Trim, Turns};
+use crate::gpu::passes::smooth_depth::Relief;
+use crate::picture::pyramid::Planes;
 use crate::plan::{FramePlan, Pass};
-use crate::pyramid::Planes;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::thread;
@@ -91,7 +91,7 @@ pub struct Target<'a> {
     pub picture: &'a GpuPicture,
     /// Bits of `shaders/common/marks.wgsl`, a word a pixel.
     pub marks: &'a Counted,
-    /// Depth after mend, `f32` a pixel; [`super::trim`] makes the picture's from it. Then it is free for depth
+    /// Depth after mend, `f32` a pixel; [`crate::gpu::passes::silhouette`] makes the picture's from it. Then it is free for depth
     /// smoothed along rows, and then for [`Target::shaded`].
     pub depth: &'a Counted,
     /// Whose attributes each pixel shows, a word a pixel (`shaders/common/source.wgsl`).
@@ -113,17 +113,17 @@ impl<'a> Target<'a> {
     }
 
     /// A kernel over the picture that has the uniform at binding 0 and these after it.
-    pub(super) fn dispatch(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
+    pub(crate) fn dispatch(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
         let size = [self.picture.width, self.picture.height];
         Dispatch::over(gpu, kernel, size, &self.resources(buffers))
     }
 
     /// The same, one group.
-    pub(super) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
+    pub(crate) fn one_group(&self, gpu: &Gpu, kernel: &Kernel, buffers: &[&Counted]) -> Dispatch {
         Dispatch::new(gpu, kernel, Groups::Fixed([1, 1]), &self.resources(buffers))
     }
 
-    pub(super) fn resources<'b>(
+    pub(crate) fn resources<'b>(
         &'b self,
         buffers: &[&'b Counted],
     ) -> Vec<(u32, wgpu::BindingResource<'b>)> {
@@ -239,7 +239,7 @@ impl Kernels {
 
 impl Surface {
     /// Adds the passes to the commands of a frame: level 0 of `pyramid` is filled, `picture` has its size, and
-    /// `uniform` holds the frame ([`super::frame::FrameUniform`]).
+    /// `uniform` holds the frame ([`crate::gpu::memory::frame::FrameUniform`]).
     ///
     /// # Errors
     /// Where a shader or memory is refused.

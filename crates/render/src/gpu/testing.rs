@@ -2,8 +2,8 @@
 //! promises; and what a buffer holds.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use super::device::{Gpu, Request, all_interfaces};
-use super::readback;
+use crate::gpu::device::readback;
+use crate::gpu::device::{Gpu, Request, all_interfaces};
 
 /// A device of each kind that the machine has; says so where it has none.
 pub(crate) fn gpus() -> Vec<Gpu> {

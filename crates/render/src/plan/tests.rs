@@ -1,7 +1,7 @@
 //! Claims about plans: what is in them where it is asked, and in none else.
 
 use super::*;
-use crate::colour::{Codebook, Palette};
+use crate::inputs::colour::{Codebook, Palette};
 
 const ALL: SceneHas = SceneHas {
     normals: true,

@@ -337,7 +337,7 @@ fn figure_5_a_cube_has_the_analytic_outline_and_edges_and_smooth_faces() {
             let wanted = view.view_from_world() * (cube.axes * face);
             turned = turned.min(normal.dot(wanted));
             let colour = Cube::texture(at).to_array().map(|c| (c * 255.0) as u8);
-            let wanted = esker_render::colour::linear(colour);
+            let wanted = esker_render::inputs::colour::linear(colour);
             worst = worst.max(f64::from((level.tint[i].truncate() - wanted).abs().max_element()));
             seen += 1;
         }

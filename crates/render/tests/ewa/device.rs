@@ -6,7 +6,7 @@ use crate::gpu::{few_gpus, laid_frame, lay, name};
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
 use esker_render::gpu::GpuRenderer;
-use esker_render::gpu::ewa::{GpuEwa, Room};
+use esker_render::gpu::passes::ewa::{GpuEwa, Room};
 use esker_render::{Frame, Method, render};
 use glam::DVec3;
 

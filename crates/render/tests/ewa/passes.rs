@@ -3,13 +3,14 @@
 use crate::scene::{Dice, Scene, ScenePoint, sheet, sphere};
 use esker_lod::View;
 use esker_points::quant::HIDDEN_AT;
-use esker_render::camera::Camera;
 use esker_render::ewa::{Counts, Ewa, Options, Passes};
-use esker_render::gather::Lookup;
-use esker_render::project::DrawList;
-use esker_render::pyramid::{Level, Pyramid};
-use esker_render::surface::Surface;
-use esker_render::{Frame, FramePlan, Method, Renderer, colour};
+use esker_render::inputs::camera::Camera;
+use esker_render::inputs::colour;
+use esker_render::passes::gather::Lookup;
+use esker_render::passes::project::DrawList;
+use esker_render::picture::pyramid::{Level, Pyramid};
+use esker_render::picture::surface::Surface;
+use esker_render::{Frame, FramePlan, Method, Renderer};
 use glam::{DVec3, Vec3, Vec4};
 
 /// Level 0 as the passes leave it, its depths (infinite where nothing is), and counts.

@@ -5,8 +5,8 @@ use crate::passes::draw;
 use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
 use esker_points::tangents::Shape;
-use esker_render::colour;
 use esker_render::ewa::Options;
+use esker_render::inputs::colour;
 use glam::DVec3;
 
 const SIZE: u32 = 200;

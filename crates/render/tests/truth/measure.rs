@@ -6,14 +6,18 @@ use super::sample::{Kind, floor, sample};
 use super::{Shape, Truth};
 use crate::scene::{Dice, Scene, ScenePoint};
 use esker_lod::View;
-use esker_render::camera::Camera;
-use esker_render::colour::linear;
-use esker_render::margin::MARGIN_PX;
-use esker_render::pyramid::{Level, Pyramid};
-use esker_render::relief::{DepthImage, ReliefScratch};
-use esker_render::tangent::Lens;
+use esker_render::inputs::camera::Camera;
+use esker_render::inputs::colour::linear;
+use esker_render::passes::fill_holes;
+use esker_render::passes::pull;
+use esker_render::passes::push;
+use esker_render::passes::silhouette;
+use esker_render::passes::smooth_depth::{DepthImage, ReliefScratch};
+use esker_render::passes::tangent::Lens;
+use esker_render::picture::edges;
+use esker_render::picture::margin::MARGIN_PX;
+use esker_render::picture::pyramid::{Level, Pyramid};
 use esker_render::{Background, Frame, FramePlan, Picture, Renderer};
-use esker_render::{edges, mend, pull, push, trim};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{DVec2, DVec3, Vec3};
 
@@ -196,8 +200,8 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
     let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
-    mend::mend(&mut base, &mut depth, camera.focal_px);
-    trim::trim(&mut base, &mut depth, &found, camera.focal_px);
+    fill_holes::mend(&mut base, &mut depth, camera.focal_px);
+    silhouette::trim(&mut base, &mut depth, &found, camera.focal_px);
     (base, depth)
 }
 

@@ -1,0 +1,74 @@
+//! Clip lines of splats (zwicker2004, section 5) as pages have them: from the attributes of sources that bring them, or from the
+//! room in rows where found ones are.
+
+use crate::rows::row::{RowLayout, Rows, position};
+use esker_points::{Clip, ClipLine, ClipWords, Grain, Lattice, Node, Schema};
+
+/// Where the lines of points come from.
+#[derive(Clone, Debug)]
+pub struct Clips {
+    lattice: Lattice,
+    grain: Grain,
+    /// Attributes: the number of lines, their ends; none where lines are found.
+    attributes: Option<(usize, [[usize; 3]; 4])>,
+}
+
+impl Clips {
+    /// Of what is found, or of the attributes of a file, where these have lines.
+    pub fn of(schema: &Schema, lattice: &Lattice, finds_edges: bool) -> Option<Self> {
+        let attributes = schema.clip_lines().filter(|_| !finds_edges);
+        let grain = Grain::new(lattice.scale);
+        let clips = Self { lattice: *lattice, grain, attributes };
+        (finds_edges || attributes.is_some()).then_some(clips)
+    }
+
+    /// The words of a node's own points.
+    pub fn words(
+        &self,
+        rows: &Rows<'_>,
+        own: &[u32],
+        layout: &RowLayout,
+        node: &Node,
+    ) -> Vec<ClipWords> {
+        let words = |&i: &u32| {
+            let row = rows.row(i);
+            let clip = self.clip(row, layout);
+            if clip.is_none() {
+                return [0; 4];
+            }
+            let (p, shift) = (position(row), node.hot_shift);
+            let hot = [0, 1, 2].map(|i| {
+                let least = node.box_min[i];
+                least + (((p[i] - least) >> shift) << shift)
+            });
+            clip.words(hot, self.grain)
+        };
+        own.iter().map(words).collect()
+    }
+
+    /// The lines of a row.
+    fn clip(&self, row: &[u8], layout: &RowLayout) -> Clip {
+        let Some((number, ends)) = self.attributes else {
+            let words = layout.clip_lines(row).unwrap_or_default();
+            return Clip::of_words(words, position(row), self.grain);
+        };
+        let value = |attribute: usize| &row[layout.attribute(attribute)];
+        let number = value(number)[0];
+        let end = |end: usize| {
+            [0, 1, 2].map(|axis| {
+                let bytes = value(ends[end][axis]).try_into().unwrap_or_default();
+                self.lattice.steps_axis(axis, f64::from_le_bytes(bytes))
+            })
+        };
+        let line = |first: usize| ClipLine::through(end(first), end(first + 1), self.grain);
+        let lines = match number {
+            0 => [None; 2],
+            1 => [line(0), None],
+            _ => [line(0), line(2)],
+        };
+        // Without one of its lines what either keeps is everything.
+        let either = number == 3;
+        let lost = either && lines.contains(&None);
+        if lost { Clip::default() } else { Clip { lines, either } }
+    }
+}

@@ -1,0 +1,332 @@
+//! The search for nearest neighbours. The points of a run look among the same candidates, those of all runs
+//! near theirs; a point that does not find enough there looks alone, from the nearest box on. Points equally
+//! far, to the bits of an `f32`, are taken in Morton order.
+
+use crate::attributes::knn::{Box3, FAN, Neighbours};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Candidates for each neighbour wanted, beyond which every point looks alone: it does not pay, and a stray
+/// point over a dense surface would gather all of it.
+const CANDIDATES_EACH: usize = 64;
+
+/// The nearest neighbours of a point, along the Morton curve.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'a> {
+    /// The steps to them.
+    pub steps: &'a [[f64; 3]],
+    /// Their places.
+    pub places: &'a [u32],
+}
+
+/// One task's search. What it carries over from run to run saves work and changes no result.
+pub struct Search<'a> {
+    index: &'a Neighbours,
+    reach: f64,
+    /// Squares of the aspect.
+    weights: [f64; 3],
+    /// How far the candidates go from the run's box; nothing where there are none.
+    radius: f64,
+    /// Distance of the farthest neighbour: in the last run, and in this one so far.
+    usual: f64,
+    farthest: f64,
+    /// The last point asked about, and how far its neighbours were.
+    last: Option<([f64; 3], f64)>,
+    /// Coordinates of the candidates, axis by axis, in Morton order.
+    candidates: [Vec<f64>; 3],
+    /// Their places.
+    places: Vec<u32>,
+    squares: Vec<f64>,
+    /// Bits of the square above, place of the candidate below.
+    keys: Vec<u64>,
+    order: Vec<u64>,
+    steps: Vec<[f64; 3]>,
+    found: Vec<u32>,
+    open: Vec<(usize, usize)>,
+    heap: BinaryHeap<Reverse<(u32, usize, usize)>>,
+    greatest: BinaryHeap<u64>,
+}
+
+impl<'a> Search<'a> {
+    /// Of neighbours at most `reach` steps of the first axis away.
+    pub fn new(index: &'a Neighbours, reach: f64) -> Self {
+        Self {
+            weights: index.aspect.map(|a| a * a),
+            index,
+            reach,
+            radius: 0.0,
+            usual: 0.0,
+            farthest: 0.0,
+            last: None,
+            candidates: Default::default(),
+            places: Vec::new(),
+            squares: Vec::new(),
+            keys: Vec::new(),
+            order: Vec::new(),
+            steps: Vec::new(),
+            found: Vec::new(),
+            open: Vec::new(),
+            heap: BinaryHeap::new(),
+            greatest: BinaryHeap::new(),
+        }
+    }
+
+    /// Collects candidates for the points of a run that look for `count` neighbours.
+    pub fn around(&mut self, run: usize, count: usize) {
+        let own = self.index.levels[0][run];
+        if self.farthest > 0.0 {
+            self.usual = self.farthest;
+        }
+        (self.farthest, self.last) = (0.0, None);
+        self.radius = self.guess(&own, self.index.run(run).len(), count).min(self.reach);
+        let by = self.index.aspect.map(|a| (self.radius / a).ceil() as u32);
+        let wide = Box3 {
+            low: [0, 1, 2].map(|i| own.low[i].saturating_sub_unsigned(by[i])),
+            high: [0, 1, 2].map(|i| own.high[i].saturating_add_unsigned(by[i])),
+        };
+        let mut n = 0;
+        self.open.clear();
+        self.open.push((self.index.levels.len(), 0));
+        while let Some((level, i)) = self.open.pop() {
+            if level > 0 {
+                let below = &self.index.levels[level - 1];
+                for j in (i * FAN..below.len().min(i * FAN + FAN)).rev() {
+                    if wide.meets(&below[j]) {
+                        self.open.push((level - 1, j));
+                    }
+                }
+                continue;
+            }
+            let run = [0, 1, 2].map(|axis| self.index.axis(axis, i));
+            let points = run[0].iter().zip(run[1]).zip(run[2]);
+            let room = n + run[0].len();
+            self.candidates.iter_mut().filter(|c| c.len() < room).for_each(|c| c.resize(room, 0.0));
+            if self.places.len() < room {
+                self.places.resize(room, 0);
+            }
+            let [xs, ys, zs] = &mut self.candidates;
+            let first = self.index.run(i).start as u32;
+            for (place, ((&x, &y), &z)) in (first..).zip(points) {
+                (xs[n], ys[n], zs[n]) = (f64::from(x), f64::from(y), f64::from(z));
+                self.places[n] = place;
+                n += usize::from(wide.meets(&Box3 { low: [x, y, z], high: [x, y, z] }));
+            }
+            if n > count * CANDIDATES_EACH {
+                self.radius = 0.0;
+                break;
+            }
+        }
+        self.candidates.iter_mut().for_each(|c| c.truncate(n));
+    }
+
+    /// How far to look: by the run's own density where it has points enough to tell, as far as the last run
+    /// had to where not.
+    fn guess(&self, own: &Box3, points: usize, count: usize) -> f64 {
+        let mut square = 0.0;
+        for i in 0..3 {
+            let side = f64::from(own.high[i]) - f64::from(own.low[i]);
+            square += self.weights[i] * (side * side);
+        }
+        // A square of this diagonal has `points`; the circle that has `count`, and something over.
+        let dense = (square * count as f64 / points as f64 / 2.0).sqrt();
+        if points >= 8 || self.usual == 0.0 { dense.max(1.0) } else { self.usual * 1.2 }
+    }
+
+    /// The steps from a point of the run to its nearest neighbours, `count` or all within the reach; and the places of
+    /// these.
+    pub fn nearest(&mut self, place: usize, count: usize) -> Found<'_> {
+        let p = self.index.point(place);
+        if self.radius == 0.0 || !self.among_candidates(p, count) {
+            self.alone(p, count);
+        }
+        let far = self.steps.iter().map(|s| self.square(*s)).fold(0.0, f64::max).sqrt();
+        self.farthest = self.farthest.max(far);
+        self.last = (self.steps.len() == count).then_some((p, far));
+        Found { steps: &self.steps, places: &self.found }
+    }
+
+    fn square(&self, step: [f64; 3]) -> f64 {
+        let [x, y, z] = step;
+        self.weights[0] * (x * x) + self.weights[1] * (y * y) + self.weights[2] * (z * z)
+    }
+
+    /// Looks among the candidates; false where these are too few to be sure.
+    fn among_candidates(&mut self, p: [f64; 3], count: usize) -> bool {
+        // The last point's neighbours are neighbours of this one too, a little farther away.
+        let near = self.last.map_or(f64::INFINITY, |(q, far)| {
+            let between = self.square([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
+            (far + between.sqrt()) * (1.0 + 1e-6)
+        });
+        let bound = (near * near).min(self.radius * self.radius);
+        let [wx, wy, wz] = self.weights;
+        let [xs, ys, zs] = &self.candidates;
+        self.squares.clear();
+        self.squares.extend(xs.iter().zip(ys).zip(zs).map(|((x, y), z)| {
+            let (x, y, z) = (x - p[0], y - p[1], z - p[2]);
+            wx * (x * x) + wy * (y * y) + wz * (z * z)
+        }));
+        self.keys.clear();
+        self.keys.resize(self.squares.len() + 1, 0);
+        let mut n = 0;
+        for (c, &square) in self.squares.iter().enumerate() {
+            self.keys[n] = u64::from((square as f32).to_bits()) << 32 | c as u64;
+            n += usize::from((square <= bound) & (square > 0.0));
+        }
+        self.keys.truncate(n);
+        if n < count {
+            return false;
+        }
+        self.order.clear();
+        self.order.extend_from_slice(&self.keys);
+        let last = *self.order.select_nth_unstable(count - 1).1;
+        self.steps.clear();
+        self.found.clear();
+        for &key in self.keys.iter().filter(|&&key| key <= last) {
+            let c = key as u32 as usize;
+            self.found.push(self.places[c]);
+            self.steps.push([xs[c] - p[0], ys[c] - p[1], zs[c] - p[2]]);
+        }
+        true
+    }
+
+    /// Looks through the boxes from the nearest on, until none can hold anything nearer than what was found.
+    fn alone(&mut self, p: [f64; 3], count: usize) {
+        let bits = |square: f64| (square as f32).to_bits();
+        let bound = bits(self.reach * self.reach);
+        self.greatest.clear();
+        self.heap.clear();
+        self.heap.push(Reverse((0, self.index.levels.len(), 0)));
+        while let Some(Reverse((square, level, i))) = self.heap.pop() {
+            let full = self.greatest.len() == count;
+            let farthest = self.greatest.peek().map_or(0, |&key| (key >> 32) as u32);
+            if square > bound || full && square > farthest {
+                break;
+            }
+            if level > 0 {
+                let below = &self.index.levels[level - 1];
+                for (j, of_child) in below.iter().enumerate().skip(i * FAN).take(FAN) {
+                    let square = bits(self.square(of_child.from(p)));
+                    self.heap.push(Reverse((square, level - 1, j)));
+                }
+                continue;
+            }
+            for place in self.index.run(i) {
+                let q = self.index.point(place);
+                let square = bits(self.square([q[0] - p[0], q[1] - p[1], q[2] - p[2]]));
+                if square > 0 && square <= bound {
+                    self.greatest.push(u64::from(square) << 32 | place as u64);
+                    if self.greatest.len() > count {
+                        self.greatest.pop();
+                    }
+                }
+            }
+        }
+        self.order.clear();
+        self.order.extend(self.greatest.iter().map(|&key| u64::from(key as u32)));
+        self.order.sort_unstable();
+        self.steps.clear();
+        self.found.clear();
+        for &place in &self.order {
+            self.found.push(place as u32);
+            let q = self.index.point(place as usize);
+            self.steps.push([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
+        }
+    }
+}
+
+impl Box3 {
+    fn meets(&self, other: &Self) -> bool {
+        (0..3).fold(true, |all, i| {
+            all & (self.low[i] <= other.high[i]) & (other.low[i] <= self.high[i])
+        })
+    }
+
+    /// From a point to the nearest place of the box.
+    fn from(&self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2]
+            .map(|i| (f64::from(self.low[i]) - p[i]).max(p[i] - f64::from(self.high[i])).max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+    use esker_points::morton;
+    use proptest::prelude::*;
+
+    fn distinct(points: &[[u32; 3]]) -> Vec<[u32; 3]> {
+        sorted_codes(points).into_iter().map(morton::decode3).collect()
+    }
+
+    /// What is nearest by looking at all points.
+    fn plain(points: &[[u32; 3]], i: usize, scale: [f64; 3], ask: &Ask) -> Vec<[f64; 3]> {
+        let aspect = scale.map(|s| s / scale[0]);
+        let mut all: Vec<(u32, usize, [f64; 3])> = Vec::new();
+        for (j, q) in points.iter().enumerate().filter(|&(j, _)| j != i) {
+            let step = [0, 1, 2].map(|a| f64::from(q[a]) - f64::from(points[i][a]));
+            let square: f64 = (0..3).map(|a| aspect[a] * aspect[a] * (step[a] * step[a])).sum();
+            if square <= ask.reach * ask.reach {
+                all.push(((square as f32).to_bits(), j, step));
+            }
+        }
+        all.sort_by_key(|n| (n.0, n.1));
+        all.truncate(ask.count);
+        all.sort_by_key(|n| n.1);
+        all.into_iter().map(|n| n.2).collect()
+    }
+
+    fn agree(points: &[[u32; 3]], scale: [f64; 3], count: usize, reach: f64) {
+        let points = distinct(points);
+        let ask = Ask { count, count_max: count, reach };
+        let found = std::sync::Mutex::new(Vec::new());
+        let index = Neighbours::new(&points, scale);
+        let places = index.map(
+            &ask,
+            |_| true,
+            |steps| {
+                let mut found = found.lock().unwrap();
+                found.push(steps.to_vec());
+                Some(found.len() - 1)
+            },
+            usize::MAX,
+        );
+        let found = found.into_inner().unwrap();
+        for (i, &place) in places.iter().enumerate() {
+            assert_eq!(found[place], plain(&points, i, scale, &ask), "{i}: {:?}", points[i]);
+        }
+    }
+
+    /// Points of several densities: a cube, a sheet, a line, a few strays anywhere.
+    fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
+        let at = |c: u32| (c..c + 40).prop_map(move |x| x);
+        let cube = prop::collection::vec((at(1000), at(1000), at(1000)), 0..300);
+        let sheet = prop::collection::vec((0u32..2000, 0u32..2000, Just(1u32 << 31)), 0..200);
+        let line = prop::collection::vec((0u32..100_000, Just(7u32), Just(9u32)), 0..60);
+        let stray = prop::collection::vec(any::<(u32, u32, u32)>(), 0..20);
+        (cube, sheet, line, stray).prop_map(|(a, b, c, d)| {
+            [a, b, c, d].concat().into_iter().map(|(x, y, z)| [x, y, z]).collect()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn the_nearest_are_those_that_looking_at_all_points_finds(points in clouds(), count in 1usize..20, reach in prop::sample::select(vec![3.0, 50.0, 1e4, 1e10]), flat: bool) {
+            agree(&points, if flat { [0.001, 0.001, 0.01] } else { [0.5; 3] }, count, reach);
+        }
+    }
+
+    #[test]
+    fn nothing_and_one_point_have_no_neighbours() {
+        agree(&[], [1.0; 3], 12, 1e10);
+        agree(&[[5, 6, 7]], [1.0; 3], 12, 1e10);
+        agree(&[[0; 3], [u32::MAX; 3]], [1.0; 3], 12, 1e10);
+    }
+
+    #[test]
+    fn neighbours_at_the_other_end_of_the_lattice_are_found() {
+        let near = (0..8).map(|i| [0, 5, i]);
+        let points: Vec<_> = near.chain([[u32::MAX, 5, 9], [u32::MAX - 90, 7, 7]]).collect();
+        (1..10).for_each(|count| agree(&points, [0.5; 3], count, 1e10));
+    }
+}

@@ -1,0 +1,117 @@
+//! The palette of a compact plane: trained on the colours of all rows once they are partitioned, before any page is made. It is
+//! a function of the rows alone, and what was trained is kept in the journal. One that is given, as of the file that scans are
+//! appended to, is only compared with them.
+
+use crate::calls::build::Options;
+use crate::error::BuildError;
+use crate::rows::journal_record::{Kind, Reading, Record};
+use crate::rows::partition::Bucket;
+use crate::rows::row::RowLayout;
+use crate::rows::store::Store;
+use esker_format::PageLayout;
+use esker_points::Task;
+use esker_points::palette::{Histogram, Misfit, Palette};
+use rayon::prelude::*;
+
+/// Where rows of a class have the bytes of their colour that are drawn; nowhere, where they have none.
+type Places = Option<[usize; 3]>;
+
+/// A palette, and how far colours are from it.
+pub type Trained = Option<(Palette, Misfit)>;
+
+impl Store {
+    /// The palette for the rows of these buckets, where one is asked for: the given one, or one that is trained on them. None
+    /// where they have no colours, or nothing but black.
+    ///
+    /// # Errors
+    /// Where scratch fails, or the journal is damaged.
+    pub fn palette(
+        &mut self,
+        buckets: &[Bucket],
+        rows: &RowLayout,
+        pages: &PageLayout,
+        options: &Options,
+        task: &dyn Task,
+    ) -> Result<Trained, BuildError> {
+        if !options.compact || buckets.is_empty() {
+            return Ok(None);
+        }
+        let trained = self.trained(buckets, rows, pages, options.onto.palette.as_ref())?;
+        if trained.is_none() {
+            task.note("--compact: the inputs have no colours; what is drawn of a point takes 8 bytes without");
+        }
+        Ok(trained)
+    }
+
+    fn trained(
+        &mut self,
+        buckets: &[Bucket],
+        rows: &RowLayout,
+        pages: &PageLayout,
+        given: Option<&Palette>,
+    ) -> Result<Trained, BuildError> {
+        if let Some(record) = self.journal.ask(Kind::Trained)? {
+            return restored(&record).ok_or_else(|| self.journal.damaged("its palette"));
+        }
+        let places: Vec<Places> = (0..pages.classes().len())
+            .map(|class| {
+                let (rgb, byte) = pages.drawn_colour(class)?;
+                Some(rgb.map(|attribute| rows.attribute(attribute).start + byte))
+            })
+            .collect();
+        let trained = if places.iter().any(Option::is_some) {
+            let histogram = self.colours(buckets, rows, &places)?;
+            let palette = histogram.palette().map(|own| given.cloned().unwrap_or(own));
+            palette.map(|palette| {
+                let misfit = histogram.misfit(&palette);
+                (palette, misfit)
+            })
+        } else {
+            None
+        };
+        self.journal.tell(record(trained.as_ref()))?;
+        Ok(trained)
+    }
+
+    fn colours(
+        &mut self,
+        buckets: &[Bucket],
+        rows: &RowLayout,
+        places: &[Places],
+    ) -> Result<Histogram, BuildError> {
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(self.scratch.map()?) } else { None };
+        let histogram = Histogram::default();
+        buckets.par_iter().for_each(|bucket| {
+            let runs = bucket.runs(map.as_ref(), rows.bytes());
+            for row in runs.into_iter().flat_map(|run| run.chunks_exact(rows.bytes())) {
+                let class = if rows.has_class() { usize::from(rows.class(row)) } else { 0 };
+                // Rows of an earlier build may be damaged; whoever builds of them finds that out.
+                if let Some(&Some(places)) = places.get(class) {
+                    histogram.add(places.map(|at| row[at]));
+                }
+            }
+        });
+        Ok(histogram)
+    }
+}
+
+fn record(trained: Option<&(Palette, Misfit)>) -> Record {
+    let mut record = Record::new(Kind::Trained);
+    if let Some((palette, misfit)) = trained {
+        record.put_all(palette.colours());
+        record.put([misfit.mean, misfit.most, misfit.worst]);
+    }
+    record
+}
+
+/// What a record tells; `None` where that is damaged.
+fn restored(record: &[u8]) -> Option<Trained> {
+    if record.is_empty() {
+        return Some(None);
+    }
+    let mut from = Reading(record);
+    let palette = Palette::new(from.get_all()?)?;
+    let [mean, most, worst] = from.get()?;
+    Some(Some((palette, Misfit { mean, most, worst })))
+}

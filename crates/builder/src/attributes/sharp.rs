@@ -1,0 +1,320 @@
+//! Sharp edges of scanned surfaces: where the tangent planes of neighbouring points meet within their reach at an angle,
+//! each point gets the line in which they do, and is drawn on its own side of it only (zwicker2004, section 5).
+//!
+//! Near an edge a normal is blurred: its neighbours lie on both sides. So it first becomes that of the flattest
+//! plane near by that goes through the point, whose own neighbours lie on one side. What a point gets depends on points
+//! within the reach of normals alone, in three steps that share it: so it is the same however a cloud is cut into
+//! chunks.
+
+use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+use crate::attributes::knn_search::Found;
+use crate::attributes::normals::{
+    Bounds, NEIGHBOURS, NEIGHBOURS_MAX, UNKNOWN, code_of, flattest, joined,
+};
+use esker_points::{Clip, ClipLine, Grain, quant};
+use rayon::prelude::*;
+
+/// Neighbours that edges are looked for among, and flatter planes: in a corner the nearest clean ones are three spacings away.
+const AROUND: usize = 32;
+const AROUND_FLAT: usize = 64;
+/// Shares of the reach: of planes, of the flattest near by, of edges. Together they are less than one.
+const PLANE_SHARE: f64 = 0.5;
+const FLAT_SHARE: f64 = 0.25;
+const EDGE_SHARE: f64 = 0.1875;
+/// A plane goes through a point that is so many local spacings off it.
+const THROUGH: f64 = 0.3;
+/// What being off a plane by a local spacing counts, in roughness.
+const OFF: f64 = 0.1;
+/// Roughness under which a plane is flat, and no better one is looked for.
+const FLAT: f64 = 1e-4;
+/// How much flatter another plane must be than a point's own.
+const FLATTER: f64 = 0.5;
+/// Cosine of the angle between planes that are one, and of that from which they meet in an edge: 15 and 30 degrees.
+const SAME: f64 = 0.966;
+const EDGE: f64 = 0.866;
+/// Local spacings from a point to an edge at most: what its splat reaches, and something for the low-pass.
+const NEAR: f64 = 2.0;
+/// Share of the points of the same plane that may lie beyond a line, and how far beyond counts, in local spacings.
+const BEYOND_SHARE: f64 = 0.2;
+const BEYOND: f64 = 0.35;
+
+type Vec3 = [f64; 3];
+
+/// What is known of a point that lies near an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// The code of its own side's normal.
+    pub normal: [i16; 2],
+    /// Its lines, whose sides are told as that normal sees them.
+    pub clip: Clip,
+}
+
+/// The tangent plane of a point.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    normal: Vec3,
+    /// Least variance over all.
+    roughness: f64,
+    /// Local distance of points.
+    spacing: f64,
+}
+
+/// A line in which two points' planes meet.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    /// A place of it, against the point.
+    at: Vec3,
+    along: Vec3,
+    /// Across it in the point's plane, away from what is kept.
+    out: Vec3,
+    /// Whose plane it meets.
+    mate: Mate,
+}
+
+/// A point near another one.
+#[derive(Clone, Copy, Debug)]
+struct Mate {
+    place: usize,
+    plane: Plane,
+    /// The way to it.
+    way: Vec3,
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
+    [0, 1, 2].map(|i| a[i] + b[i] * times)
+}
+
+/// Codes of the normals of `own` points, as [`crate::attributes::normals::estimate`] has them, and the edges near them; both
+/// lie along the Morton curve, `halo` as there.
+pub fn detect(
+    own: &[[u32; 3]],
+    halo: &[[u32; 3]],
+    bounds: &Bounds,
+) -> (Vec<[i16; 2]>, Vec<Option<Edge>>) {
+    let (points, place_of) = joined(own, &sorted_codes(halo));
+    let index = Neighbours::new(&points, bounds.scale);
+    let ask = |count, share: f64| Ask { count, count_max: count, reach: bounds.reach * share };
+    // The nearest tell both the normal and the plane.
+    let told = index.map_placed(
+        &Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
+        |_| true,
+        |_, found| Some(Told::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
+        Told { normal: UNKNOWN, plane: None },
+    );
+    let cloud = Cloud { points: &points, scale: bounds.scale };
+    let mut wanted = vec![false; points.len()];
+    place_of.iter().for_each(|&place| wanted[place as usize] = true);
+    let mut flat: Vec<Option<Plane>> = told.iter().map(|t| t.plane).collect();
+    // The others are flat enough.
+    let is_rough = |place: usize| told[place].plane.is_some_and(|p| p.roughness >= FLAT);
+    let flatter = index.map_placed(
+        &ask(AROUND_FLAT, FLAT_SHARE),
+        is_rough,
+        |place, found| Some(cloud.flattest(place, found, &told)),
+        None,
+    );
+    let rough = (0..).zip(flat.iter_mut().zip(flatter)).filter(|(place, _)| is_rough(*place));
+    rough.for_each(|(_, (flat, flatter))| *flat = flatter);
+    let found = index.map_placed(
+        &ask(AROUND, EDGE_SHARE),
+        |place| wanted[place],
+        |place, found| Some(cloud.edge(place, found, &flat)),
+        None,
+    );
+    let codes = place_of.iter().map(|&place| told[place as usize].normal).collect();
+    (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
+}
+
+/// What the nearest neighbours of a point tell.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    /// The code of its normal.
+    normal: [i16; 2],
+    /// Its plane.
+    plane: Option<Plane>,
+}
+
+impl Told {
+    /// Of neighbours so many steps away: the normal of all of them, the plane of the nearest.
+    fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
+        let scale = bounds.scale;
+        let found = flattest(steps, scale);
+        let normal = found.map_or(UNKNOWN, |(normal, _)| code_of(normal));
+        let weights = scale.map(|s| (s / scale[0]) * (s / scale[0]));
+        let square = |s: &Vec3| {
+            (weights[0] * (s[0] * s[0]) + weights[1] * (s[1] * s[1]) + weights[2] * (s[2] * s[2]))
+                as f32
+        };
+        let reach = bounds.reach * PLANE_SHARE;
+        let reach = (reach * reach) as f32;
+        if steps.len() <= NEIGHBOURS && steps.iter().all(|s| square(s) <= reach) {
+            let plane = found.map(|(normal, values)| Plane::of(normal, values, steps, scale));
+            return Self { normal, plane };
+        }
+        let mut nearest: Vec<Vec3> = steps.iter().copied().filter(|s| square(s) <= reach).collect();
+        nearest.sort_by(|a, b| square(a).total_cmp(&square(b)));
+        nearest.truncate(NEIGHBOURS);
+        let found = flattest(&nearest, scale);
+        let plane = found.map(|(normal, values)| Plane::of(normal, values, &nearest, scale));
+        Self { normal, plane }
+    }
+}
+
+impl Plane {
+    /// Of a point and its neighbours, so many steps away, of which normal and variances are known.
+    fn of(normal: Vec3, values: Vec3, steps: &[Vec3], scale: Vec3) -> Self {
+        let lengths = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i])).map(|s| dot(s, s));
+        let far = lengths.fold(0.0, f64::max).sqrt();
+        // A circle of this radius has so many points.
+        let spacing = far * (std::f64::consts::PI / steps.len() as f64).sqrt();
+        Self { normal, roughness: values[2] / (values[0] + values[1] + values[2]), spacing }
+    }
+}
+
+/// Points along the Morton curve, no two alike.
+struct Cloud<'a> {
+    points: &'a [[u32; 3]],
+    scale: Vec3,
+}
+
+impl Cloud<'_> {
+    /// Neighbours' places, and the ways to them in the file's unit.
+    fn ways<'f>(&self, found: Found<'f>) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
+        let scale = self.scale;
+        let way = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
+        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(way))
+    }
+
+    /// The flattest plane of a point's own and of those around that go through it.
+    fn flattest(&self, place: usize, found: Found<'_>, told: &[Told]) -> Option<Plane> {
+        let own = told[place].plane?;
+        let (mut best, mut least) = (own, own.roughness * FLATTER);
+        for (other, way) in self.ways(found) {
+            let Some(plane) = told[other].plane else { continue };
+            // On an edge the planes of both sides are flat: the one that the point is on counts.
+            let off = dot(plane.normal, way).abs() / own.spacing;
+            let score = plane.roughness + OFF * off * off;
+            if off <= THROUGH && score < least {
+                (best, least) = (Plane { spacing: own.spacing, ..plane }, score);
+            }
+        }
+        Some(best)
+    }
+
+    /// The edge of a point, where it has one.
+    fn edge(&self, place: usize, found: Found<'_>, planes: &[Option<Plane>]) -> Option<Edge> {
+        let own = planes[place]?;
+        // Most points have none.
+        let meets = |plane: &Plane| dot(plane.normal, own.normal).abs() < EDGE;
+        if !found.places.iter().any(|&p| planes[p as usize].as_ref().is_some_and(meets)) {
+            return None;
+        }
+        let around: Vec<Mate> = self
+            .ways(found)
+            .filter_map(|(place, way)| Some(Mate { place, plane: planes[place]?, way }))
+            .collect();
+        let cosine = |m: &Mate| dot(m.plane.normal, own.normal).abs();
+        let is_same =
+            |m: &&Mate| cosine(m) > SAME && dot(own.normal, m.way).abs() < BEYOND * own.spacing;
+        let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.way).collect();
+        let mut mates: Vec<&Mate> = around.iter().filter(|m| meets(&m.plane)).collect();
+        mates.sort_by(|a, b| dot(a.way, a.way).total_cmp(&dot(b.way, b.way)));
+        let meetings: Vec<Meeting> =
+            mates.into_iter().filter_map(|mate| meeting(&own, mate, &same)).collect();
+        let beyond =
+            |m: &Meeting, way: &Vec3| dot(m.out, plus(*way, m.at, -1.0)) > BEYOND * own.spacing;
+        let holds = |is_beyond: &dyn Fn(&Vec3) -> bool| {
+            let count = same.iter().filter(|w| is_beyond(w)).count();
+            count as f64 <= BEYOND_SHARE * (same.len() + 1) as f64
+        };
+        let is_end = |m: &&Meeting| holds(&|way| beyond(m, way));
+        let (ends, others): (Vec<&Meeting>, Vec<&Meeting>) = meetings.iter().partition(is_end);
+        let is_other = |a: &Meeting, b: &Meeting| {
+            dot(a.along, b.along).abs() < EDGE || dot(a.out, b.out) < -EDGE
+        };
+        let (mut lines, mut either) = ([None; 2], false);
+        if let Some(first) = ends.first() {
+            let second = ends.iter().find(|m| is_other(first, m));
+            lines = [self.line(place, &own, first), second.and_then(|m| self.line(place, &own, m))];
+        } else {
+            // A corner that goes in: some of the plane lies beyond each line, none beyond both.
+            let pair = others.iter().enumerate().find_map(|(i, a)| {
+                let fits = |b: &&&Meeting| {
+                    is_other(a, b) && holds(&|way| beyond(a, way) && beyond(b, way))
+                };
+                others[i + 1..].iter().find(fits).map(|b| [*a, *b])
+            });
+            if let Some(pair) = pair {
+                lines = pair.map(|m| self.line(place, &own, m));
+                either = !lines.contains(&None);
+            }
+            if !either {
+                lines = [None; 2];
+            }
+        }
+        let clip = Clip { lines, either };
+        let normal = quant::oct_encode(own.normal.map(|c| c as f32));
+        (!clip.is_none()).then_some(Edge { normal, clip })
+    }
+
+    /// The line as it is stored: worked out from the pair's first point, whichever of both asks.
+    fn line(&self, place: usize, own: &Plane, m: &Meeting) -> Option<ClipLine> {
+        let mate = &m.mate;
+        let (first, (at, along)) = if place < mate.place {
+            (place, crossing(own, &mate.plane, mate.way))
+        } else {
+            (mate.place, crossing(&mate.plane, own, mate.way.map(|w| -w)))
+        };
+        // What is kept lies to the left, seen from where the normal points to.
+        let turn = dot(cross(own.normal, along), m.out);
+        let half = dot(mate.way, mate.way).sqrt();
+        let half = if turn < 0.0 { half } else { -half };
+        let end = |way: f64| {
+            let at = plus(at, along, way);
+            [0, 1, 2].map(|i| f64::from(self.points[first][i]) + at[i] / self.scale[i])
+        };
+        ClipLine::through(end(-half), end(half), Grain::new(self.scale))
+    }
+}
+
+/// Where two planes meet, of points that far apart: the place nearest to the middle between both, against the first, and
+/// the line's direction.
+fn crossing(a: &Plane, b: &Plane, way: Vec3) -> (Vec3, Vec3) {
+    let (a, b) = (a.normal, b.normal);
+    let c = dot(a, b);
+    let squared = 1.0 - c * c;
+    let middle = way.map(|w| 0.5 * w);
+    let (f, g) = (dot(a, middle), -dot(b, middle));
+    let at = plus(plus(middle, a, (c * g - f) / squared), b, (c * f - g) / squared);
+    (at, cross(a, b).map(|v| v / squared.sqrt()))
+}
+
+/// Where the plane of a point meets that of a mate; `None` where that is too far away.
+fn meeting(own: &Plane, mate: &Mate, same: &[Vec3]) -> Option<Meeting> {
+    let (at, along) = crossing(own, &mate.plane, mate.way);
+    let far = |from: Vec3| {
+        let off = plus(from, along, -dot(from, along));
+        dot(off, off).sqrt()
+    };
+    let from_mate = plus(at, mate.way, -1.0);
+    if far(at) > NEAR * own.spacing || far(from_mate) > NEAR * mate.plane.spacing {
+        return None;
+    }
+    let across = cross(along, own.normal);
+    // What is kept is where the points of the plane are.
+    let from_line = |way: &Vec3| dot(across, plus(*way, at, -1.0));
+    let side = same.iter().map(from_line).sum::<f64>() + from_line(&[0.0; 3]);
+    let out = if side > 0.0 { across.map(|v| -v) } else { across };
+    Some(Meeting { at, along, out, mate: *mate })
+}
+
+#[cfg(test)]
+mod tests;

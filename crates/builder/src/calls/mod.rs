@@ -1,0 +1,8 @@
+//! What the crate does, as calls: build, append, merge, export, verify.
+
+pub(crate) mod append;
+pub(crate) mod build;
+pub(crate) mod export;
+pub(crate) mod merge;
+pub mod onto;
+pub(crate) mod verify;

@@ -1,0 +1,8 @@
+//! From scans to rows: opens the inputs, chooses lattice, schema and classes, decodes each input once.
+
+pub(crate) mod crs;
+pub(crate) mod esker_source;
+pub(crate) mod gps_times;
+pub(crate) mod identity;
+pub(crate) mod intake;
+pub(crate) mod taking;

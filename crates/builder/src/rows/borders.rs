@@ -1,0 +1,183 @@
+//! What chunks need of each other to estimate normals: the positions near the faces of each chunk's cell, put
+//! aside in scratch before the first chunk is built, since rows are given back chunk by chunk. A chunk's halo
+//! is what others have put aside within the reach of its cell.
+
+use crate::attributes::density::Density;
+use crate::attributes::normals::{Bounds, estimate, turned_to};
+use crate::attributes::sharp::{Edge, detect};
+use crate::attributes::tangents::shapes;
+use crate::error::BuildError;
+use crate::rows::partition::Bucket;
+use crate::rows::row::{RowLayout, position};
+use crate::rows::scratch::{Extent, Map, Scratch};
+use esker_points::{Cell, Grain, quant};
+use rayon::prelude::*;
+
+/// Rows that are looked at by one task, and tasks whose positions are put aside together.
+const TASK_ROWS: usize = 1 << 14;
+const GROUP_TASKS: usize = 64;
+/// Bytes of a position that is put aside.
+pub const POSITION_BYTES: usize = 12;
+
+/// The borders of all chunks.
+pub struct Borders {
+    bounds: Bounds,
+    rows: RowLayout,
+    /// Whether edges are looked for too.
+    finds_edges: bool,
+    /// Whether the shapes of splats are told.
+    pub finds_shapes: bool,
+    /// Cells, and the positions near their faces.
+    cells: Vec<(Cell, Vec<Extent>)>,
+}
+
+/// The cell of buckets along the Morton curve, at least one; it holds no points of others.
+pub fn cell_of(buckets: &[Bucket]) -> Cell {
+    let last = &buckets[buckets.len() - 1];
+    Cell::enclosing(buckets[0].cell.corner, last.cell.last())
+}
+
+/// The typical distance of points in steps.
+///
+/// # Errors
+/// Where scratch space fails.
+pub fn spacing(
+    buckets: &[Bucket],
+    stride: usize,
+    scratch: &mut Scratch,
+) -> Result<f64, BuildError> {
+    let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+    let map = if is_stored { Some(scratch.map()?) } else { None };
+    let of_bucket = |b: &Bucket| {
+        let runs = b.runs(map.as_ref(), stride);
+        Density::of(runs.into_iter().flat_map(|r| r.chunks_exact(stride)).map(position))
+    };
+    let density = buckets.par_iter().map(of_bucket).reduce(Density::default, Density::merged);
+    Ok(density.spacing())
+}
+
+impl Borders {
+    /// Of rows that have room for normals.
+    pub fn new(bounds: Bounds, rows: RowLayout, finds_edges: bool) -> Self {
+        Self { bounds, rows, finds_edges, finds_shapes: false, cells: Vec::new() }
+    }
+
+    /// What was put aside, a chunk's cell each.
+    pub fn cells(&self) -> &[(Cell, Vec<Extent>)] {
+        &self.cells
+    }
+
+    /// Adds what an earlier build has put aside.
+    pub fn restore(&mut self, cells: Vec<(Cell, Vec<Extent>)>) {
+        self.cells.extend(cells);
+    }
+
+    /// Puts aside what others may need of the buckets of a chunk.
+    ///
+    /// # Errors
+    /// Where scratch space fails.
+    pub fn add(&mut self, buckets: &[Bucket], scratch: &mut Scratch) -> Result<(), BuildError> {
+        let stride = self.rows.bytes();
+        let is_stored = buckets.iter().any(|b| !b.extents.is_empty());
+        let map = if is_stored { Some(scratch.map()?) } else { None };
+        let runs: Vec<&[u8]> = buckets.iter().flat_map(|b| b.runs(map.as_ref(), stride)).collect();
+        let tasks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(TASK_ROWS * stride)).collect();
+        let cell = cell_of(buckets);
+        let steps = self.bounds.steps();
+        let near_a_face = |p: &[u32; 3]| {
+            let last = cell.last();
+            (0..3).any(|i| p[i] - cell.corner[i] < steps[i] || last[i] - p[i] < steps[i])
+        };
+        let mut extents = Vec::new();
+        for group in tasks.chunks(GROUP_TASKS) {
+            let near = |rows: &&[u8]| {
+                let mut near: Vec<[u32; 3]> =
+                    rows.chunks_exact(stride).map(position).filter(near_a_face).collect();
+                near.dedup();
+                near
+            };
+            let near: Vec<Vec<[u32; 3]>> = group.par_iter().map(near).collect();
+            let near = near.concat();
+            if !near.is_empty() {
+                let bytes: Vec<u8> = near.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+                extents.push(scratch.append(&bytes)?);
+            }
+        }
+        self.cells.push((cell, extents));
+        Ok(())
+    }
+
+    /// Forgets what this cell has put aside: where it lies. The others stay in their order, which halos are in.
+    pub fn forget(&mut self, cell: &Cell) -> Vec<Extent> {
+        let at = self.cells.iter().position(|(other, _)| other == cell);
+        at.map_or_else(Vec::new, |at| self.cells.remove(at).1)
+    }
+
+    /// Estimates the normals of a chunk's sorted rows, which are all of the cell's; with the content of scratch.
+    pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
+        let stride = self.rows.bytes();
+        let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();
+        let halo = self.halo(cell, scratch);
+        let (codes, edges) = if self.finds_edges {
+            detect(&own, &halo, &self.bounds)
+        } else {
+            (estimate(&own, &halo, &self.bounds), Vec::new())
+        };
+        if self.finds_shapes {
+            let edge = |i: usize| edges.get(i).copied().flatten();
+            let normal = |(i, &code)| edge(i).map_or(code, |edge| edge.normal);
+            let normals: Vec<[i16; 2]> = codes.iter().enumerate().map(normal).collect();
+            let shapes = shapes(&own, &halo, &self.bounds, &normals);
+            let shaped = rows.par_chunks_exact_mut(stride).zip(&shapes).with_min_len(TASK_ROWS);
+            shaped.for_each(|(row, shape)| self.rows.set_shape(row, shape));
+        }
+        rows.par_chunks_exact_mut(stride).zip(codes).enumerate().with_min_len(TASK_ROWS).for_each(
+            |(i, (row, code))| match edges.get(i).copied().flatten() {
+                Some(edge) => self.set_edge(row, &edge),
+                None => self.set(row, code),
+            },
+        );
+    }
+
+    /// Sets the normal and the lines of a row near an edge.
+    fn set_edge(&self, row: &mut [u8], edge: &Edge) {
+        self.set(row, edge.normal);
+        let is_turned = self.rows.normal(row) != Some(edge.normal);
+        let clip = if is_turned { edge.clip.turned() } else { edge.clip };
+        self.rows.set_clip_lines(row, clip.words(position(row), Grain::new(self.bounds.scale)));
+    }
+
+    /// The code of the normal of a point that is alone in its cell.
+    pub fn estimate_one(&self, cell: &Cell, scratch: &Map) -> [i16; 2] {
+        estimate(&[cell.corner], &self.halo(cell, scratch), &self.bounds)[0]
+    }
+
+    /// Sets the normal of a row, turned to where the row says that it was scanned from.
+    pub fn set(&self, row: &mut [u8], code: [i16; 2]) {
+        let towards = self.rows.normal(row).unwrap_or_default();
+        self.rows.set_normal(row, turned_to(code, quant::oct_decode(towards)));
+    }
+
+    /// The positions within the reach of a cell that others have put aside; some more than once.
+    fn halo(&self, cell: &Cell, scratch: &Map) -> Vec<[u32; 3]> {
+        let steps = self.bounds.steps();
+        let low = [0, 1, 2].map(|i| cell.corner[i].saturating_sub(steps[i]));
+        let high = [0, 1, 2].map(|i| cell.last()[i].saturating_add(steps[i]));
+        let meets =
+            |other: &Cell| (0..3).all(|i| other.corner[i] <= high[i] && low[i] <= other.last()[i]);
+        let is_other = |other: &Cell| !other.contains(cell.corner) && meets(other);
+        let extents: Vec<Extent> = self
+            .cells
+            .iter()
+            .filter(|(other, _)| is_other(other))
+            .flat_map(|(_, extents)| extents.iter().copied())
+            .collect();
+        let within = |p: &[u32; 3]| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i]);
+        let parts: Vec<Vec<[u32; 3]>> = extents
+            .par_iter()
+            .filter_map(|e| e.of(scratch))
+            .map(|bytes| bytes.chunks_exact(POSITION_BYTES).map(position).filter(within).collect())
+            .collect();
+        parts.concat()
+    }
+}

@@ -1,0 +1,234 @@
+//! The points that a cell may choose from, in columns along the Morton curve: the points of any octree cell then
+//! stand together, and neighbours are found by cells without sorting anything.
+
+use crate::rows::row::Rows;
+use esker_points::{Cell, morton};
+use std::borrow::Cow;
+
+/// Bits of a coordinate along an axis where steps are no cubes, and points must be sorted anew.
+const BITS: u32 = 21;
+
+/// Points in integer coordinates, whose steps are cubes.
+pub struct Candidates {
+    /// Coordinates, none negative.
+    pub q: Vec<[i32; 3]>,
+    /// Which of the offered points each is; empty where they stand as they were offered.
+    offer: Vec<u32>,
+    /// Log2 of the edge, in steps, of the smallest octree cell that a point shares with the one before it;
+    /// [`Candidates::ALONE`] for the first.
+    pub shared_log2: Vec<u8>,
+    /// How many points are the first in their octree cell, by the log2 of its edge.
+    pub firsts: [u32; Self::ALONE as usize],
+    /// Length of a step, in the file's unit.
+    pub step: f64,
+    /// ASPRS classes; empty where they matter not.
+    pub classes: Vec<u8>,
+}
+
+impl Candidates {
+    /// Above the log2 of any cell's edge.
+    pub const ALONE: u8 = 32;
+
+    /// The rows `offered`, which are sorted along the curve, of a cell. Their classes, where these matter, are at `class_at` in
+    /// each.
+    pub fn new(
+        rows: &Rows<'_>,
+        offered: &[u32],
+        cell: &Cell,
+        scale: [f64; 3],
+        class_at: Option<usize>,
+    ) -> Self {
+        let mut classes = Vec::with_capacity(class_at.map_or(0, |_| offered.len()));
+        if scale[0] == scale[1] && scale[1] == scale[2] {
+            // A step is lost where a cell is the whole lattice, so that differences fit.
+            let shift = u32::from(cell.log2 == 32);
+            let local = |row| {
+                let ([x, y, z], [x0, y0, z0]) = (rows.position(row), cell.corner);
+                // Beside the position: read here, it waits for no memory.
+                classes.extend(class_at.map(|at| rows.row(row)[at]));
+                [((x - x0) >> shift) as i32, ((y - y0) >> shift) as i32, ((z - z0) >> shift) as i32]
+            };
+            let q = offered.iter().copied().map(local).collect();
+            return Self::sorted(q, Vec::new(), scale[0] * f64::from(1 + shift), classes);
+        }
+        Self::resorted(rows, offered, scale, class_at)
+    }
+
+    /// Where steps have other lengths along other axes, positions are quantised to cubes and sorted.
+    fn resorted(
+        rows: &Rows<'_>,
+        offered: &[u32],
+        scale: [f64; 3],
+        class_at: Option<usize>,
+    ) -> Self {
+        let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+        for p in offered.iter().map(|&row| rows.position(row)) {
+            for i in 0..3 {
+                low[i] = low[i].min(p[i]);
+                high[i] = high[i].max(p[i]);
+            }
+        }
+        let extent = |i: usize| f64::from(high[i].saturating_sub(low[i])) * scale[i];
+        let extent = (0..3).map(extent).fold(0.0, f64::max);
+        let least = scale.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+        let step = (extent / f64::from((1u32 << BITS) - 1)).max(least);
+        let quantised = |row: u32| {
+            let p = rows.position(row);
+            [0, 1, 2].map(|i| (f64::from(p[i] - low[i]) * scale[i] / step) as u32)
+        };
+        let keyed = |(offer, &row): (u32, &u32)| (morton::encode3_21(quantised(row)), offer);
+        let mut keyed: Vec<(u64, u32)> = (0..).zip(offered).map(keyed).collect();
+        keyed.sort_unstable();
+        let q = |(_, offer): &(u64, u32)| quantised(offered[*offer as usize]).map(|c| c as i32);
+        let offer: Vec<u32> = keyed.iter().map(|k| k.1).collect();
+        let class = |at: usize| offer.iter().map(move |&i| rows.row(offered[i as usize])[at]);
+        let classes = class_at.map_or_else(Vec::new, |at| class(at).collect());
+        Self::sorted(keyed.iter().map(q).collect(), offer, step, classes)
+    }
+
+    fn sorted(q: Vec<[i32; 3]>, offer: Vec<u32>, step: f64, classes: Vec<u8>) -> Self {
+        let shared_log2 = shared_log2(&q);
+        let mut firsts = [0; Self::ALONE as usize];
+        // Neighbours are mostly alike: each of four has a count of its own, so that none waits for the one before.
+        let mut counts = [[0u32; 1 << u8::BITS]; 4];
+        for alike in shared_log2.chunks(counts.len()) {
+            let counted = counts.iter_mut().zip(alike);
+            counted.for_each(|(counts, &log2)| counts[usize::from(log2)] += 1);
+        }
+        let mut above = 0;
+        for log2 in (0..firsts.len()).rev() {
+            above += counts.iter().map(|counts| counts[log2 + 1]).sum::<u32>();
+            firsts[log2] = above;
+        }
+        Self { q, offer, shared_log2, firsts, step, classes }
+    }
+
+    /// What there is for each offered point, brought along the curve; nothing stays nothing.
+    pub fn along_curve<'a, T: Copy>(&self, values: &'a [T]) -> Cow<'a, [T]> {
+        if values.is_empty() || self.offer.is_empty() {
+            return values.into();
+        }
+        self.offer.iter().map(|&offer| values[offer as usize]).collect()
+    }
+
+    /// What there is for each point along the curve, brought into the order in which they were offered.
+    pub fn as_offered<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
+        if self.offer.is_empty() {
+            return values;
+        }
+        let mut out = vec![T::default(); values.len()];
+        self.offer.iter().zip(values).for_each(|(&offer, value)| out[offer as usize] = value);
+        out
+    }
+
+    /// The same of those that are wanted, by their places along the curve.
+    pub fn some_as_offered<T>(
+        &self,
+        values: Vec<T>,
+        is_wanted: impl Iterator<Item = bool>,
+    ) -> Vec<T> {
+        if self.offer.is_empty() {
+            return values;
+        }
+        let wanted = self.offer.iter().zip(is_wanted).filter(|(_, is_wanted)| *is_wanted);
+        let mut keyed: Vec<(u32, T)> = wanted.map(|(&offer, _)| offer).zip(values).collect();
+        keyed.sort_unstable_by_key(|(offer, _)| *offer);
+        keyed.into_iter().map(|(_, value)| value).collect()
+    }
+
+    /// Of those of the points that are wanted, by their places along the curve, [`Candidates::shared_log2`] of their own.
+    pub fn shared_of(&self, is_wanted: impl Iterator<Item = bool>) -> Vec<u8> {
+        let mut shared = vec![0; self.len()];
+        let mut wanted = 0;
+        // What lies between two points along the curve shares no larger cell with them than they do.
+        let mut outer = Self::ALONE;
+        for (&log2, is_wanted) in self.shared_log2.iter().zip(is_wanted) {
+            outer = outer.max(log2);
+            // Written in any case, to be written over: no guess what is wanted goes wrong.
+            shared[wanted] = outer;
+            wanted += usize::from(is_wanted);
+            outer = if is_wanted { 0 } else { outer };
+        }
+        shared.truncate(wanted);
+        shared
+    }
+
+    /// Number of places that have points: what coincides has one.
+    pub fn places(&self) -> usize {
+        self.firsts[0] as usize
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.q.len()
+    }
+}
+
+/// Of points along the Morton curve, none with a negative coordinate, the log2 of the edge of the smallest cell shared
+/// with the one before.
+fn shared_log2(q: &[[i32; 3]]) -> Vec<u8> {
+    // No cell has both.
+    let mut before = q.first().map_or([0; 3], |first| first.map(|c| c ^ i32::MIN));
+    let mut shared = Vec::with_capacity(q.len());
+    shared.extend(q.iter().map(|p| {
+        let differing = (p[0] ^ before[0]) | (p[1] ^ before[1]) | (p[2] ^ before[2]);
+        before = *p;
+        (i32::BITS - differing.leading_zeros()) as u8
+    }));
+    shared
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Rows of bare positions.
+    pub fn rows_of(points: &[[u32; 3]]) -> Vec<u8> {
+        points.iter().flatten().flat_map(|c| c.to_le_bytes()).collect()
+    }
+
+    /// Positions as candidates, in the smallest cell that holds them.
+    pub fn candidates_of(points: &[[u32; 3]], scale: [f64; 3]) -> Candidates {
+        let mut points = points.to_vec();
+        points.sort_unstable_by_key(|&p| morton::encode3(p));
+        let bytes = rows_of(&points);
+        let all: Vec<u32> = (0..points.len() as u32).collect();
+        let cell = Cell::enclosing(points[0], points[points.len() - 1]);
+        Candidates::new(&Rows { bytes: &bytes, stride: 12 }, &all, &cell, scale, None)
+    }
+
+    proptest! {
+        #[test]
+        fn a_part_of_points_shares_what_it_does_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
+            let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
+            let all = candidates_of(&points, [0.5; 3]);
+            let part: Vec<_> = all.q.iter().copied().skip(every / 2).step_by(every).collect();
+            let shared = all.shared_of((0..all.len()).map(|i| i % every == every / 2 % every));
+            prop_assert_eq!(shared, shared_log2(&part));
+        }
+
+        #[test]
+        fn points_of_a_cell_stand_together(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
+            let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
+            let candidates = candidates_of(&points, if cubic { [0.5; 3] } else { [0.5, 2.0, 0.1] });
+            let places = candidates.as_offered((0..points.len() as u16).collect());
+            prop_assert!(candidates.along_curve(&places).iter().zip(0..).all(|(&place, i)| place == i));
+            // Offered points in the order of their numbers, wherever they stand along the curve.
+            let numbers: Vec<u16> = (0..points.len() as u16).collect();
+            let along = candidates.along_curve(&numbers);
+            let is_wanted = |number: &u16| number % 3 == 1;
+            let some = along.iter().copied().filter(is_wanted).collect();
+            let some = candidates.some_as_offered(some, along.iter().map(is_wanted));
+            prop_assert_eq!(some, numbers.iter().copied().filter(is_wanted).collect::<Vec<_>>());
+            for log2 in [0, 3, 9, 20, 30] {
+                let mut cells: Vec<_> = candidates.q.iter().map(|q| q.map(|c| c >> log2)).collect();
+                cells.dedup();
+                prop_assert_eq!(cells.len(), candidates.shared_log2.iter().filter(|&&l| l > log2).count());
+                cells.sort_unstable();
+                cells.dedup();
+                prop_assert_eq!(cells.len(), candidates.shared_log2.iter().filter(|&&l| l > log2).count());
+            }
+        }
+    }
+}

@@ -1,0 +1,495 @@
+//! The tree, bottom-up: a cell with no more points than a node holds offers them all; a larger one offers
+//! an even sample of what its children offer, and what it takes, they lose. A node can be finished, and its
+//! page made, once the cell above has taken its share. A cell that has few points left gives them to the node above.
+
+use crate::attributes::clips::Clips;
+use crate::page::histograms::Counts;
+use crate::rows::row::{RowLayout, Rows};
+use crate::sample::candidates::Candidates;
+use crate::sample::compact::places_of;
+use crate::sample::contour;
+use crate::sample::fringe::{self, Offer};
+use crate::sample::order::{order, parts};
+use crate::sample::pending::{Below, Cut, Pending};
+use crate::sample::sample::{choose, place};
+use crate::sample::shape::{Moments, Shape};
+use crate::sample::spacing::{Picked, radii};
+use crate::sample::turns::LAST_TURN;
+use crate::sample::wires;
+use crate::tree::subtree::{Children, Subtree};
+use bytemuck::Zeroable;
+use esker_format::{NodeStatistics, PageLayout, encode_page};
+use esker_points::node::SHAPE_CONTINUATION;
+use esker_points::tangents::TANGENT_BYTES;
+use esker_points::{Cell, Node, morton, quant};
+use std::ops::Range;
+
+/// A radius is at most so many times its node's spacing: a lone point must not become a blob.
+const RADIUS_SPACINGS_MAX: f64 = 8.0;
+/// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
+const RADIUS_ABOVE_MAX: f64 = 1.5;
+/// A cloud of fewer points shows no surface: they are drawn as dots, of so many spacings.
+const SURFACE_POINTS: usize = 32;
+const DOT_SPACINGS: f64 = 1.0 / 32.0;
+/// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
+/// at most this part of what a node holds, so that it stays an even sample.
+const GIVEN: usize = 16;
+/// A cell is not split before it has so many nodes' points.
+pub const LEAF_NODES: usize = 2;
+
+/// What every step of the building knows.
+pub struct Context {
+    /// Rows.
+    pub rows: RowLayout,
+    /// Pages.
+    pub pages: PageLayout,
+    /// Where in a row the ASPRS class of a point is, where any is of a wire.
+    pub class_at: Option<usize>,
+    /// Length of a step, an axis.
+    pub scale: [f64; 3],
+    /// The clip lines that points have, where any does.
+    pub clips: Option<Clips>,
+    /// Points a node holds.
+    pub capacity: usize,
+    /// What nodes have counted.
+    pub counts: Counts,
+}
+
+impl Context {
+    /// A cell that is not split: it offers all of its points.
+    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
+        Pending {
+            cell,
+            moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
+            sampled: points.len(),
+            offered: points.collect(),
+            turns: Vec::new(),
+            radii: Vec::new(),
+            shares: Vec::new(),
+            below: Below::default(),
+        }
+    }
+
+    /// Points that a cell may have without being split. What the cells above leave of them may be more than a node
+    /// holds: then nodes continue it.
+    pub fn leaf_points_max(&self) -> usize {
+        self.capacity * LEAF_NODES
+    }
+
+    /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
+    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
+        let first = points.start + self.capacity as u32;
+        let mut head = self.leaf(rows, points.start..first, cell);
+        head.below = Below::Coincident(first..points.end);
+        head.moments = Moments::of(points.map(|i| rows.position(i)), &cell);
+        head
+    }
+
+    /// As many rows at a time as a node holds.
+    fn nodeful(&self, rows: Range<u32>) -> impl DoubleEndedIterator<Item = Range<u32>> {
+        let capacity = self.capacity as u32;
+        rows.clone()
+            .step_by(self.capacity)
+            .map(move |i| i..rows.end.min(i.saturating_add(capacity)))
+    }
+
+    /// A node that continues the one above it in the same cell, and the moments of its points.
+    pub fn continuation(
+        &self,
+        rows: &Rows<'_>,
+        pending: Pending,
+        counts: &Counts,
+    ) -> Option<(Moments, Subtree)> {
+        let moments = pending.moments;
+        let mut node = self.finish(rows, pending, &[], None, counts)?;
+        node.node.shape |= SHAPE_CONTINUATION;
+        Some((moments, node))
+    }
+
+    /// A cell made of the cells in it: takes an even sample of what they offer. They are yet to be finished.
+    pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
+        let mut moments = Moments::default();
+        children.iter().for_each(|c| moments.merge(&c.moments));
+        let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
+        children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
+        let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
+        let placed = Pending::placed(&children, offered.len());
+        // What is left of cells with few points has its place beside the sample.
+        let (few, given_max) = self.few(&children);
+        // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
+        let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
+        let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
+        let shape = Shape::of(moments.covariance(self.scale));
+        let dimension = shape.dimension_of(points.min(candidates.places()));
+        let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
+        let shares = Pending::shares(&children, offered.len());
+        let mut parts = Vec::with_capacity(children.len());
+        let mut start = 0;
+        for child in children {
+            let part = start..start + child.sampled;
+            start = part.end;
+            // A node keeps a point of its own, or it could not stand between the one above and those below.
+            let own = &mut turns[part.clone()];
+            if child.has_below()
+                && own.iter().all(|turn| *turn != LAST_TURN)
+                && let Some(first) = own.first_mut()
+            {
+                *first = LAST_TURN;
+            }
+            parts.push((child, part));
+        }
+        let chosen = places_of(&turns, |&turn| turn != LAST_TURN);
+        // Right above leaves it would cost three times as much for half as many radii, of which none is as far off.
+        let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
+        let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
+        let drawn = [chosen.len(), moments.count as usize];
+        let above = self.spacing(&Picked::of(&own), drawn, dimension, None);
+        let mut pending = Pending {
+            cell,
+            moments,
+            offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
+            sampled: chosen.len(),
+            turns: own,
+            radii: self.radii(&candidates, &turns, dimension, (|| above, is_high)),
+            shares: Vec::new(),
+            below: Below::default(),
+        };
+        let shares = self.shares(&candidates, shares, &parts, (&few, &turns), above);
+        drop(candidates);
+        if !shares.is_empty() {
+            pending.shares = chosen.iter().map(|&i| shares[i as usize]).collect();
+            pending.narrow(above);
+        }
+        let mut few = few.into_iter();
+        for (child, part) in parts.extract_if(.., |_| few.next() == Some(true)) {
+            let shares = shares.get(part.clone()).unwrap_or_default();
+            self.give(rows, child, (&turns[part], shares), above, &mut pending);
+        }
+        let parts = parts.into_iter();
+        let cut = parts.map(|(pending, part)| Cut { pending, taken: turns[part].to_vec(), above });
+        pending.below = Below::Cut(cut.collect());
+        pending
+    }
+
+    /// The nodes below a cell that do not wait for others: what coincides with its points continues it.
+    pub fn nodes_below(&self, rows: &Rows<'_>, pending: &mut Pending, counts: &Counts) -> Children {
+        let mut below = Children::default();
+        match std::mem::take(&mut pending.below) {
+            Below::Finished(children) => below = children,
+            Below::Cut(_) | Below::Elsewhere { .. } => (),
+            Below::Coincident(rest) => {
+                below = self.coincident_below(rows, rest, pending.cell, counts);
+            }
+        }
+        below
+    }
+
+    /// The nodes of rows that coincide with what a cell offers, a chain.
+    pub fn coincident_below(
+        &self,
+        rows: &Rows<'_>,
+        rest: Range<u32>,
+        cell: Cell,
+        counts: &Counts,
+    ) -> Children {
+        let mut below = Children::default();
+        for rest in self.nodeful(rest).rev() {
+            let leaf = self.leaf(rows, rest, cell);
+            if let Some((_, mut node)) = self.continuation(rows, leaf, counts) {
+                node.children = std::mem::take(&mut below);
+                below.push(node);
+            }
+        }
+        below
+    }
+
+    /// Which cells have few points, and how many those are, as far as the node above has room for them.
+    fn few(&self, children: &[Pending]) -> (Vec<bool>, usize) {
+        let mut least: Vec<usize> =
+            (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
+        least.sort_by_key(|&i| children[i].sampled);
+        let (mut few, mut points) = (vec![false; children.len()], 0);
+        for i in least {
+            few[i] = (points + children[i].sampled) * GIVEN <= self.capacity;
+            points += if few[i] { children[i].sampled } else { 0 };
+        }
+        (few, points)
+    }
+
+    /// The shares of what is offered, and of which cells below have told `shares`, as the cells in `parts` that end now change
+    /// them; the sample has the spacing `above`.
+    fn shares(
+        &self,
+        candidates: &Candidates,
+        mut shares: Vec<f32>,
+        parts: &[(Pending, Range<usize>)],
+        (few, turns): (&[bool], &[u16]),
+        above: f64,
+    ) -> Vec<f32> {
+        let offer = |((child, part), &is_few): (&(Pending, Range<usize>), &bool)| {
+            let is_taken = || turns[part.clone()].iter().all(|turn| *turn != LAST_TURN);
+            let weight = child.moments.count as f32 / child.sampled as f32;
+            Offer { ends: is_few || (child.is_leaf() && is_taken()), weight }
+        };
+        let offers: Vec<Offer> = parts.iter().zip(few).map(offer).collect();
+        if offers.iter().all(|offer| !offer.ends) {
+            return shares;
+        }
+        let from: Vec<u8> =
+            (0..).zip(parts).flat_map(|(i, (_, part))| part.clone().map(move |_| i)).collect();
+        let own = fringe::shares(candidates, &from, &offers, above);
+        shares.resize(own.len(), 1.0);
+        shares.iter_mut().zip(own).for_each(|(share, own)| *share *= own);
+        shares
+    }
+
+    /// Gives what is left of a leaf to the cell above, whose sample has the spacing `above`.
+    fn give(
+        &self,
+        rows: &Rows<'_>,
+        mut leaf: Pending,
+        (taken, shares): (&[u16], &[f32]),
+        above: f64,
+        to: &mut Pending,
+    ) {
+        let shape = Shape::of(leaf.moments.covariance(self.scale));
+        let dimension = self.place(rows, &mut leaf, taken, Some(above), &shape);
+        let drawn = [leaf.sampled, leaf.moments.count as usize];
+        let spacing = self.spacing(&leaf.picked(), drawn, dimension, Some(above)) as f32;
+        for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
+            to.offered.push(leaf.offered[i]);
+            to.turns.push(leaf.turns[i]);
+            let radius = if leaf.radii[i] > 0.0 { leaf.radii[i] } else { spacing };
+            let share = shares.get(i).copied().unwrap_or(1.0);
+            let widest = if share < 1.0 { share * above as f32 } else { widest(above) };
+            to.radii.push(radius.min(widest));
+        }
+    }
+
+    /// Gives a leaf's points their turns and radii. The dimension in which they stand.
+    fn place(
+        &self,
+        rows: &Rows<'_>,
+        leaf: &mut Pending,
+        taken: &[u16],
+        above: Option<f64>,
+        shape: &Shape,
+    ) -> u32 {
+        let candidates =
+            Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.class_at);
+        let dimension = shape.dimension_of(candidates.places());
+        leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
+        let drawn = [leaf.sampled, leaf.moments.count as usize];
+        let spacing = || self.spacing(&leaf.picked(), drawn, dimension, above);
+        leaf.radii = self.radii(&candidates, &leaf.turns, dimension, (spacing, false));
+        dimension
+    }
+
+    /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
+    /// have a turn in `taken`. What a node does not hold continues it. `None` where nothing is left, which only happens
+    /// to cells without children (see [`Context::combine`]).
+    pub fn finish(
+        &self,
+        rows: &Rows<'_>,
+        mut pending: Pending,
+        taken: &[u16],
+        above: Option<f64>,
+        counts: &Counts,
+    ) -> Option<Subtree> {
+        let mut below = self.nodes_below(rows, &mut pending, counts);
+        let shape = Shape::of(pending.moments.covariance(self.scale));
+        let dimension = if pending.turns.is_empty() {
+            self.place(rows, &mut pending, taken, above, &shape)
+        } else {
+            shape.dimension_of(pending.sampled)
+        };
+        if let Some(above) = above {
+            pending.radii.iter_mut().for_each(|radius| *radius = radius.min(widest(above)));
+        }
+        let mut own = places_of(taken, |&turn| turn == LAST_TURN);
+        own.extend(taken.len() as u32..pending.offered.len() as u32);
+        let sampled = pending.sampled;
+        let is_given = |i: u32| i as usize >= sampled;
+        if pending.offered.len() > pending.sampled {
+            own.sort_by_cached_key(|&i| {
+                morton::encode3(rows.position(pending.offered[i as usize]))
+            });
+        }
+        let turns: Vec<u16> = own.iter().map(|&i| pending.turns[i as usize]).collect();
+        let count = own.len().div_ceil(self.capacity) as u32;
+        let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
+        let mut drawn = pending.sampled;
+        let (picked, total) = (pending.picked(), pending.moments.count as usize);
+        let spacing = |drawn| self.spacing(&picked, [drawn, total], dimension, above);
+        let full = spacing(drawn);
+        if above.is_none() && total < SURFACE_POINTS {
+            pending.radii.fill((full * DOT_SPACINGS) as f32);
+        } else if above.is_none() {
+            self.narrow_uppermost(rows, &mut pending, full);
+        }
+        for part in (0..count).rev() {
+            let of_part = own.iter().zip(&part_of).filter(|(_, p)| **p == part);
+            let points: Vec<u32> = of_part.map(|(i, _)| *i).collect();
+            let spacing = spacing(drawn);
+            drawn -= points.iter().filter(|i| !is_given(**i)).count();
+            let spacing = [spacing, full];
+            let mut tree = self.node(rows, &pending, &points, dimension, spacing, counts);
+            tree.children = below;
+            if part == 0 {
+                return Some(tree);
+            }
+            tree.node.shape |= SHAPE_CONTINUATION;
+            below = vec![tree].into();
+        }
+        None
+    }
+
+    /// The radii, in the file's unit, of those of the offered points that have a turn, and this spacing; what is wide is looked
+    /// at again on wires, and of samples above others anywhere.
+    fn radii(
+        &self,
+        candidates: &Candidates,
+        turns: &[u16],
+        dimension: u32,
+        (spacing, is_high): (impl FnOnce() -> f64, bool),
+    ) -> Vec<f32> {
+        let turns = candidates.along_curve(turns);
+        let is_wanted = || turns.iter().map(|&turn| turn != LAST_TURN);
+        let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
+        if is_high || wires::has_any(&candidates.classes) {
+            let spacing = spacing() / candidates.step;
+            let places = places_of(&turns, |&turn| turn != LAST_TURN);
+            wires::narrow(&mut steps, spacing, &places, candidates);
+            if is_high {
+                let q = || places.iter().map(|&place| candidates.q[place as usize]).collect();
+                fringe::narrow(&mut steps, q, spacing);
+            }
+        }
+        let in_unit = |steps: f32| (f64::from(steps) * candidates.step) as f32;
+        candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
+    }
+
+    /// The sample that no other is above reaches no farther than to the points around, as samples above others do: nothing else keeps
+    /// its radii from being wide where a surface only grazes a cell.
+    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut Pending, spacing: f64) {
+        let sampled = pending.sampled;
+        let candidates =
+            Candidates::new(rows, &pending.offered[..sampled], &pending.cell, self.scale, None);
+        let in_steps: Vec<f32> =
+            pending.radii[..sampled].iter().map(|r| r / candidates.step as f32).collect();
+        let mut steps = candidates.along_curve(&in_steps).into_owned();
+        fringe::narrow(&mut steps, || candidates.q.clone(), spacing / candidates.step);
+        let radii = candidates.as_offered(steps).into_iter().map(|r| r * candidates.step as f32);
+        pending
+            .radii
+            .iter_mut()
+            .zip(radii)
+            .for_each(|(radius, narrow)| *radius = radius.min(narrow));
+    }
+
+    /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
+    /// the second.
+    fn node(
+        &self,
+        rows: &Rows<'_>,
+        pending: &Pending,
+        points: &[u32],
+        dimension: u32,
+        [spacing, full]: [f64; 2],
+        counts: &Counts,
+    ) -> Subtree {
+        let turns: Vec<u16> = points.iter().map(|&i| pending.turns[i as usize]).collect();
+        let order = order(&turns);
+        let ordered = || order.points.iter().map(|&i| points[i as usize] as usize);
+        let code = |radius: f32| {
+            let spacings = match radius {
+                0.0 => 1.0,
+                r => (f64::from(r) / full).min(RADIUS_SPACINGS_MAX),
+            };
+            quant::radius_code(spacings * spacing, spacing)
+        };
+        // Neighbours mostly have the same.
+        let mut last = (0.0, code(0.0));
+        let along_curve = points.iter().map(|&i| {
+            let radius = pending.radii[i as usize];
+            if radius != last.0 {
+                last = (radius, code(radius));
+            }
+            last.1
+        });
+        let along_curve: Vec<u8> = along_curve.collect();
+        let codes = order.points.iter().map(|&i| along_curve[i as usize]).collect();
+        let own: Vec<u32> = ordered().map(|i| pending.offered[i]).collect();
+
+        let (mut points, hash) = self.page_points(rows, &own, codes);
+        let mut node = Node::zeroed();
+        (node.corner, node.cell_log2) = (pending.cell.corner, pending.cell.log2);
+        node.shape = dimension as u8;
+        node.spacing = spacing as f32;
+        node.set_levels(&order.levels);
+        let bounds = set_box(&mut node, &points.positions);
+        if let Some(clips) = &self.clips {
+            points.clip_lines = clips.words(rows, &own, &self.rows, &node);
+        }
+        if self.pages.has_tangents() {
+            let code = |&i: &u32| {
+                let shape = self.rows.shape(rows.row(i));
+                shape.map_or([0; TANGENT_BYTES], |shape| shape.code(node.spacing))
+            };
+            points.tangents = own.iter().map(code).collect();
+        }
+        let step =
+            self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * f64::from(1u32 << node.hot_shift);
+        let sides = contour::enclose(&mut node, &points.positions, self.scale, step);
+
+        let page = encode_page(&self.pages, node.box_min, node.hot_shift, &points);
+        let statistics = NodeStatistics::of(&self.pages, &points).with_sides(sides);
+        counts.add(&self.pages, &points);
+        Subtree { node, page, statistics, hash, bounds, children: Children::default() }
+    }
+
+    /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
+    fn spacing(
+        &self,
+        picked: &Picked,
+        [drawn, total]: [usize; 2],
+        dimension: u32,
+        above: Option<f64>,
+    ) -> f64 {
+        let step = self.scale.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+        let own = picked.spacing(drawn, total, dimension);
+        let few = picked.points() < 8;
+        let spacing = match above {
+            Some(above) if few || own > above => above,
+            _ => own,
+        };
+        // Half the largest f32 keeps a multiple of it finite.
+        spacing.clamp(step.max(1e-30), 1e30)
+    }
+
+    /// The edge of a cell, in the file's unit, along the axis of the longest steps.
+    fn edge(&self, cell: &Cell) -> f64 {
+        self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
+    }
+}
+
+/// The widest radius of what a sample with this spacing has not taken: that sample is no farther from it, so that few points of
+/// a surface which reaches over a border of cells are no discs on it.
+fn widest(above: f64) -> f32 {
+    (above * RADIUS_ABOVE_MAX) as f32
+}
+
+/// Sets the integer box of a node's own points, and returns it; there is at least one.
+fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
+    let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
+    for p in positions {
+        for i in 0..3 {
+            min[i] = min[i].min(p[i]);
+            max[i] = max[i].max(p[i]);
+        }
+    }
+    node.box_min = min;
+    let extent = (0..3).map(|i| max[i] - min[i]).max().unwrap_or(0);
+    node.hot_shift = quant::hot_shift(extent);
+    [min, max]
+}

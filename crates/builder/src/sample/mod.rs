@@ -1,0 +1,18 @@
+//! Which points represent a cell: thinning, spacing, radii, order and shape of a node's points.
+
+pub(crate) mod candidates;
+pub(crate) mod cell;
+pub(crate) mod compact;
+pub(crate) mod contour;
+pub(crate) mod fringe;
+pub(crate) mod nearby;
+pub(crate) mod order;
+pub(crate) mod pending;
+pub(crate) mod sample;
+pub(crate) mod shape;
+pub(crate) mod spacing;
+pub(crate) mod thin;
+pub(crate) mod tiles;
+pub(crate) mod turns;
+pub(crate) mod unpicked;
+pub(crate) mod wires;

@@ -1,0 +1,151 @@
+//! Wires, by their class. A radius is told from how many points a cell has, as if they stood on a surface. Wires side by side
+//! might be one, by their points alone; where it is known that they are none, half of that radius or less closes each by itself.
+
+use crate::attributes::eigen::Eigen;
+use crate::sample::candidates::Candidates;
+use crate::sample::nearby::Near;
+
+/// Classes of LAS 1.4 R15, table 17: guards, conductors, and what connects them.
+const WIRES: [u8; 3] = [13, 14, 16];
+/// Radii are looked at that are so many times the spacing of the points they are among: wires are sparse beside surfaces.
+const WIDE_SPACINGS: f64 = 1.25;
+/// Gaps are looked for as far, in spacings: no radius is wider, and cells that are as large have few points where those are wide.
+const FAR_SPACINGS: f64 = 8.0;
+/// The radius that closes a wire, over the larger of its two gaps beside a point: half, and for what bends between.
+const GAP_SHARE: f64 = 0.6;
+/// Neighbours that tell a direction; more are as good.
+const NEIGHBOURS_MAX: usize = 256;
+
+/// Whether any of the classes between two is of wires.
+pub fn has_wires([low, high]: [f64; 2]) -> bool {
+    WIRES.iter().any(|&class| (low..=high).contains(&f64::from(class)))
+}
+
+/// Whether any of the points is on a wire.
+pub fn has_any(classes: &[u8]) -> bool {
+    // Without a branch for each.
+    classes.iter().fold(false, |any, class| any | WIRES.contains(class))
+}
+
+/// Narrows the radii of wires' points that are wide beside the spacing of all, both in steps; `places` tells which of the candidates
+/// they are of.
+pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Candidates) {
+    let is_wide = |radius: f32| f64::from(radius) > spacing * WIDE_SPACINGS;
+    let class = |i: usize| candidates.classes.get(places[i] as usize);
+    let is_wire = |i: usize| class(i).is_some_and(|class| WIRES.contains(class));
+    if !(0..radii.len()).any(|i| is_wide(radii[i]) && is_wire(i)) {
+        return;
+    }
+    let wires: Vec<usize> = (0..radii.len()).filter(|&i| is_wire(i)).collect();
+    let points: Vec<[i32; 3]> = wires.iter().map(|&i| candidates.q[places[i] as usize]).collect();
+    let far = spacing * FAR_SPACINGS;
+    let near = Near::new(&points, far);
+    for (point, &i) in wires.iter().enumerate() {
+        // A gap that is wider narrows nothing.
+        if is_wide(radii[i])
+            && let Some(gap) = gap(&near, point, far.min(f64::from(radii[i]) / GAP_SHARE))
+        {
+            radii[i] = radii[i].min((gap * GAP_SHARE) as f32);
+        }
+    }
+}
+
+/// The larger of the gaps beside a point on its wire, by the points around it, as far as that; none where there is none.
+fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
+    let mut ways: Vec<[f64; 3]> = Vec::new();
+    near.each_run(point, |run| {
+        let more = run.filter(|&other| other != point).map(|other| near.away(point, other));
+        let room = NEIGHBOURS_MAX - ways.len();
+        ways.extend(more.filter(|way| length2(way) <= far * far).take(room));
+    });
+    // What coincides with it is no neighbour. Directions are weighed by one over their length: the nearest tell that of its own
+    // wire rather than of several.
+    ways.retain(|way| length2(way) > 0.0);
+    let directions: Vec<_> = ways.iter().map(|way| way.map(|c| c / length2(way))).collect();
+    let along = Eigen::of(square(&directions)).axes[0];
+    let mut gaps = [f64::INFINITY; 2];
+    for way in &ways {
+        let on_it: f64 = way.iter().zip(along).map(|(a, b)| a * b).sum();
+        let away2 = length2(way);
+        // Ahead or behind rather than on the next wire.
+        if 2.0 * on_it * on_it >= away2 {
+            let gap = &mut gaps[usize::from(on_it > 0.0)];
+            *gap = gap.min(away2.sqrt());
+        }
+    }
+    gaps.into_iter().filter(|gap| gap.is_finite()).max_by(f64::total_cmp)
+}
+
+fn length2(way: &[f64; 3]) -> f64 {
+    way.iter().map(|along| along * along).sum()
+}
+
+/// Mean products of ways along axes, as a symmetric matrix.
+fn square(ways: &[[f64; 3]]) -> [f64; 6] {
+    let n = ways.len().max(1) as f64;
+    let entry = |(i, j): (usize, usize)| ways.iter().map(|way| way[i] * way[j]).sum::<f64>() / n;
+    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(entry)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::candidates::tests::candidates_of;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn wires_side_by_side_stay_closed_each_and_swell_no_more(gaps in prop::collection::vec(40u32..80, 60), turn in 0.0f64..1.5, apart in 100.0f64..300.0) {
+            // Three wires a metre or more apart, in steps of a centimetre, and a field below.
+            let (sin, cos) = turn.sin_cos();
+            let mut wires: Vec<Vec<[u32; 3]>> = vec![Vec::new(); 3];
+            for (wire, points) in wires.iter_mut().enumerate() {
+                let mut at = f64::from(gaps[wire]);
+                for gap in &gaps {
+                    at += f64::from(*gap);
+                    let across = apart * wire as f64;
+                    let [x, y] = [at * cos - across * sin, at * sin + across * cos];
+                    points.push([(x + 9000.0) as u32, (y + 9000.0) as u32, 3000 + (at / 20.0) as u32]);
+                }
+            }
+            let all: Vec<[u32; 3]> = wires.concat();
+            let mut candidates = candidates_of(&all, [0.01; 3]);
+            candidates.classes = vec![14; all.len()];
+            let low = [0, 1, 2].map(|axis| candidates.q.iter().map(|q| q[axis]).min().unwrap());
+            let mut radii = vec![200.0f32; all.len()];
+            narrow(&mut radii, 70.0, &Vec::from_iter(0..all.len() as u32), &candidates);
+            let least = [0, 1, 2].map(|axis| all.iter().map(|p| p[axis]).min().unwrap());
+            let radius = |p: &[u32; 3]| {
+                let p = [0, 1, 2].map(|axis| (p[axis] - least[axis]) as i32 + low[axis]);
+                radii[candidates.q.iter().position(|q| *q == p).unwrap()]
+            };
+            for wire in &wires {
+                for pair in wire.windows(2) {
+                    let away2: f64 = (0..3).map(|axis| f64::from(pair[0][axis].abs_diff(pair[1][axis])).powi(2)).sum();
+                    prop_assert!(f64::from(radius(&pair[0]) + radius(&pair[1])) >= away2.sqrt());
+                }
+                // Beyond a wire's end another may seem to be ahead.
+                prop_assert!(wire[8..52].iter().all(|p| radius(p) < 54.0));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_wire_or_alone_stays_as_it_is() {
+        let mut candidates =
+            candidates_of(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| [i * 50, 0, 0]), [0.01; 3]);
+        let mut narrowed = |radius: f32, classes: &[u8]| {
+            candidates.classes = classes.to_vec();
+            let mut radii = vec![radius; 9];
+            narrow(&mut radii, 100.0, &[0, 1, 2, 3, 4, 5, 6, 7, 8], &candidates);
+            radii
+        };
+        assert_eq!(narrowed(150.0, &[2; 9]), [150.0; 9]);
+        assert_eq!(narrowed(120.0, &[14; 9]), [120.0; 9]);
+        assert_eq!(narrowed(150.0, &[2, 2, 2, 2, 14, 2, 2, 2, 2]), [150.0; 9]);
+        assert_eq!(narrowed(150.0, &[14; 9]), [30.0; 9]);
+        assert!(has_wires([1.0, 14.0]) && has_wires([16.0, 16.0]) && !has_wires([15.0, 15.0]));
+        assert!(has_any(&[2, 16, 5]) && has_any(&[13]) && !has_any(&[15, 12, 17]) && !has_any(&[]));
+        assert!(!has_wires([0.0, 12.0]) && !has_wires([f64::INFINITY, f64::NEG_INFINITY]));
+    }
+}

@@ -1,0 +1,188 @@
+//! What a build makes depends on the points and the options alone: the same bytes whatever the number of
+//! threads and the order of the inputs' names, the same nodes under another memory bound.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+#![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
+
+mod cloud;
+mod given;
+
+use cloud::{below, random};
+use esker_builder::{Options, Report, Shares, build_shared, build_sources};
+use esker_format::EskerFile;
+use esker_points::task::Silent;
+use esker_points::{AttrType, Node};
+use given::{Given, boxed, given, whole_by};
+use proptest::prelude::*;
+use std::path::Path;
+
+/// Hills, a wall, a stack of coincident points, pairs: two inputs of different attributes.
+fn mixed(count: u64) -> Vec<Given> {
+    let ground = move |i: u64| {
+        let (x, y) = (below(3 * i, 200_000), below(3 * i + 1, 150_000));
+        let hills = (f64::from(x) / 9e3).sin() + (f64::from(y) / 1.1e4).cos();
+        match random(i) % 8 {
+            0 => [77_000, y, below(3 * i + 2, 40_000)],
+            1 => [5000, 6000, 7000],
+            2 => [x / 2000 * 2000, y / 2000 * 2000, 0],
+            _ => [x, y, (2500.0 * hills) as i32],
+        }
+    };
+    let a = given("a.las", [0.001; 3], (0..count).map(ground).collect())
+        .with("intensity", AttrType::U16, |i| i % 5)
+        .with("gps_time", AttrType::F64, |i| (i as f64 / 7.0).to_bits());
+    let b = given("b.las", [0.001; 3], (count..count * 3 / 2).map(ground).collect())
+        .with("intensity", AttrType::U16, |i| i % 3)
+        .with("classification", AttrType::U8, |i| i % 9);
+    vec![a, b]
+}
+
+fn options() -> Options {
+    Options { node_capacity: 1024, ..Default::default() }
+}
+
+/// In a pool of so many threads.
+fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
+fn bytes_of(sources: &[Given], shares: Shares) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    build_shared(boxed(sources), &out, &options(), shares, &Silent).unwrap();
+    std::fs::read(out).unwrap()
+}
+
+/// Little memory: a few chunks at least, and most rows in scratch.
+fn little() -> Shares {
+    Shares { buffer_bytes_max: 200_000, chunk_bytes_max: 500_000 }
+}
+
+#[test]
+fn one_thread_or_many_write_the_same_bytes() {
+    let sources = mixed(40_000);
+    for shares in [Shares::of(1 << 30), little()] {
+        let one = in_pool(1, || bytes_of(&sources, shares));
+        for threads in [2, 5] {
+            let many = in_pool(threads, || bytes_of(&sources, shares));
+            assert!(one == many, "{threads} threads write other bytes with {shares:?}");
+        }
+    }
+}
+
+#[test]
+fn the_order_in_which_inputs_are_named_does_not_matter() {
+    let mut sources = mixed(50_000);
+    let one = bytes_of(&sources, little());
+    sources.reverse();
+    assert!(one == bytes_of(&sources, little()));
+}
+
+fn built_with(sources: &[Given], shares: Shares, options: &Options) -> (Report, EskerFile) {
+    whole_by(sources, |out: &Path| {
+        build_shared(boxed(sources), out, options, shares, &Silent).unwrap()
+    })
+}
+
+/// All of the nodes but where their pages stand.
+fn nodes(file: &EskerFile) -> Vec<Node> {
+    file.table().nodes.iter().map(|n| Node { page_offset: 0, ..*n }).collect()
+}
+
+fn assert_same(a: &EskerFile, b: &EskerFile) {
+    assert_eq!(a.footer().hash, b.footer().hash);
+    assert!(nodes(a) == nodes(b), "other nodes under another memory bound");
+    for i in 0..a.table().nodes.len() as u32 {
+        let pages = [a, b].map(|f| f.read_page(i).unwrap().bytes().to_vec());
+        assert!(pages[0] == pages[1], "another page {i} under another memory bound");
+    }
+    assert_eq!(a.statistics().unwrap(), b.statistics().unwrap());
+}
+
+#[test]
+fn the_same_nodes_under_another_memory_bound() {
+    let sources = mixed(40_000);
+    let (ample, a) = built_with(&sources, Shares::of(1 << 30), &options());
+    assert_eq!(ample.scratch_bytes, 0);
+    for chunk_bytes_max in [0, 2_000_000] {
+        for buffer_bytes_max in [0, 200_000, 1 << 30] {
+            let shares = Shares { buffer_bytes_max, chunk_bytes_max };
+            let (report, b) = built_with(&sources, shares, &options());
+            assert!(report.scratch_bytes > 0 || buffer_bytes_max == 1 << 30);
+            assert_same(&a, &b);
+        }
+    }
+}
+
+#[test]
+fn a_stack_larger_than_memory_has_the_nodes_of_one_that_fits() {
+    // 257 equal records and more of the same place: a stack cut into nodes by the order of records.
+    let positions = (0..40_000).map(|i| if i % 4 == 0 { [i % 900, 5, 5] } else { [9, 9, 9] });
+    let sources =
+        [given("stack", [0.01; 3], positions.collect())
+            .with("intensity", AttrType::U16, |i| random(i) % 50)];
+    let options = Options { node_capacity: 64, ..Default::default() };
+    let (_, a) = built_with(&sources, Shares::of(1 << 30), &options);
+    let (report, b) =
+        built_with(&sources, Shares { buffer_bytes_max: 0, chunk_bytes_max: 0 }, &options);
+    assert!(report.scratch_bytes > 0 && a.table().nodes.iter().any(|n| n.is_continuation()));
+    assert_same(&a, &b);
+}
+
+#[test]
+fn a_far_outlier_is_parted_in_few_passes() {
+    let near = |i: u64| [below(3 * i, 900), below(3 * i + 1, 900), below(3 * i + 2, 900)];
+    let mut positions: Vec<_> = (0..100_000).map(near).collect();
+    positions.push([i32::MAX; 3]);
+    let sources = [given("far", [0.001; 3], positions)];
+    let options = Options { node_capacity: 64, ..Default::default() };
+    let (_, a) = built_with(&sources, Shares::of(1 << 30), &options);
+    let (report, b) =
+        built_with(&sources, Shares { buffer_bytes_max: 0, chunk_bytes_max: 50_000 }, &options);
+    let bytes = 12 * 100_001;
+    assert!(report.scratch_bytes <= 4 * bytes, "{} written for {bytes}", report.scratch_bytes);
+    assert!(report.scratch_bytes > bytes, "no cell was parted");
+    assert_same(&a, &b);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn any_cloud_has_the_same_nodes_under_any_bound(
+        points in prop::collection::vec((any::<[i32; 3]>(), 0u32..32, 1usize..20), 1..500),
+        stack in 0usize..1500,
+        buffer_bytes_max in 0u64..50_000,
+        chunk_bytes_max in 0u64..200_000,
+    ) {
+        let mut positions: Vec<_> = points
+            .into_iter()
+            .flat_map(|(p, shift, n)| vec![p.map(|c| c >> shift); n])
+            .collect();
+        positions.extend(vec![positions[0]; stack]);
+        let sources = [given("any", [0.001; 3], positions)
+            .with("user_data", AttrType::U8, |i| random(i) % 3)];
+        let options = Options { node_capacity: 64, ..Default::default() };
+        let (_, a) = built_with(&sources, Shares::of(1 << 30), &options);
+        let shares = Shares { buffer_bytes_max, chunk_bytes_max };
+        let (_, b) = built_with(&sources, shares, &options);
+        assert_same(&a, &b);
+    }
+}
+
+#[test]
+fn options_out_of_range_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    let one = || boxed(&[given("one", [1.0; 3], vec![[0; 3]])]);
+    let error = |sources, options: Options| {
+        build_sources(sources, &out, &options, &Silent).unwrap_err().to_string()
+    };
+    for node_capacity in [0, 63, (1 << 17) + 1, u32::MAX] {
+        let text = error(one(), Options { node_capacity, ..Default::default() });
+        assert!(text.contains(&node_capacity.to_string()) && text.contains("64"), "{text}");
+    }
+    let text = error(one(), Options { memory_bytes: 1 << 20, ..Default::default() });
+    assert!(text.contains("--memory") && text.contains("256 MiB"), "{text}");
+    assert!(error(Vec::new(), options()).contains("no input"));
+    assert!(given::names_in(folder.path()).is_empty());
+}

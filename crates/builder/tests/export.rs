@@ -1,0 +1,209 @@
+//! A file's points are handed to the writer whole, or as the filter wants; whatever ends an export early leaves
+//! nothing behind.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+#![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
+
+mod cloud;
+mod given;
+
+use cloud::below;
+use esker_builder::{BuildError, Options, build_sources, export};
+use esker_format::{Footer, Forest, PlaneKind, Shown};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
+use esker_points::task::Silent;
+use esker_points::{AttrType, Filter, Task};
+use given::{Given, boxed, given, names_in};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Points of a hill, of two sources: one with classes and times, the other with neither.
+fn sources() -> Vec<Given> {
+    let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
+    let classed = given("a.las", [0.001; 3], (0..20_000).map(hill).collect())
+        .with("classification", AttrType::U8, |i| i % 5)
+        .with("gps_time", AttrType::F64, |i| (i as f64).to_bits());
+    let bare = given("b.las", [0.001; 3], (20_000..32_000).map(hill).collect());
+    vec![classed, bare.with("intensity", AttrType::U16, |i| i + 1)]
+}
+
+fn built(folder: &Path) -> Forest {
+    let out = folder.join("in.esker");
+    let options = Options { node_capacity: 256, ..Default::default() };
+    build_sources(boxed(&sources()), &out, &options, &Silent).unwrap();
+    Forest::open(&out).unwrap()
+}
+
+/// The footer of the only file.
+fn footer(file: &Forest) -> &Footer {
+    file.files().next().unwrap().footer()
+}
+
+fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
+    let mut filter = Filter::default();
+    change(&mut filter);
+    filter
+}
+
+/// Lines of the export as text.
+fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
+    let out = folder.join("out.csv");
+    let report = export(file, &out, filter, &Silent).unwrap();
+    let text = std::fs::read_to_string(&out).unwrap();
+    let mut lines: Vec<_> = text.lines().skip(1).map(str::to_owned).collect();
+    assert_eq!(report.points_out, lines.len() as u64);
+    lines.sort();
+    lines
+}
+
+#[test]
+fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let report =
+        export(&file, &folder.path().join("out.las"), &Filter::default(), &Silent).unwrap();
+    assert_eq!((report.points_out, report.hash), (32_000, footer(&file).hash));
+    assert_eq!(report.nodes_read, footer(&file).nodes);
+    assert_eq!(report.format, "LAS 1.4, point format 6");
+    assert_eq!(
+        report.notes,
+        ["zero where a point's source had none: classification, gps_time, intensity"]
+    );
+    let all = lines(&file, folder.path(), &Filter::default());
+    // x, y, z, classification, gps_time, intensity.
+    assert_eq!(all.iter().filter(|l| l.ends_with(",0,0") || l.ends_with(",0")).count(), 20_000);
+}
+
+#[test]
+fn classes_are_only_of_points_that_have_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    // The bare points have zeros there, and no class; also where all classes that there are are wanted.
+    for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
+        let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
+        assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
+        let shown = Shown::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
+        let nodes = 0..file.table().nodes.len() as u32;
+        let drawn = nodes.map(|node| {
+            let planes = shown.read(&file, node, &[PlaneKind::Position]).unwrap();
+            let positions = planes.get(PlaneKind::Position).unwrap_or_default();
+            let positions = positions.as_chunks::<HOT_POSITION_BYTES>().0.iter();
+            positions.take(shown.points_max(node)).filter(|p| p[HIDDEN_AT] == 0).count()
+        });
+        assert_eq!(drawn.sum::<usize>(), points, "{classes}");
+    }
+}
+
+#[test]
+fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), 0];
+    let scan = |name| given(name, [0.001; 3], (0..500).map(place).collect());
+    let fine = scan("a.las").with("scan_angle", AttrType::I16, |i| i);
+    let coarse = scan("b.las").with("scan_angle_rank", AttrType::I8, |i| i % 90);
+    let bare = scan("c.las");
+    let notes = |sources: &[Given], ending: &str| {
+        let file = folder.path().join("angles.esker");
+        build_sources(boxed(sources), &file, &Options::default(), &Silent).unwrap();
+        let (file, out) =
+            (Forest::open(&file).unwrap(), folder.path().join(format!("out.{ending}")));
+        export(&file, &out, &Filter::default(), &Silent).unwrap().notes
+    };
+    // A record of LAS has one field for both.
+    let two = [fine.clone(), coarse.clone()];
+    assert_eq!(notes(&two, "las"), [""; 0]);
+    let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
+    assert_eq!(notes(&two, "ply"), [zeros]);
+    assert_eq!(notes(&[fine, coarse, bare], "las"), [zeros]);
+}
+
+#[test]
+fn what_is_not_wanted_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.ply");
+    let corner = filter(|f| f.bounds = Some("0,0,5,5".parse().unwrap()));
+    let report = export(&file, &out, &corner, &Silent).unwrap();
+    // A hundredth of the area: its own nodes and those above them.
+    assert!(report.nodes_read * 5 < report.nodes, "{report:?}");
+    assert!(report.points_out > 200 && report.points_out < 500, "{report:?}");
+    let total: u64 = file.table().nodes.iter().map(|n| u64::from(n.page_bytes)).sum();
+    assert!(report.bytes_read * 4 < total, "{report:?}");
+    let none = filter(|f| f.classes = Some("99".parse().unwrap()));
+    let error = export(&file, &out, &none, &Silent).unwrap_err().to_string();
+    assert!(error.contains("none of its 32000 points is wanted"), "{error}");
+}
+
+#[test]
+fn a_spacing_gives_an_even_sample_that_grows_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.ply");
+    let at = |spacing: f64| {
+        let wanted = filter(|f| f.max_spacing = Some(spacing));
+        export(&file, &out, &wanted, &Silent).unwrap().points_out
+    };
+    // 50 by 50 units: half the spacing, four times the points.
+    let points = [4.0, 2.0, 1.0].map(at);
+    for pair in points.windows(2) {
+        let ratio = pair[1] as f64 / pair[0] as f64;
+        assert!((2.5..6.0).contains(&ratio), "{points:?}");
+    }
+    assert!((300..2_000).contains(&points[1]), "{points:?}");
+    assert_eq!(at(1e-6), 32_000);
+}
+
+/// Stops after so many questions whether to stop.
+struct Stops {
+    asked: AtomicU64,
+    after: u64,
+}
+
+impl Task for Stops {
+    fn is_cancelled(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.after
+    }
+}
+
+#[test]
+fn an_export_stops_wherever_it_is_asked_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    for ending in ["las", "laz", "ply", "xyz"] {
+        let out = folder.path().join(format!("out.{ending}"));
+        let run = |after| {
+            let task = Stops { asked: AtomicU64::new(0), after };
+            let result = export(&file, &out, &Filter::default(), &task);
+            (result, task.asked.into_inner())
+        };
+        let (result, questions) = run(u64::MAX);
+        result.unwrap();
+        std::fs::remove_file(&out).unwrap();
+        assert!(questions > 100, "{questions}");
+        for after in (0..6).map(|i| i * (questions - 1) / 5) {
+            let (result, _) = run(after);
+            assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
+            assert_eq!(names_in(folder.path()), ["in.esker"]);
+        }
+    }
+}
+
+#[test]
+fn damage_is_told_and_an_earlier_file_survives() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(folder.path());
+    let out = folder.path().join("out.las");
+    std::fs::write(&out, "mine").unwrap();
+    let node = file.table().nodes[file.table().nodes.len() / 2];
+    let mut bytes = std::fs::read(file.path()).unwrap();
+    bytes[node.page_offset as usize + node.page_bytes as usize / 2] ^= 1;
+    std::fs::write(file.path(), bytes).unwrap();
+    let error = export(&file, &out, &Filter::default(), &Silent).unwrap_err().to_string();
+    assert!(error.contains("in.esker") && error.contains("damaged"), "{error}");
+    assert_eq!(std::fs::read(&out).unwrap(), b"mine");
+    let nowhere = folder.path().join("nowhere/out.las");
+    let error = export(&file, &nowhere, &Filter::default(), &Silent).unwrap_err().to_string();
+    assert!(error.contains("cannot write"), "{error}");
+    let mut names = names_in(folder.path());
+    names.sort();
+    assert_eq!(names, ["in.esker", "out.las"]);
+}

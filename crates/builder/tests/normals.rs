@@ -1,0 +1,192 @@
+//! Estimated normals through whole builds: right on walls and spheres, the same however memory cuts a cloud
+//! into chunks, turned to the scanner where it is known; and what `keep` and `none` leave in the file.
+#![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
+
+mod cloud;
+mod given;
+
+use cloud::{below, random};
+use esker_builder::{NormalsMode, Options, Shares, build_shared};
+use esker_format::{EskerFile, Normals, PlaneKind};
+use esker_points::quant::{oct_decode, oct_encode};
+use esker_points::task::Silent;
+use esker_points::{AttrType, Task, attribute::names};
+use esker_scan::Source;
+use given::{Given, boxed, given};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const UNKNOWN: [i16; 2] = [i16::MIN; 2];
+
+fn options(normals: NormalsMode) -> Options {
+    Options { node_capacity: 1024, normals, ..Default::default() }
+}
+
+fn build_from(sources: Vec<Box<dyn Source>>, shares: Shares, normals: NormalsMode) -> EskerFile {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.esker");
+    build_shared(sources, &out, &options(normals), shares, &Silent).unwrap();
+    EskerFile::open(&out).unwrap()
+}
+
+fn estimated(sources: &[Given], shares: Shares) -> EskerFile {
+    build_from(boxed(sources), shares, NormalsMode::Estimate)
+}
+
+/// The normal of every position in a file, in metres about the lattice's origin.
+fn normals(file: &EskerFile) -> Vec<([f64; 3], [i16; 2])> {
+    let mut out = Vec::new();
+    for i in 0..file.table().nodes.len() as u32 {
+        let points = file.read_page(i).unwrap().points().unwrap();
+        let world = points.positions.iter().map(|&p| file.metadata().lattice.world(p));
+        out.extend(world.zip(points.normals.iter().copied()));
+    }
+    out
+}
+
+fn ample() -> Shares {
+    Shares::of(1 << 30)
+}
+
+/// Degrees between the lines of a code and a direction.
+fn angle(code: [i16; 2], n: [f64; 3]) -> f64 {
+    let ours = oct_decode(code).map(f64::from);
+    let norm = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let cos = (0..3).map(|i| ours[i] * n[i]).sum::<f64>() / norm;
+    cos.abs().min(1.0).acos().to_degrees()
+}
+
+/// A wall of 20 m and a sphere of 3 m behind it, millimetres.
+fn wall_and_sphere(count: u64) -> Given {
+    let place = |i: u64| {
+        let at = |k: u64, n: u32| below(4 * i + k, n);
+        if i.is_multiple_of(2) {
+            return [at(0, 20_000), 0, at(1, 20_000)];
+        }
+        let z = f64::from(at(0, 2_000_001)) / 1e6 - 1.0;
+        let turn = f64::from(at(1, 1_000_000)) / 1e6 * std::f64::consts::TAU;
+        let r = (1.0 - z * z).sqrt();
+        [r * turn.cos(), r * turn.sin(), z].map(|c| (c * 3000.0) as i32 + 10_000)
+    };
+    given("a.las", [0.001; 3], (0..count).map(place).collect())
+}
+
+#[test]
+fn a_wall_and_a_sphere_have_their_normals_in_every_node() {
+    let file =
+        estimated(&[wall_and_sphere(60_000)], Shares { buffer_bytes_max: 0, chunk_bytes_max: 0 });
+    assert_eq!(file.metadata().normals, Normals::Estimated);
+    let (mut wall, mut sphere) = (Vec::new(), Vec::new());
+    for (p, code) in normals(&file) {
+        assert_ne!(code, UNKNOWN);
+        if p[1].abs() < 1e-9 {
+            wall.push(angle(code, [0.0, 1.0, 0.0]));
+        } else {
+            sphere.push(angle(code, p.map(|c| c - 10.0)));
+        }
+    }
+    let worst = |angles: &[f64]| angles.iter().copied().fold(0.0, f64::max);
+    assert!(worst(&wall) < 0.1, "{}", worst(&wall));
+    let mean = sphere.iter().sum::<f64>() / sphere.len() as f64;
+    assert!(mean < 1.0 && worst(&sphere) < 10.0, "{mean} {}", worst(&sphere));
+}
+
+/// Hills, a stack that no memory holds, a grid, strays far off.
+fn mixed(count: u64) -> Given {
+    let place = |i: u64| {
+        let (x, y) = (below(3 * i, 200_000), below(3 * i + 1, 150_000));
+        match random(i) % 8 {
+            0 => [77_000, y, below(3 * i + 2, 40_000)],
+            1 => [5000, 6000, 7000],
+            2 => [x / 2000 * 2000, y / 2000 * 2000, 0],
+            3 if i.is_multiple_of(64) => [x * 40, y * 40, 1_000_000],
+            _ => [
+                x,
+                y,
+                (2500.0 * ((f64::from(x) / 9e3).sin() + (f64::from(y) / 1.1e4).cos())) as i32,
+            ],
+        }
+    };
+    given("a.las", [0.001; 3], (0..count).map(place).collect())
+}
+
+#[test]
+fn any_memory_bound_and_any_number_of_threads_give_the_same_normals() {
+    let sources = [mixed(40_000)];
+    let by_place = |file: &EskerFile| -> BTreeMap<[u64; 3], [i16; 2]> {
+        normals(file).into_iter().map(|(p, code)| (p.map(f64::to_bits), code)).collect()
+    };
+    let whole = by_place(&estimated(&sources, ample()));
+    assert!(whole.values().filter(|&&c| c != UNKNOWN).count() > whole.len() * 9 / 10);
+    for buffer_bytes_max in [0, 200_000, 1 << 30] {
+        let shares = Shares { buffer_bytes_max, chunk_bytes_max: 0 };
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let cut = by_place(&pool.install(|| estimated(&sources, shares)));
+            assert!(cut == whole, "{threads} threads and {shares:?} give other normals");
+        }
+    }
+}
+
+#[test]
+fn normals_look_to_the_tripod_that_saw_the_point() {
+    let open = || {
+        let path = Path::new("synthetic:office:60000:5");
+        esker_scan::open(path, &Default::default(), &Silent as &dyn Task).unwrap()
+    };
+    let source = open();
+    let scanner = source.info().scanner.clone().unwrap();
+    let file = build_from(vec![open()], ample(), NormalsMode::Estimate);
+    assert_eq!(file.metadata().normals, Normals::Oriented);
+    let ids = file.metadata().schema.find(names::POINT_SOURCE_ID).unwrap();
+    let (mut known, mut all) = (0, 0);
+    for i in 0..file.table().nodes.len() as u32 {
+        let points = file.read_page(i).unwrap().points().unwrap();
+        for (k, &code) in points.normals.iter().enumerate() {
+            let at = file.metadata().lattice.world(points.positions[k]);
+            let id =
+                u16::from_le_bytes([points.columns[ids][2 * k], points.columns[ids][2 * k + 1]]);
+            let from = scanner.of(Some(id)).unwrap();
+            let step = [0, 1, 2].map(|a| from[a] - at[a]);
+            let n = oct_decode(code).map(f64::from);
+            let norm = step.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let towards = (0..3).map(|a| n[a] * step[a]).sum::<f64>() / norm;
+            assert!(towards > -1e-3, "{at:?} looks away from {from:?}: {n:?}");
+            known += usize::from(code != UNKNOWN);
+            all += 1;
+        }
+    }
+    assert!(known > all * 9 / 10, "{known} of {all}");
+}
+
+/// A slope whose own normals, all alike, are not those that its points would give.
+fn with_normals() -> Given {
+    let component = |value: f32| move |_| u64::from(value.to_bits());
+    given(
+        "a.ply",
+        [0.001; 3],
+        (0..5000).map(|i| [below(2 * i, 9000), below(2 * i + 1, 9000), 0]).collect(),
+    )
+    .with("nx", AttrType::F32, component(0.6))
+    .with("ny", AttrType::F32, component(0.0))
+    .with("nz", AttrType::F32, component(0.8))
+}
+
+#[test]
+fn kept_estimated_and_no_normals_leave_attributes_exact() {
+    let built = |mode| build_from(boxed(&[with_normals()]), ample(), mode);
+    let [keep, estimate, none] =
+        [NormalsMode::Keep, NormalsMode::Estimate, NormalsMode::None].map(built);
+    assert_eq!(keep.footer().hash, estimate.footer().hash);
+    assert_eq!(keep.footer().hash, none.footer().hash);
+    let plane = |file: &EskerFile| file.read_page(0).unwrap().plane(PlaneKind::Normal).unwrap();
+    let bytes = |code: [i16; 2]| code.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<u8>>();
+    let own = bytes(oct_encode([0.6, 0.0, 0.8]));
+    assert!(plane(&keep).unwrap().chunks(4).all(|c| c == own));
+    let up = bytes(oct_encode([0.0, 0.0, 1.0]));
+    assert!(plane(&estimate).unwrap().chunks(4).all(|c| c == up));
+    assert_eq!((plane(&none), none.metadata().normals), (None, Normals::None));
+    for file in [&estimate, &none] {
+        assert_eq!(esker_format::verify(file, &Silent).unwrap().hash, keep.footer().hash);
+    }
+}

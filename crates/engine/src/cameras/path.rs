@@ -1,0 +1,265 @@
+//! The camera's way of a benchmark: named views, and how long it takes from each to the next (kanzok2015,
+//! figure 4: overview, close view, detail). From a JSON file, or derived from the scan's bounds and
+//! density. `bench/README.md` says what the JSON means.
+
+use crate::calls::info;
+use crate::cameras::camera::Camera;
+use anyhow::{Context, Result, ensure};
+use esker_format::Forest;
+use esker_lod::View;
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::HashSet;
+
+/// Bytes of a path's file at most.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+/// Views of a path at most.
+const VIEWS_MAX: usize = 64;
+/// Seconds that a path may stay or travel at most.
+const SECONDS_MAX: f64 = 3600.0;
+
+/// A path as told.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Told {
+    #[serde(default)]
+    coordinates: Coordinates,
+    views: Vec<ToldView>,
+}
+
+/// What the numbers of a path mean.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Coordinates {
+    /// The file's own.
+    #[default]
+    World,
+    /// Shares of the scan's bounding box: 0 its lowest corner, 1 its highest.
+    Bounds,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToldView {
+    name: String,
+    eye: [f64; 3],
+    target: [f64; 3],
+    #[serde(default = "z")]
+    up: [f64; 3],
+    #[serde(default = "fovy_deg")]
+    fovy: f64,
+    #[serde(default = "travel_s")]
+    travel_s: f64,
+    #[serde(default = "stay_s")]
+    stay_s: f64,
+}
+
+fn z() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+fn fovy_deg() -> f64 {
+    60.0
+}
+
+fn travel_s() -> f64 {
+    4.0
+}
+
+fn stay_s() -> f64 {
+    2.0
+}
+
+/// A path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    /// Its views, at least one, in the order in which they are visited.
+    pub views: Vec<Stop>,
+}
+
+/// A view that the camera stops at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stop {
+    /// Its name.
+    pub name: String,
+    /// The camera.
+    pub view: View,
+    /// What it looks at, the file's unit.
+    pub target: DVec3,
+    /// Seconds from the view before to this one.
+    pub travel_s: f64,
+    /// Seconds that frames are timed for, once the view is complete.
+    pub stay_s: f64,
+}
+
+impl Path {
+    /// Reads a path for a scan within these bounds and pictures of this size.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, is no such JSON, or has numbers that are no camera's.
+    pub fn read(path: &std::path::Path, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
+        use std::io::Read;
+        let shown = path.display();
+        let mut text = String::new();
+        std::fs::File::open(path)
+            .and_then(|f| f.take(FILE_BYTES_MAX).read_to_string(&mut text))
+            .with_context(|| format!("{shown}: cannot read the camera path"))?;
+        Self::parse(&text, bounds, size).with_context(|| format!("{shown}: no camera path"))
+    }
+
+    /// As [`Path::read`], from text.
+    ///
+    /// # Errors
+    /// As [`Path::read`].
+    pub fn parse(text: &str, bounds: [[f64; 3]; 2], size: [u32; 2]) -> Result<Self> {
+        let told: Told = serde_json::from_str(text).context("see bench/README.md")?;
+        let count = told.views.len();
+        ensure!((1..=VIEWS_MAX).contains(&count), "{count} views; name 1 to {VIEWS_MAX}");
+        let mut names = HashSet::new();
+        let stop = |v: ToldView| {
+            v.check()?;
+            ensure!(names.insert(v.name.clone()), "two views are named `{}`", v.name);
+            let [eye, target] = [v.eye, v.target].map(|p| told.coordinates.world(p, bounds));
+            ensure!(eye != target, "view `{}` looks at where it stands", v.name);
+            let up = DVec3::from_array(v.up);
+            let view = View::look_at(eye, target, up, v.fovy.to_radians(), size[0], size[1]);
+            Ok(Stop { name: v.name, view, target, travel_s: v.travel_s, stay_s: v.stay_s })
+        };
+        Ok(Self { views: told.views.into_iter().map(stop).collect::<Result<_>>()? })
+    }
+
+    /// The path of a scan that nobody wrote one for: all of it, then nearer, then so near to a dense
+    /// place that its points lie a pixel apart.
+    pub fn of(file: &Forest, size: [u32; 2]) -> Self {
+        let overview = Camera::of_benchmarks(info::bounds(file), size);
+        let [low, high] = info::bounds(file).map(DVec3::from_array);
+        let middle = low.midpoint(high);
+        let (dense, spacing) = dense_place(file).unwrap_or((middle, 0.0));
+        // In the overview's middle, where the scan's is not.
+        let far = overview.depth(middle);
+        let ahead = overview.eye + overview.forward() * far;
+        let near = (overview.focal_px() * spacing).clamp(far * 1e-4, far * 0.25);
+        let stop = |name: &str, target: DVec3, distance: f64| {
+            let eye = target - overview.forward() * distance;
+            let view = View::look_at(eye, target, DVec3::Z, overview.fovy_rad, size[0], size[1]);
+            Stop { name: name.into(), view, target, travel_s: travel_s(), stay_s: stay_s() }
+        };
+        Self {
+            views: vec![
+                Stop { view: overview, ..stop("overview", ahead, far) },
+                stop("close", dense, (far * near).sqrt()),
+                stop("detail", dense, near),
+            ],
+        }
+    }
+
+    /// The view on the way to stop `to`, with `share` of the way behind it: starting and ending gently,
+    /// with equal ratios of distance to what is looked at in equal times.
+    pub fn between(&self, to: usize, share: f64) -> View {
+        let (a, b) = (&self.views[to.saturating_sub(1)], &self.views[to]);
+        let t = share.clamp(0.0, 1.0);
+        let t = t * t * (3.0 - 2.0 * t);
+        let [from_a, from_b] = [a, b].map(|s| s.view.eye - s.target);
+        let distance = from_a.length().powf(1.0 - t) * from_b.length().powf(t);
+        let target = a.target.lerp(b.target, t);
+        let mixed = (from_a.normalize_or(DVec3::Z)).lerp(from_b.normalize_or(DVec3::Z), t);
+        let eye = target + mixed.normalize_or(DVec3::Z) * distance;
+        let up = a.view.world_from_view.y_axis.lerp(b.view.world_from_view.y_axis, t);
+        let fovy = a.view.fovy_rad + (b.view.fovy_rad - a.view.fovy_rad) * t;
+        View::look_at(eye, target, up, fovy, b.view.width, b.view.height)
+    }
+}
+
+impl Coordinates {
+    fn world(self, p: [f64; 3], bounds: [[f64; 3]; 2]) -> DVec3 {
+        let p = DVec3::from_array(p);
+        let [low, high] = bounds.map(DVec3::from_array);
+        match self {
+            Self::World => p,
+            Self::Bounds => low + (high - low) * p,
+        }
+    }
+}
+
+impl ToldView {
+    fn check(&self) -> Result<()> {
+        let name = &self.name;
+        ensure!(!name.is_empty() && name.len() < 100, "a view's name is empty or very long");
+        let numbers = self.eye.iter().chain(&self.target).chain(&self.up);
+        ensure!(numbers.into_iter().all(|v| v.is_finite()), "view `{name}` has no usable numbers");
+        ensure!(self.fovy > 0.0 && self.fovy < 175.0, "view `{name}`: fovy is within 0 and 175");
+        for seconds in [self.travel_s, self.stay_s] {
+            let usable = (0.0..=SECONDS_MAX).contains(&seconds);
+            ensure!(usable, "view `{name}`: {seconds} s is out of range");
+        }
+        Ok(())
+    }
+}
+
+/// A place that is scanned densely, and the spacing there: the node below which a tenth of all points
+/// have finer spacings.
+fn dense_place(file: &Forest) -> Option<(DVec3, f64)> {
+    let mut nodes: Vec<_> = file.table().nodes.iter().filter(|n| n.spacing > 0.0).collect();
+    nodes.sort_by(|a, b| a.spacing.total_cmp(&b.spacing));
+    let points: usize = nodes.iter().map(|n| n.points()).sum();
+    let mut finer = 0;
+    let node = nodes.into_iter().find(|n| {
+        finer += n.points();
+        finer * 10 >= points
+    })?;
+    let corner = DVec3::from_array(file.lattice().world(node.corner));
+    let centre = DVec3::from_array(node.contour().centre);
+    Some((corner + centre, f64::from(node.spacing)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOUNDS: [[f64; 3]; 2] = [[100.0, 200.0, 0.0], [110.0, 220.0, 5.0]];
+
+    fn parse(text: &str) -> Result<Path> {
+        Path::parse(text, BOUNDS, [320, 200])
+    }
+
+    #[test]
+    fn shares_of_the_bounds_become_places_in_the_scan() {
+        let path = parse(
+            r#"{"coordinates": "bounds", "views": [
+                {"name": "far", "eye": [0.5, -1, 2], "target": [0.5, 0.5, 0]},
+                {"name": "near", "eye": [0.5, 0, 1], "target": [0.5, 0.5, 0], "fovy": 40, "travel_s": 2}
+            ]}"#,
+        )
+        .unwrap();
+        assert_eq!(path.views[0].view.eye, DVec3::new(105.0, 180.0, 10.0));
+        assert_eq!(path.views[1].travel_s, 2.0);
+        let [start, end] = [0.0, 1.0].map(|share| path.between(1, share));
+        assert!(start.eye.distance(path.views[0].view.eye) < 1e-9);
+        assert!(end.eye.distance(path.views[1].view.eye) < 1e-9);
+        assert!((end.fovy_rad.to_degrees() - 40.0).abs() < 1e-9);
+        let half = path.between(1, 0.5);
+        let distance = half.eye.distance(DVec3::new(105.0, 210.0, 0.0));
+        let [far, near] = [path.views[0].view.eye, path.views[1].view.eye]
+            .map(|eye| eye.distance(DVec3::new(105.0, 210.0, 0.0)));
+        assert!((distance - (far * near).sqrt()).abs() < 1e-9, "equal ratios in equal times");
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for text in [
+            "",
+            "[]",
+            r#"{"views": []}"#,
+            r#"{"views": [{"name": "", "eye": [0,0,1], "target": [0,0,0]}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0,0], "target": [0,0,0]}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0], "target": [0,0,0]}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0,1], "target": [0,0,0], "fovy": 0}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0,1], "target": [0,0,0], "stay_s": -1}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0,1], "target": [0,0,0], "speed": 1}]}"#,
+            r#"{"views": [{"name": "a", "eye": [0,0,1], "target": [0,0,0]},
+                          {"name": "a", "eye": [0,0,2], "target": [0,0,0]}]}"#,
+        ] {
+            assert!(parse(text).is_err(), "{text}");
+        }
+    }
+}

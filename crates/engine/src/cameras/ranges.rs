@@ -1,0 +1,362 @@
+//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
+//! neither a few strays take all colours nor what a filter leaves out takes any. Where strays are so far away that bins, or the
+//! boxes of nodes, hide what the others differ by, points are read: of a few nodes, and only to tell where within a bin a
+//! range ends. Where an end is a number that stands for no value, a sample of the values tells all.
+
+use crate::cameras::colour::plane_of;
+use anyhow::Result;
+use esker_format::{EskerFile, Forest, PlaneKind, Shown};
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
+use esker_points::{AttrType, Node};
+
+/// Share of the values that may lie outside a range on either side.
+const STRAYS: f64 = 0.01;
+/// Bins of heights.
+const BINS: usize = 1024;
+/// Numbers from here on stand for no value: scans write the greatest of their type where they have none.
+const NO_VALUE: f64 = f32::MAX as f64;
+/// Values that a sample has at least, where there are so many.
+const SAMPLE: usize = 1 << 17;
+/// Less than this share of a whole range, strays and all, is told too coarsely by its bins.
+const COARSE: f64 = 1.0 / 16.0;
+/// A node is tall that is so many times as high as the middle one.
+const TALL: f64 = 2.0;
+/// So many tall nodes are read: a stray makes its own and those above it so.
+const TALL_READ: usize = 12;
+/// So often heights are counted anew in what is left without strays.
+const ROUNDS: usize = 8;
+
+/// The range of an attribute of the forest, in stored values, over all trees that have it.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f64, f64)> {
+    let attribute = &forest.schema().attributes[number];
+    let (mut range, mut first) = (None, 0);
+    for file in forest.files() {
+        let nodes = file.table().nodes.len() as u32;
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        if let Some(index) = index.filter(|_| file.footer().points > 0) {
+            range = joined(range, within(file, index, shown, first)?);
+        }
+        first += nodes;
+    }
+    let range = range.unwrap_or((0.0, 0.0));
+    if is_value(range.0) && is_value(range.1) {
+        return Ok(range);
+    }
+    of_sample(forest, number, attribute.ty, shown)
+}
+
+/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None` where nothing is a number.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn whole(forest: &Forest, attribute: usize) -> Result<Option<(f64, f64)>> {
+    let attribute = &forest.schema().attributes[attribute];
+    let mut range = None;
+    for file in forest.files() {
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        if let Some(index) = index.filter(|_| file.footer().points > 0) {
+            let of = file.statistics()?.histograms().ranges().of(index);
+            range = joined(range, (of.0 <= of.1).then_some(of));
+        }
+    }
+    Ok(range)
+}
+
+/// Which values of an attribute of bytes occur in the forest.
+///
+/// # Errors
+/// Where statistics cannot be read.
+pub fn bytes_of(forest: &Forest, attribute: usize) -> Result<Vec<u8>> {
+    let attribute = &forest.schema().attributes[attribute];
+    let mut occurs = [false; 1 << u8::BITS];
+    for file in forest.files() {
+        let index = file.metadata().schema.find_typed(&attribute.name, attribute.ty);
+        let Some(index) = index.filter(|_| file.footer().points > 0) else { continue };
+        let statistics = file.statistics()?;
+        let histograms = statistics.histograms();
+        let counts = histograms.counts(index);
+        for (value, occurs) in (0u8..).zip(&mut occurs) {
+            // No bin has two of them.
+            let bin = histograms.bin_of(index, value.into());
+            *occurs |= bin.is_some_and(|bin| counts[bin] > 0);
+        }
+    }
+    Ok((0..).zip(occurs).filter(|(_, occurs)| *occurs).map(|(value, _)| value).collect())
+}
+
+/// Whether a number is a value, and does not stand for none.
+fn is_value(number: f64) -> bool {
+    number.abs() < NO_VALUE
+}
+
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
+fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
+    let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
+    let mut values = Vec::new();
+    let nodes = 0..forest.table().nodes.len() as u32;
+    for node in nodes.filter(|&node| shown.points_max(node) > 0) {
+        let planes = forest.read_planes(node, &[kind])?;
+        let plane = planes.get(kind).unwrap_or_default().chunks_exact(ty.size());
+        values.extend(plane.map(|value| ty.to_f64(value)).filter(|&value| is_value(value)));
+        if values.len() >= SAMPLE {
+            break;
+        }
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    let strays = (values.len() as f64 * STRAYS) as usize;
+    let end = |end: Option<&f64>| end.copied().unwrap_or(0.0);
+    Ok((end(values.get(strays)), end(values.iter().rev().nth(strays))))
+}
+
+fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The range in one file, whose nodes begin at `first` in the forest's table.
+fn within(
+    file: &EskerFile,
+    attribute: usize,
+    shown: &Shown,
+    first: u32,
+) -> Result<Option<(f64, f64)>> {
+    let statistics = file.statistics()?;
+    let histograms = statistics.histograms();
+    let whole = histograms.ranges().of(attribute);
+    if whole.0 > whole.1 {
+        return Ok(None);
+    }
+    let counts = histograms.counts(attribute);
+    let bin = (whole.1 - whole.0) / counts.len() as f64;
+    let mut range = central(whole, counts);
+    if range.1 - range.0 < (whole.1 - whole.0) * COARSE {
+        range = within_bins(file, attribute, range, bin)?;
+    }
+    let (low, high) = range;
+    if !shown.is_filtered() {
+        return Ok(Some((low, high)));
+    }
+    let nodes = 0..file.table().nodes.len() as u32;
+    let wanted = nodes.filter(|&node| shown.points_max(first + node) > 0);
+    let kept = wanted.filter_map(|node| statistics.own(node, attribute));
+    let kept = kept.fold(None, |all, of| joined(all, Some(of)));
+    // What is kept may all be strays of the whole.
+    let clamped = kept.map(|(a, b)| (a.max(low), b.min(high)));
+    Ok(clamped.filter(|(a, b)| a <= b).or(kept))
+}
+
+/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as far as the first nodes have any.
+fn within_bins(
+    file: &EskerFile,
+    attribute: usize,
+    (low, high): (f64, f64),
+    bin: f64,
+) -> Result<(f64, f64)> {
+    let of = &file.metadata().schema.attributes[attribute];
+    let kind = plane_of(&of.name, of.ty, attribute);
+    let (mut least, mut greatest, mut read) = (f64::INFINITY, f64::NEG_INFINITY, 0);
+    for node in 0..file.table().nodes.len() as u32 {
+        if read >= SAMPLE {
+            break;
+        }
+        let planes = file.read_planes(node, &[kind])?;
+        let plane = planes.get(kind).unwrap_or_default();
+        for value in plane.chunks_exact(of.ty.size()).map(|value| of.ty.to_f64(value)) {
+            if value >= low && value <= high {
+                (least, greatest) = (least.min(value), greatest.max(value));
+            }
+            read += 1;
+        }
+    }
+    let least = if least <= low + bin { least } else { low };
+    let greatest = if greatest >= high - bin { greatest } else { high };
+    Ok((least, greatest))
+}
+
+/// The part of a range without its strays; `counts` are of bins of equal width.
+fn central((low, high): (f64, f64), counts: &[u64]) -> (f64, f64) {
+    let total: u64 = counts.iter().sum();
+    if total == 0 || low >= high {
+        return (low, high);
+    }
+    let strays = total as f64 * STRAYS;
+    let counts = || counts.iter().map(|&n| n as f64);
+    let bin = (high - low) / counts().len() as f64;
+    (low + bin * outer(counts(), strays) as f64, high - bin * outer(counts().rev(), strays) as f64)
+}
+
+/// How many bins, from the outermost on, have no more than the strays.
+fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
+    let mut sum = 0.0;
+    let is_stray = |n: &f64| {
+        sum += n;
+        sum <= strays
+    };
+    counts.take_while(is_stray).count()
+}
+
+/// The range of heights. Points are taken to be spread evenly over the heights of their node's contour; those of a few tall
+/// nodes, which a stray may have stretched, are read. `bounds` are of all points.
+///
+/// # Errors
+/// Where a node cannot be read.
+pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<(f64, f64)> {
+    let mut range = (bounds[0][2], bounds[1][2]);
+    let known = Heights::of(forest, shown)?;
+    for _ in 0..ROUNDS {
+        let cut = known.central(range);
+        let is_coarse = cut.1 - cut.0 < (range.1 - range.0) * COARSE;
+        range = cut;
+        if !is_coarse {
+            break;
+        }
+    }
+    Ok(range)
+}
+
+/// Heights of points.
+#[derive(Default)]
+struct Heights {
+    /// How many are spread evenly between two heights.
+    spread: Vec<([f64; 2], f64)>,
+    /// Those that were read.
+    exact: Vec<f64>,
+}
+
+impl Heights {
+    /// Of what is shown.
+    fn of(forest: &Forest, shown: &Shown) -> Result<Self> {
+        let nodes = (0u32..).zip(&forest.table().nodes);
+        let mut nodes: Vec<_> = nodes
+            .map(|(index, node)| {
+                let points = node.points().min(shown.points_max(index));
+                (index, heights(forest, node), points)
+            })
+            .filter(|(.., points)| *points > 0)
+            .collect();
+        let height = |[low, high]: [f64; 2]| high - low;
+        let mut all: Vec<f64> = nodes.iter().map(|(_, of, _)| height(*of)).collect();
+        let middle = all.len() / 2;
+        let usual = match all.len() {
+            // Nothing tells what is usual.
+            0..=3 => 0.0,
+            _ => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
+        };
+        // Those first that most of the range hangs on.
+        let weight = |of: [f64; 2], points: usize| height(of) * points as f64;
+        nodes.sort_by(|a, b| weight(b.1, b.2).total_cmp(&weight(a.1, a.2)));
+        let mut known = Self::default();
+        let mut read = 0;
+        for (index, of, points) in nodes {
+            if read < TALL_READ && height(of) > TALL * usual {
+                read += 1;
+                known.read(forest, shown, index, points)?;
+            } else {
+                known.spread.push((of, points as f64));
+            }
+        }
+        Ok(known)
+    }
+
+    /// Reads the heights of so many points of a node, but for those that a filter hides.
+    fn read(&mut self, forest: &Forest, shown: &Shown, index: u32, points: usize) -> Result<()> {
+        let node = forest.record(index);
+        // Where a stray has stretched its box, hot positions alone are coarse.
+        let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;
+        let plane = planes.get(PlaneKind::Position).unwrap_or_default();
+        let residual = planes.get(PlaneKind::Residual).unwrap_or_default();
+        let (hides, [min, _]) = (shown.hides_points(index), node.own_box());
+        let points = plane.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(points).enumerate();
+        let shown = points.filter(|(_, point)| !hides || point[HIDDEN_AT] == 0);
+        self.exact.extend(shown.map(|(i, point)| {
+            let hot = u16::from_le_bytes([point[4], point[5]]);
+            let [.., low] = read_residual(residual, i, node.hot_shift);
+            let z = exact(hot, low, min[2], node.hot_shift);
+            forest.lattice().world_axis(2, f64::from(z))
+        }));
+        Ok(())
+    }
+
+    /// The part of a range without strays, which may lie outside of it too.
+    fn central(&self, (low, high): (f64, f64)) -> (f64, f64) {
+        // One bin more on either side, for what lies beyond.
+        let mut counts = [0.0; BINS + 2];
+        let place = |z: f64| (z - low) / (high - low) * BINS as f64 + 1.0;
+        let bin = |place: f64| (place.max(0.0) as usize).min(BINS + 1);
+        for &z in &self.exact {
+            // The greatest is in the last bin.
+            counts[if z == high { BINS } else { bin(place(z)) }] += 1.0;
+        }
+        for &([from, to], points) in &self.spread {
+            let (from, to) = (place(from), place(to));
+            let per_bin = points / (to - from);
+            let is_all = bin(from) == bin(to);
+            for (at, count) in counts.iter_mut().enumerate().take(bin(to) + 1).skip(bin(from)) {
+                let begin = if at == 0 { f64::NEG_INFINITY } else { at as f64 };
+                let end = if at == BINS + 1 { f64::INFINITY } else { (at + 1) as f64 };
+                let share = (to.min(end) - from.max(begin)) * per_bin;
+                *count += if is_all { points } else { share };
+            }
+        }
+        let strays = counts.iter().sum::<f64>() * STRAYS;
+        if low >= high || strays == 0.0 {
+            return (low, high);
+        }
+        // What lies beyond is none of the range's bins.
+        let within = |bins: usize| bins.saturating_sub(1) as f64;
+        let below = within(outer(counts.into_iter(), strays));
+        let above = within(outer(counts.into_iter().rev(), strays));
+        let width = (high - low) / BINS as f64;
+        (low + width * below, high - width * above)
+    }
+}
+
+/// Least and greatest height of a node's contour.
+fn heights(forest: &Forest, node: &Node) -> [f64; 2] {
+    let contour = node.contour();
+    let reach = (0..3).map(|i| contour.half[i] * contour.axes[i][2].abs()).sum::<f64>();
+    let middle = forest.lattice().world_axis(2, f64::from(node.corner[2])) + contour.centre[2];
+    [middle - reach, middle + reach]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_are_cut_by_points_wherever_they_were_counted() {
+        let even = ([0.0, 100.0], 1000.0);
+        let known = Heights { spread: vec![even], exact: Vec::new() };
+        let (low, high) = known.central((0.0, 100.0));
+        assert!((low - 1.0).abs() < 0.11 && (high - 99.0).abs() < 0.11, "{low} {high}");
+        // Half of the points are high: no strays.
+        let tower =
+            Heights { spread: vec![([0.0, 1.0], 500.0), ([1.0, 50.0], 500.0)], exact: vec![] };
+        let (low, high) = tower.central((0.0, 50.0));
+        assert!(low < 0.06 && high > 48.9, "{low} {high}");
+        // A stray far above, and the range around what is left.
+        let exact: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).chain([1e6]).collect();
+        let known = Heights { spread: Vec::new(), exact };
+        let (low, high) = known.central((0.0, 1e6));
+        assert!(low == 0.0 && high < 1000.0);
+        let (low, high) = known.central((0.0, high));
+        assert!(low == 0.0 && high < 11.0, "{low} {high}");
+        let (low, high) = known.central((0.0, high));
+        assert!((low - 0.1).abs() < 0.02 && (high - 9.9).abs() < 0.02, "{low} {high}");
+        assert_eq!(Heights::default().central((1.0, 2.0)), (1.0, 2.0));
+    }
+
+    #[test]
+    fn strays_take_no_colours() {
+        let mut counts = [0; 256];
+        (counts[0], counts[100], counts[101], counts[255]) = (3, 500, 496, 1);
+        assert_eq!(central((0.0, 256.0), &counts), (100.0, 102.0));
+        assert_eq!(central((5.0, 5.0), &counts), (5.0, 5.0));
+        assert_eq!(central((0.0, 1.0), &[0; 4]), (0.0, 1.0));
+    }
+}

@@ -1,0 +1,75 @@
+//! Pictures that show nothing say so. A filter that leaves no point is an error, as it is when exporting; where a view
+//! alone shows nothing, the reason is told beside the picture.
+
+use crate::io::quantity::grouped;
+use anyhow::{Result, ensure};
+use esker_format::{Forest, PlaneKind, Shown};
+use esker_lod::Counters;
+use esker_points::attribute::names;
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
+use esker_points::{AttrType, Filter};
+
+/// Refuses to ask for classes where no point has one.
+///
+/// # Errors
+/// As said.
+pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
+    let has = file.schema().find_typed(names::CLASSIFICATION, AttrType::U8).is_some();
+    ensure!(
+        has || filter.classes.is_none(),
+        "{}: has no classification, so that --classes would leave nothing; draw or export it without",
+        file.path().display()
+    );
+    Ok(())
+}
+
+/// Refuses a filter that leaves no point, though there are some. Positions are read until one is found that is wanted:
+/// to be asked only where nothing was drawn.
+///
+/// # Errors
+/// As said, or where they cannot be read.
+pub fn check_wanted(file: &Forest, shown: &Shown) -> Result<()> {
+    let points = file.points();
+    if points == 0 || !shown.is_filtered() {
+        return Ok(());
+    }
+    for node in 0..file.table().nodes.len() as u32 {
+        if has_wanted(file, shown, node)? {
+            return Ok(());
+        }
+    }
+    let path = file.path().display();
+    anyhow::bail!(
+        "{path}: none of its {} points is wanted; look at --box, --polygon and --classes",
+        grouped(points)
+    )
+}
+
+/// Whether any of a node's own points is wanted.
+fn has_wanted(file: &Forest, shown: &Shown, node: u32) -> Result<bool> {
+    let prefix = shown.points_max(node).min(file.record(node).points());
+    if prefix == 0 || !shown.hides_points(node) {
+        return Ok(prefix > 0);
+    }
+    let planes = shown.read(file, node, &[PlaneKind::Position])?;
+    let points = planes.get(PlaneKind::Position).unwrap_or_default();
+    let mut points = points.as_chunks::<HOT_POSITION_BYTES>().0.iter().take(prefix);
+    Ok(points.any(|point| point[HIDDEN_AT] == 0))
+}
+
+/// Why a picture shows nothing that so many points were chosen for.
+pub fn why_nothing(file: &Forest, budget_points: u64, counters: &Counters) -> &'static str {
+    match (file.points(), budget_points, counters.points) {
+        (0, ..) => "nothing is seen: there are no points",
+        (_, 0, _) => "nothing is seen: --budget-points 0 draws none",
+        (.., 0) if counters.withheld > 0 => {
+            "nothing is seen: --budget-points is too few for the first points of any node; give some hundreds more"
+        }
+        (.., 0) => {
+            "nothing is seen: the camera looks past all points; --fit shows all that there is"
+        }
+        _ => {
+            "nothing is seen: no point falls on a pixel, or all face away; --fit shows all that there is"
+        }
+    }
+}

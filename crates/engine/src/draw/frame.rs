@@ -1,0 +1,199 @@
+//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
+//! become what is drawn. Shared by pictures read whole and by sessions that stream.
+
+use crate::calls::info;
+use crate::cameras::colour::{self, Colouring, colouring_of};
+use crate::draw::empty_picture;
+use anyhow::Result;
+use esker_format::{Forest, PlaneKind, Shown};
+use esker_lod::{CompactOctree, View};
+use esker_points::{Codes, Coding, Filter, Node};
+use esker_render::inputs::camera::is_drawable;
+use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
+use esker_render::{
+    Asked, Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan,
+    Method, SceneHas,
+};
+use esker_stream::Needs;
+use std::sync::Arc;
+
+/// What of a file is shown, and how: all that the plan of its frames depends on but the view.
+#[derive(Clone, Debug)]
+pub struct Look {
+    /// Where colours come from.
+    pub colouring: Colouring,
+    /// Which points, and what of them.
+    pub shown: Arc<Shown>,
+    /// How points become a picture.
+    pub method: Method,
+    /// Whether surfaces have highlights.
+    pub shines: bool,
+    /// Whether differences of exposure between scans are evened out.
+    pub evens: bool,
+}
+
+impl Look {
+    /// Of a file: what `filter` wants, coloured by `colour` ([`crate::cameras::colour::colouring`]).
+    ///
+    /// # Errors
+    /// Where the file has not what colours shall come from, or the filter makes no sense.
+    pub fn new(
+        file: &Forest,
+        colour: Option<&str>,
+        filter: &Filter,
+        method: Method,
+        shines: bool,
+    ) -> Result<Self> {
+        empty_picture::check_classes(file, filter)?;
+        let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
+        let shown = Shown::of(file, on_lattice, None)?;
+        let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
+        let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
+        let shown = Arc::new(shown.coded(codes));
+        Ok(Self { colouring, shown, method, shines, evens: false })
+    }
+
+    /// The same with exposures evened out, where that is asked.
+    ///
+    /// # Errors
+    /// Where no attribute of the file tells scans apart.
+    pub fn evened(mut self, file: &Forest, evens: bool) -> Result<Self> {
+        if evens {
+            let scans = colour::scans(file)?;
+            self.shown = Arc::new(Shown::clone(&self.shown).with_scans(Some(scans)));
+        }
+        Ok(Self { evens, ..self })
+    }
+
+    /// The same from compact planes, where all trees have them and nothing else is asked of the bytes that they save.
+    pub fn compacted(mut self, file: &Forest) -> Self {
+        let asks = self.evens || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
+        if let Some(palette) = file.palette().filter(|_| !asks) {
+            self.colouring.by = ColourBy::Codes(Codebook::Own(palette.table()));
+            self.colouring.plane = Some((PlaneKind::Compact, None));
+        }
+        self
+    }
+
+    /// The same with values as they lie in the file where they are mapped along a range.
+    pub fn with_values(mut self) -> Self {
+        let Colouring { by, plane, codes, .. } = &mut self.colouring;
+        if let (ColourBy::Codes(Codebook::Along(palette)), Some(Codes { ty, coding })) =
+            (*by, *codes)
+            && let (Coding::Along { low, high }, Some((_, stored))) = (coding, plane)
+        {
+            *by = ColourBy::Scalar(ColourMap { low, high, palette });
+            (*stored, *codes) = (Some(ty), None);
+            self.shown = Arc::new(Shown::clone(&self.shown).coded(None));
+        }
+        self
+    }
+
+    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded` where they crowd.
+    pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
+        let normals = file.has(PlaneKind::Normal);
+        let has = SceneHas {
+            normals,
+            oriented_normals: file.has_oriented_normals() && self.method == Method::PullPush,
+            colour_plane: self.colouring.plane.is_some_and(|(kind, _)| file.has(kind)),
+            hidden_points: self.shown.hides_any(),
+            clip_lines: file.has(PlaneKind::ClipLines),
+            tangents: file.has(PlaneKind::Tangents),
+        };
+        let (method, colour) = (self.method, self.colouring.by);
+        let Self { shines, evens, .. } = *self;
+        let (smooths, slants) = (true, true);
+        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        FramePlan::of(&has, &asked)
+    }
+
+    /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
+    pub fn needs(&self, file: &Forest) -> Needs {
+        let plan = self.plan(file, false, false);
+        let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
+        let (normals, clip_lines, tangents) = (plan.reads_normals, plan.clips, plan.tangents);
+        Needs { colour, normals, clip_lines, tangents }
+    }
+
+    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]): none where all of the file lies in
+    /// the picture, or one so large cannot be drawn.
+    pub fn with_margin(&self, file: &Forest, view: &View) -> View {
+        let shown = view.with_margin(0);
+        let wide = view.with_margin(MARGIN_PX);
+        let takes = self.method == Method::PullPush
+            && is_drawable(wide.width, wide.height)
+            && goes_beyond(&shown, info::bounds(file));
+        if takes { wide } else { shown }
+    }
+
+    /// The frame of these nodes. Views have their margin.
+    pub fn frame<'a, P>(
+        &self,
+        file: &'a Forest,
+        view: &'a View,
+        draws: &'a [DrawNode<'a, P>],
+        octree: &'a CompactOctree,
+    ) -> Frame<'a, P> {
+        let hides_points = self.shown.hides_any();
+        let Self { shines, evens, .. } = *self;
+        let frame = frame(file, view, draws, octree, &self.colouring, self.method);
+        Frame { hides_points, shines, evens, ..frame }
+    }
+}
+
+/// A node of the cut, whose `entry` is its place in it, with the planes that `plane` gives.
+pub fn draw_node<'a, P: Default>(
+    node: &'a Node,
+    entry: usize,
+    prefix: usize,
+    colouring: &Colouring,
+    plane: impl Fn(PlaneKind) -> Option<P>,
+) -> DrawNode<'a, P> {
+    let positions = colouring.positions();
+    let colour = match colouring.plane.and_then(|(kind, ty)| Some((plane(kind)?, ty))) {
+        Some(_) if positions == PlaneKind::Compact => ColourPlane::Indexed,
+        Some((bytes, None)) => ColourPlane::Rgba(bytes),
+        Some((bytes, Some(ty))) => ColourPlane::Scalar { bytes, ty },
+        None => ColourPlane::None,
+    };
+    DrawNode {
+        node,
+        entry,
+        prefix,
+        position: plane(positions).unwrap_or_default(),
+        residual: plane(PlaneKind::Residual),
+        colour,
+        normal: plane(PlaneKind::Normal),
+        clip: plane(PlaneKind::ClipLines),
+        tangents: plane(PlaneKind::Tangents),
+    }
+}
+
+/// The frame of these nodes, with the habits of all of Esker's pictures: points that look away are
+/// dropped from surfaces of clouds whose normals tell front from back.
+pub fn frame<'a, P>(
+    file: &'a Forest,
+    view: &'a View,
+    draws: &'a [DrawNode<'a, P>],
+    octree: &'a CompactOctree,
+    colouring: &Colouring,
+    method: Method,
+) -> Frame<'a, P> {
+    Frame {
+        view,
+        lattice: file.lattice(),
+        draws,
+        octree: Some(octree),
+        method,
+        colour: colouring.by,
+        cull_back_faces: file.has_oriented_normals() && method != Method::Points,
+        hides_points: false,
+        shines: true,
+        skips_push: true,
+        averages: true,
+        smooths: true,
+        slants: true,
+        evens: false,
+        background: Background::default(),
+    }
+}

@@ -1,0 +1,129 @@
+//! Pictures of planes that were read whole, on a GPU: they are placed one after another, sent through its queue,
+//! drawn once and read back.
+
+use crate::draw::frame::draw_node;
+use crate::draw::scene::PictureScene;
+use esker_format::{Forest, PlaneKind, Planes};
+use esker_lod::CompactOctree;
+use esker_render::gpu::{Gpu, GpuError, GpuRenderer, NodePool, PlaneAt};
+use esker_render::{Frame, Picture, Stats};
+use std::collections::HashMap;
+
+/// What places are multiples of: what GPUs ask of bound ranges.
+const ALIGNMENT: u64 = 256;
+/// Bytes that are sent before the queue is told to take them: it keeps a copy until then.
+const SENT_MAX: u64 = 64 << 20;
+
+/// Places of planes in drawing memory.
+#[derive(Default)]
+struct Places {
+    /// By node of the selection and kind.
+    at: HashMap<(usize, PlaneKind), PlaneAt>,
+    end: u64,
+}
+
+/// A scene in the memory of a GPU.
+pub struct OnGpu {
+    renderer: GpuRenderer,
+    pool: NodePool,
+    places: Places,
+}
+
+impl OnGpu {
+    /// Sends the planes of a scene.
+    ///
+    /// # Errors
+    /// Where the GPU refuses memory or a shader, or fails.
+    pub fn new(gpu: &Gpu, scene: &PictureScene) -> Result<Self, GpuError> {
+        let renderer = GpuRenderer::new(gpu)?;
+        let places = Places::of(scene, gpu.tier.page_bytes_max)?;
+        let mut pool = NodePool::new(gpu, places.end);
+        let mut sent = 0;
+        for ((index, kind), at) in &places.at {
+            let bytes = bytes_of(&scene.planes[*index], *kind);
+            pool.write(gpu, at.offset, bytes)?;
+            sent += at.bytes;
+            if sent > SENT_MAX {
+                gpu.queue.submit([]);
+                sent = 0;
+            }
+        }
+        Ok(Self { renderer, pool, places })
+    }
+
+    /// Submits a frame; `change` has the last word on it.
+    ///
+    /// # Errors
+    /// Where the GPU refuses memory, or fails.
+    pub fn draw(
+        &mut self,
+        file: &Forest,
+        scene: &PictureScene,
+        octree: &CompactOctree,
+        change: impl Fn(&mut Frame<'_, PlaneAt>),
+    ) -> Result<(), GpuError> {
+        let nodes = scene.selection.drawn.iter().enumerate();
+        let draws: Vec<_> = nodes
+            .map(|(entry, drawn)| {
+                let node = &file.table().nodes[drawn.node as usize];
+                let at = |kind| self.places.at.get(&(entry, kind)).copied();
+                draw_node(node, entry, drawn.prefix, &scene.look.colouring, at)
+            })
+            .collect();
+        let mut frame = scene.look.frame(file, &scene.view, &draws, octree);
+        change(&mut frame);
+        self.renderer.render(&frame, &self.pool)
+    }
+
+    /// The picture of the last frame; waits for it.
+    ///
+    /// # Errors
+    /// Where the GPU fails.
+    pub fn picture(&mut self) -> Result<Picture, GpuError> {
+        self.renderer.read()
+    }
+
+    /// What the newest finished frame did.
+    pub fn stats(&mut self) -> Option<Stats> {
+        self.renderer.stats()
+    }
+}
+
+/// Draws a scene.
+///
+/// # Errors
+/// Where the GPU refuses memory, or fails.
+pub fn draw(
+    gpu: &Gpu,
+    file: &Forest,
+    scene: &PictureScene,
+    octree: &CompactOctree,
+) -> Result<Picture, GpuError> {
+    let mut on_gpu = OnGpu::new(gpu, scene)?;
+    on_gpu.draw(file, scene, octree, |_| ())?;
+    on_gpu.picture()
+}
+
+fn bytes_of(planes: &Planes, kind: PlaneKind) -> &[u8] {
+    planes.get(kind).unwrap_or_default()
+}
+
+impl Places {
+    /// One after another; none straddles a page.
+    fn of(scene: &PictureScene, page_bytes: u64) -> Result<Self, GpuError> {
+        let mut places = Self::default();
+        for (index, planes) in scene.planes.iter().enumerate() {
+            for &kind in scene.kinds.iter().filter(|&&kind| planes.get(kind).is_some()) {
+                let bytes = bytes_of(planes, kind).len() as u64;
+                if bytes > page_bytes {
+                    return Err(GpuError::Memory { what: "a plane of a node".into(), bytes });
+                }
+                let left = page_bytes - places.end % page_bytes;
+                let offset = if bytes > left { places.end + left } else { places.end };
+                places.at.insert((index, kind), PlaneAt { offset, bytes });
+                places.end = (offset + bytes).next_multiple_of(ALIGNMENT);
+            }
+        }
+        Ok(places)
+    }
+}

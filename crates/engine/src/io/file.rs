@@ -1,0 +1,27 @@
+//! What kind of file an input is, by its first bytes.
+
+use anyhow::{Context, Result};
+use esker_format::footer::HEADER_MAGIC;
+use esker_points::place::no_file_at;
+use std::path::Path;
+
+/// Whether a file is an `.esker` file, by its first bytes; a generated scan is none.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn is_esker(path: &Path) -> Result<bool> {
+    use std::io::Read;
+    if esker_scan::synthetic::is_spec(path) {
+        return Ok(false);
+    }
+    let mut head = Vec::new();
+    let context = || format!("{}: cannot open", path.display());
+    if let Some(what) = no_file_at(path).with_context(context)? {
+        anyhow::bail!("{}: {what}", path.display());
+    }
+    let file = std::fs::File::open(path).with_context(context)?;
+    file.take(HEADER_MAGIC.len() as u64)
+        .read_to_end(&mut head)
+        .with_context(|| format!("{}: cannot read", path.display()))?;
+    Ok(head == HEADER_MAGIC)
+}

@@ -1,0 +1,105 @@
+//! Pictures to PNG files, whole or not at all.
+
+use crate::io::output;
+use crate::io::quantity::readable_bytes;
+use anyhow::{Context, Result, ensure};
+use esker_builder::budget::memory;
+use esker_render::{Method, Picture};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Refuses a name whose ending promises another format than PNG.
+///
+/// # Errors
+/// As said.
+pub fn check_name(path: &Path) -> Result<()> {
+    let ending = path.extension();
+    ensure!(
+        ending.is_none_or(|ending| ending.eq_ignore_ascii_case("png")),
+        "{}: pictures are written as PNG; name it {}",
+        path.display(),
+        path.with_extension("png").display()
+    );
+    Ok(())
+}
+
+/// Refuses a picture for which the machine has not the memory, before any work.
+///
+/// # Errors
+/// As said.
+pub fn check_size([width, height]: [u32; 2], method: Method) -> Result<()> {
+    check_bytes([width, height], method, memory::granted().unwrap_or(u64::MAX))
+}
+
+/// Bytes a pixel that the CPU renderer holds, measured at 36 million pixels, and the method's name.
+fn pixel_bytes(method: Method) -> (u64, &'static str) {
+    match method {
+        Method::Points => (15, "points"),
+        Method::PullPush => (85, "pull-push"),
+        Method::Ewa => (31, "ewa"),
+    }
+}
+
+fn check_bytes([width, height]: [u32; 2], method: Method, granted: u64) -> Result<()> {
+    let (each, name) = pixel_bytes(method);
+    let bytes = u64::from(width) * u64::from(height) * each;
+    ensure!(
+        bytes <= granted,
+        "a picture of {width}x{height} pixels by {} takes {} of memory, and the machine grants {}; make it smaller, or choose another --method",
+        name,
+        readable_bytes(bytes),
+        readable_bytes(granted)
+    );
+    Ok(())
+}
+
+/// Writes a picture under a temporary name beside `path`, then gives it its name.
+///
+/// # Errors
+/// Where the file cannot be written.
+pub fn write_png(picture: &Picture, path: &Path) -> Result<()> {
+    let context = || format!("{}: cannot write the picture", path.display());
+    let mut file =
+        tempfile::NamedTempFile::new_in(output::folder_of(path)).with_context(context)?;
+    {
+        let mut out = BufWriter::new(file.as_file_mut());
+        let mut encoder = png::Encoder::new(&mut out, picture.width, picture.height);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header().with_context(context)?;
+        writer.write_image_data(&picture.rgba).with_context(context)?;
+        writer.finish().with_context(context)?;
+        out.flush().with_context(context)?;
+    }
+    readable_by_all(file.as_file()).with_context(context)?;
+    file.persist(path).with_context(context)?;
+    Ok(())
+}
+
+/// Temporary files are private; a picture has the rights of any new file.
+#[cfg(unix)]
+fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all(_file: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_larger_than_memory_is_refused_by_its_bytes() {
+        let refused = |size, method| check_bytes(size, method, 1 << 30).map_err(|e| e.to_string());
+        assert!(refused([3000, 3000], Method::PullPush).is_ok());
+        let error = refused([4000, 4000], Method::PullPush).unwrap_err();
+        assert!(error.contains("4000x4000 pixels by pull-push takes 1.3 GiB"), "{error}");
+        assert!(refused([4000, 4000], Method::Ewa).is_ok());
+        assert!(check_size([1, 1], Method::PullPush).is_ok());
+    }
+}

@@ -1,0 +1,183 @@
+//! Quantities as people write them: bytes with units, sizes of pictures; and numbers as people read them.
+
+use anyhow::{Context, Result, bail, ensure};
+use esker_scan::synthetic::parse_points;
+
+/// Most points of a generated model or cloud: renderers number points by 32 bits.
+pub const POINTS_MAX: u64 = 4_000_000_000;
+
+/// Parses `4GiB`, `512M`, `1.5 GB` or plain bytes. Binary units (KiB, K) are powers of 1024, decimal ones
+/// (KB) of 1000.
+///
+/// # Errors
+/// Where it is neither.
+pub fn bytes(text: &str) -> Result<u64> {
+    let text = text.trim();
+    let digits = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let number: f64 =
+        text[..digits].parse().with_context(|| format!("`{text}` is no size, such as 4GiB"))?;
+    let unit = text[digits..].trim().to_ascii_lowercase();
+    let factor = match unit.as_str() {
+        "" | "b" => 1u64,
+        "k" | "kib" => 1 << 10,
+        "m" | "mib" => 1 << 20,
+        "g" | "gib" => 1 << 30,
+        "t" | "tib" => 1 << 40,
+        "kb" => 1_000,
+        "mb" => 1_000_000,
+        "gb" => 1_000_000_000,
+        "tb" => 1_000_000_000_000,
+        _ => bail!("`{unit}` is no unit of bytes: use MiB or GiB"),
+    };
+    Ok((number * factor as f64) as u64)
+}
+
+/// Parses a number of points, `250000`, `25k` or `20M`, of a generated model.
+///
+/// # Errors
+/// Where it is none, or not from 1 to [`POINTS_MAX`].
+pub fn points(text: &str) -> Result<u64> {
+    let points = parse_points(text).map_err(anyhow::Error::msg)?;
+    ensure!(
+        (1..=POINTS_MAX).contains(&points),
+        "`{text}` is no number of points from 1 to {POINTS_MAX}, such as 20M"
+    );
+    Ok(points)
+}
+
+/// Pixels that a picture has at most: passes number them, also those of its margins, by 28 bits.
+const PIXELS_MAX: u64 = 250_000_000;
+
+/// Parses a number of points that are drawn at most, such as `500000` or `20M`; 0 draws none.
+///
+/// # Errors
+/// Where it is none.
+pub fn points_budget(text: &str) -> Result<u64> {
+    text.parse().or_else(|_| parse_points(text)).map_err(anyhow::Error::msg)
+}
+
+/// Parses `1920x1080`.
+///
+/// # Errors
+/// Where it is no size, a side is 0 or over 16,384, or there are more than 250 million pixels.
+pub fn picture_size(text: &str) -> Result<[u32; 2]> {
+    let parse = |side: &str| side.trim().parse::<u32>().ok();
+    let (width, height) = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((parse(w)?, parse(h)?)))
+        .with_context(|| format!("`{text}` is no picture size, such as 1024x1024"))?;
+    ensure!(
+        (1..=16_384).contains(&width) && (1..=16_384).contains(&height),
+        "a picture's sides are 1 to 16384 pixels, not {text}"
+    );
+    ensure!(
+        u64::from(width) * u64::from(height) <= PIXELS_MAX,
+        "a picture has 250 million pixels at most, {text} has more"
+    );
+    Ok([width, height])
+}
+
+/// Pixels between points at most.
+const SPACING_PX_MAX: f64 = 1e6;
+
+/// Parses a distance of points on the picture, pixels.
+///
+/// # Errors
+/// Where it is none.
+pub fn spacing_px(text: &str) -> Result<f64> {
+    let pixels: f64 = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(
+        (0.0..=SPACING_PX_MAX).contains(&pixels),
+        "{pixels} pixels are out of range; give a number from 0, which draws all points, to {SPACING_PX_MAX}"
+    );
+    Ok(pixels)
+}
+
+/// Threads at most: far above what pays, far below what exhausts a machine.
+const THREADS_MAX: usize = 1024;
+
+/// Parses a number of threads; 0 is one a core.
+///
+/// # Errors
+/// Where it is none, or more than any machine has use for.
+pub fn threads(text: &str) -> Result<usize> {
+    let threads: usize = text.trim().parse().with_context(|| format!("`{text}` is no number"))?;
+    ensure!(threads <= THREADS_MAX, "{threads} threads are more than {THREADS_MAX}");
+    Ok(threads)
+}
+
+/// Parses a length in the scan's unit.
+///
+/// # Errors
+/// Where it is no number, or not above 0.
+pub fn length(text: &str) -> Result<f64> {
+    let length = text.trim().parse().ok().filter(|l: &f64| l.is_finite() && *l > 0.0);
+    length.with_context(|| {
+        format!("`{text}` is no length: it must be above 0, such as 0.05, in the scan's unit")
+    })
+}
+
+/// 1234567 as `1,234,567`.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// Bytes as `1.5 GiB`.
+pub fn readable_bytes(n: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = n as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < units.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", units[unit]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        assert_eq!(bytes("4GiB").unwrap(), 4 << 30);
+        assert_eq!(bytes("512m").unwrap(), 512 << 20);
+        assert_eq!(bytes("1.5 GB").unwrap(), 1_500_000_000);
+        assert_eq!(bytes("123").unwrap(), 123);
+        assert!(bytes("GiB").is_err() && bytes("4 parsecs").is_err() && bytes("-1").is_err());
+        assert_eq!([points("25k").unwrap(), points("25K").unwrap()], [25_000; 2]);
+        assert_eq!([points("20M").unwrap(), points("250000").unwrap()], [20_000_000, 250_000]);
+        assert!(["0", "k", "1.5M", "9G", "many"].iter().all(|text| points(text).is_err()));
+        assert_eq!(points_budget(&u64::MAX.to_string()).unwrap(), u64::MAX);
+        assert_eq!([points_budget("1M").unwrap(), points_budget("0").unwrap()], [1_000_000, 0]);
+        assert!(points_budget("-1").is_err() && points_budget("all").is_err());
+        assert_eq!(threads("3").unwrap(), 3);
+        assert!(threads("100000").is_err() && threads("-1").is_err());
+        assert_eq!(length("0.05").unwrap(), 0.05);
+        assert!(["0", "-1", "nan", "inf", "far"].iter().all(|text| length(text).is_err()));
+        assert_eq!(picture_size("640x480").unwrap(), [640, 480]);
+        assert!(
+            picture_size("0x480").is_err()
+                && picture_size("99999x1").is_err()
+                && picture_size("16384x16384").is_err()
+                && picture_size("big").is_err()
+        );
+    }
+
+    #[test]
+    fn numbers_are_grouped() {
+        assert_eq!(
+            (grouped(1), grouped(999), grouped(1_234_567)),
+            ("1".into(), "999".into(), "1,234,567".into())
+        );
+        assert_eq!(readable_bytes(3 << 29), "1.5 GiB");
+    }
+}

@@ -1,0 +1,87 @@
+//! A dispatch that is ready to run, frame after frame: a kernel with what it is bound to.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::{Counted, Gpu, Runs};
+use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferUsages, ComputePass};
+
+/// Pixels on a side of a group of the kernels that go over pictures.
+const GROUP_SIDE: u32 = 8;
+
+/// A kernel, its bindings, and how many groups run.
+#[derive(Debug)]
+pub struct Dispatch {
+    pipeline: wgpu::ComputePipeline,
+    bind: wgpu::BindGroup,
+    groups: Groups,
+    runs: Runs,
+}
+
+/// How many groups run.
+#[derive(Clone, Debug)]
+pub enum Groups {
+    /// So many.
+    Fixed([u32; 2]),
+    /// As many as three words of a buffer say, from this byte on.
+    Told(wgpu::Buffer, u64),
+}
+
+impl Dispatch {
+    /// Over all pixels of a picture; resources at the bindings of group 0.
+    pub fn over(
+        gpu: &Gpu,
+        kernel: &Kernel,
+        [width, height]: [u32; 2],
+        resources: &[(u32, BindingResource<'_>)],
+    ) -> Self {
+        let groups = [width.div_ceil(GROUP_SIDE), height.div_ceil(GROUP_SIDE)];
+        Self::new(gpu, kernel, Groups::Fixed(groups), resources)
+    }
+
+    /// Over so many groups.
+    pub fn new(
+        gpu: &Gpu,
+        kernel: &Kernel,
+        groups: Groups,
+        resources: &[(u32, BindingResource<'_>)],
+    ) -> Self {
+        let entries: Vec<_> = resources
+            .iter()
+            .map(|(binding, resource)| BindGroupEntry {
+                binding: *binding,
+                resource: resource.clone(),
+            })
+            .collect();
+        let bind = gpu.device.create_bind_group(&BindGroupDescriptor {
+            label: None,
+            layout: &kernel.pipeline().get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let (pipeline, runs) = (kernel.pipeline().clone(), kernel.runs().clone());
+        Self { pipeline, bind, groups, runs }
+    }
+
+    /// Runs it.
+    pub fn run(&self, pass: &mut ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bind, &[]);
+        match &self.groups {
+            &Groups::Fixed([x, y]) => pass.dispatch_workgroups(x, y, 1),
+            Groups::Told(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
+        }
+        self.runs.count();
+    }
+}
+
+/// A uniform that never changes.
+///
+/// # Errors
+/// Where memory is refused.
+pub(crate) fn fixed_uniform(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<Counted, GpuError> {
+    let buffer = gpu.buffer_mapped(label, bytes.len() as u64, BufferUsages::UNIFORM, true)?;
+    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {
+        mapped.copy_from_slice(bytes);
+    }
+    buffer.unmap();
+    Ok(buffer)
+}

@@ -1,0 +1,150 @@
+//! Colours for the shaders (`shaders/common/colour.wgsl`). Whatever is mapped becomes runs of values of one
+//! colour each, which are found here by asking the map itself: so both agree on every value, though
+//! shaders have no `f64`. And the table from linear light to sRGB bytes.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::{Counted, Gpu};
+use crate::inputs::colour::{ColourBy, ENCODE_ENTRIES, Encoder, MapTable, hue};
+use esker_points::Lattice;
+use glam::Vec3;
+
+/// Runs of values at most.
+pub const RUNS_MAX: usize = 256;
+
+/// All doubles that are numbers, in runs of one colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Runs {
+    /// Where they begin, as [`ordered`] bits, rising from [`ordered`] negative infinity; and their colours.
+    pub runs: Vec<(u64, Vec3)>,
+    /// Colour of what is no number.
+    pub no_number: Vec3,
+}
+
+impl Runs {
+    /// Those of what a frame maps; `None` where it maps nothing.
+    pub fn of(by: &ColourBy, lattice: &Lattice) -> Option<Self> {
+        match by {
+            ColourBy::Scalar(map) | ColourBy::EyeDepth(map) => {
+                let table = MapTable::new(map);
+                Some(Self::found(|v| table.entry(v), map.low, table.colours(), MapTable::NO_NUMBER))
+            }
+            ColourBy::Elevation(map) => {
+                let table = MapTable::new(map);
+                let entry = |z| table.entry(lattice.world_axis(2, z));
+                let low = lattice.steps_axis(2, map.low);
+                Some(Self::found(entry, low, table.colours(), MapTable::NO_NUMBER))
+            }
+            ColourBy::Codes(book) => {
+                Some(Self::found(|v| usize::from(v as u8), 0.0, &book.colours(), 0))
+            }
+            ColourBy::Cell => {
+                let hues = std::array::from_fn::<_, 256, _>(|log2| hue(log2 as u32));
+                Some(Self::found(|v| usize::from(v as u8), 0.0, &hues, 0))
+            }
+            ColourBy::Plain | ColourBy::Rgb | ColourBy::Normal => None,
+        }
+    }
+
+    /// By halving between values of different entries. Entries rise or fall with the value, but where a map has
+    /// no extent those of the greatest values may be the same on both sides of `low`: hence from there.
+    fn found(entry: impl Fn(f64) -> usize, low: f64, colours: &[Vec3], no_number: usize) -> Self {
+        let first = ordered(f64::NEG_INFINITY);
+        let mut ends = [first, ordered(-f64::MAX), ordered(low), ordered(f64::MAX)].to_vec();
+        ends.push(ordered(f64::INFINITY));
+        ends.retain(|&bits| !value_of(bits).is_nan());
+        ends.sort_unstable();
+        let at = |bits| entry(value_of(bits));
+        let mut runs = vec![(first, colours[at(first)])];
+        for pair in ends.windows(2) {
+            let (mut from, to) = (pair[0], pair[1]);
+            while at(from) != at(to) && runs.len() < RUNS_MAX {
+                // The first value that has another entry than `from`.
+                let (mut same, mut other) = (from, to);
+                while other - same > 1 {
+                    let middle = same + (other - same) / 2;
+                    if at(middle) == at(from) { same = middle } else { other = middle }
+                }
+                runs.push((other, colours[at(other)]));
+                from = other;
+            }
+        }
+        Self { runs, no_number: colours[no_number] }
+    }
+}
+
+/// Bits of a double in an order that unsigned comparison follows.
+pub fn ordered(value: f64) -> u64 {
+    let bits = value.to_bits();
+    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+}
+
+fn value_of(ordered: u64) -> f64 {
+    f64::from_bits(if ordered >> 63 == 1 { ordered & !(1 << 63) } else { !ordered })
+}
+
+/// The table of `shaders/common/encode.wgsl`, for a uniform binding.
+///
+/// # Errors
+/// Where memory is refused.
+pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
+    let mut bytes: Vec<u8> = (0..=ENCODE_ENTRIES)
+        .map(|i| Encoder::get().bytes(Vec3::splat(i as f32 / ENCODE_ENTRIES as f32))[0])
+        .collect();
+    bytes.resize(crate::gpu::device::shader::sources::layout::EncodeTable::SIZE, 0);
+    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    let buffer = gpu.buffer("encode table", bytes.len() as u64, usage)?;
+    gpu.queue.write_buffer(&buffer, 0, &bytes);
+    Ok(buffer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inputs::colour::{Codebook, ColourMap, Palette};
+
+    fn looked_up(runs: &Runs, value: f64) -> Vec3 {
+        if value.is_nan() {
+            return runs.no_number;
+        }
+        let bits = ordered(value);
+        runs.runs[runs.runs.partition_point(|r| r.0 <= bits) - 1].1
+    }
+
+    #[test]
+    fn runs_colour_every_value_as_the_map_does() {
+        let extremes = [0.0, -0.0, -1e300, 1e300, f64::MAX, f64::MIN_POSITIVE, f64::NAN];
+        let infinities = [f64::INFINITY, f64::NEG_INFINITY, 3e8, 3e8 + 7.0, 5e-324, 0.5];
+        let values: Vec<f64> = extremes.into_iter().chain(infinities).collect();
+        let lattice = Lattice { scale: [1e-3; 3], offset: [10.0; 3], shift: [5; 3] };
+        for &low in &values {
+            for &high in &values {
+                let map = ColourMap { low, high, palette: Palette::Viridis };
+                let table = MapTable::new(&map);
+                let runs = Runs::of(&ColourBy::Scalar(map), &lattice).unwrap();
+                let heights = Runs::of(&ColourBy::Elevation(map), &lattice).unwrap();
+                assert!(runs.runs.len() <= RUNS_MAX && heights.runs.len() <= RUNS_MAX);
+                assert!(runs.runs.is_sorted_by(|a, b| a.0 < b.0));
+                let between = (0..200).map(|i| low + (high - low) * (f64::from(i) / 199.0));
+                for v in between.chain(values.iter().copied()) {
+                    assert_eq!(looked_up(&runs, v), table.at(v), "{v} in {map:?}");
+                    let z = lattice.world_axis(2, v);
+                    assert_eq!(looked_up(&heights, v), table.at(z), "{v} steps in {map:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn runs_colour_every_code() {
+        let lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], shift: [0; 3] };
+        let own = Codebook::Own(std::array::from_fn(|i| [i as u8, (i * 7) as u8, 0]));
+        let along = Codebook::Along(Palette::Viridis);
+        for book in [Codebook::Classes, Codebook::Labels, along, own] {
+            let (runs, colours) =
+                (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
+            for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {
+                assert_eq!(looked_up(&runs, v), colours[usize::from(v as u8)], "{v} of {book:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What all passes know of a frame, as the shaders read it (`shaders/common/frame.wgsl`).
+
+use crate::frame::{Background, Frame};
+use crate::inputs::camera::Camera;
+use bytemuck::{Pod, Zeroable};
+
+/// The uniform of a frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct FrameUniform {
+    right: [f32; 3],
+    focal_px: f32,
+    up: [f32; 3],
+    near: f32,
+    back: [f32; 3],
+    width: u32,
+    step: [f32; 3],
+    height: u32,
+    background_top: [f32; 4],
+    background_bottom: [f32; 4],
+    centre_px: [f32; 2],
+    cull_back_faces: u32,
+    margin_px: u32,
+}
+
+impl FrameUniform {
+    /// Of a frame and its camera.
+    pub fn new<P>(frame: &Frame<'_, P>, camera: &Camera) -> Self {
+        let [right, up, back] = camera.view_from_world.map(|r| r.to_array());
+        let [top, bottom] = match frame.background {
+            Background::Plain(c) => [c, c],
+            Background::Gradient([r, g, b], [s, h, c]) => [[r, g, b, 255], [s, h, c, 255]],
+        };
+        let share = |c: [u8; 4]| c.map(|c| f32::from(c) / 255.0);
+        Self {
+            right,
+            focal_px: camera.focal_px,
+            up,
+            near: camera.near,
+            back,
+            width: camera.size[0],
+            step: camera.step.to_array(),
+            height: camera.size[1],
+            background_top: share(top),
+            background_bottom: share(bottom),
+            centre_px: camera.centre_px,
+            cull_back_faces: u32::from(frame.cull_back_faces),
+            margin_px: camera.margin_px,
+        }
+    }
+}
+
+impl FrameUniform {
+    /// The same for another number of pixels.
+    pub(crate) fn with_size(self, [width, height]: [u32; 2]) -> Self {
+        Self { width, height, ..self }
+    }
+}
+
+/// The shader's name of it, for the check of the layout.
+type FrameLayout = FrameUniform;
+const _: () = {
+    use crate::gpu::device::shader::sources::layout::Frame as shader;
+    assert!(size_of::<FrameLayout>() == shader::SIZE);
+    assert!(std::mem::offset_of!(FrameLayout, centre_px) == shader::centre_px);
+    assert!(std::mem::offset_of!(FrameLayout, margin_px) == shader::margin_px);
+    assert!(std::mem::offset_of!(FrameLayout, height) == shader::height);
+    assert!(std::mem::offset_of!(FrameLayout, background_bottom) == shader::background_bottom);
+};

@@ -1,0 +1,70 @@
+//! The frame buffer of single pixels: in each, the number of the point that won it (`chunk * CHUNK_POINTS +
+//! place in the chunk`) and the bits of its depth; all ones where there is none. Twin of the target of
+//! [`crate::passes::project`].
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Kernel, groups_of};
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::{Counted, Gpu};
+use wgpu::BufferUsages;
+
+/// Bytes of a pixel.
+pub const HIT_BYTES: u64 = 8;
+
+/// The frame buffer.
+pub struct Hits {
+    buffer: Option<Counted>,
+    pixels: u32,
+    clear: Kernel,
+}
+
+impl Hits {
+    /// Of no pixels.
+    ///
+    /// # Errors
+    /// Where the driver refuses the shader.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let clear = Kernel::new(gpu, sources::PROJECT_CLEAR, "main", &[])?;
+        Ok(Self { buffer: None, pixels: 0, clear })
+    }
+
+    /// The buffer for a picture of this size, made anew where the size is another.
+    ///
+    /// # Errors
+    /// Where memory is refused, or the picture is larger than the device binds.
+    pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<(), GpuError> {
+        let pixels = size[0] * size[1];
+        let bytes = u64::from(pixels) * HIT_BYTES;
+        if self.buffer.is_none() || self.pixels != pixels {
+            (self.buffer, self.pixels) = (None, 0);
+            if bytes > gpu.tier.binding_bytes_max {
+                return Err(GpuError::Size { width: size[0], height: size[1] });
+            }
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+            self.buffer = Some(gpu.buffer("frame buffer", bytes, usage)?);
+            self.pixels = pixels;
+        }
+        Ok(())
+    }
+
+    /// The buffer, once it was fitted.
+    pub fn buffer(&self) -> Option<&wgpu::Buffer> {
+        self.buffer.as_deref()
+    }
+
+    /// Empties every pixel.
+    pub fn clear(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, uniform: &wgpu::Buffer) {
+        if let Some(buffer) = &self.buffer {
+            let bind = self.clear.bind(gpu, &[(0, uniform), (1, buffer)]);
+            self.clear.dispatch(pass, &bind, groups_of(u64::from(self.pixels)));
+        }
+    }
+
+    /// Makes the kernel anew where its shader has changed on the disk.
+    ///
+    /// # Errors
+    /// Where the changed shader does not build; the old one goes on.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        self.clear.reload(gpu)
+    }
+}

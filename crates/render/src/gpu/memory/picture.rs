@@ -1,0 +1,60 @@
+//! The picture in GPU memory: what the passes write, and the texture that a window shows.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::{Counted, Gpu};
+use wgpu::{BufferUsages, TextureUsages};
+
+/// A picture, with a margin around it while it is made ([`crate::picture::margin`]).
+#[derive(Debug)]
+pub struct GpuPicture {
+    /// Pixels in a row, of the buffers.
+    pub width: u32,
+    /// Rows of the buffers.
+    pub height: u32,
+    /// The margin, pixels on each side.
+    pub margin_px: u32,
+    /// sRGB with straight alpha, a word a pixel, red lowest.
+    pub rgba: Counted,
+    /// Linear eye depth, `f32` a pixel; infinite where nothing is.
+    pub depth: Counted,
+    /// The same colours without the margin, `rgba8unorm`.
+    pub texture: wgpu::Texture,
+}
+
+impl GpuPicture {
+    /// Room for a picture, given with its margin; at least one pixel.
+    ///
+    /// # Errors
+    /// Where memory is refused.
+    pub fn new(gpu: &Gpu, size: [u32; 2], margin_px: u32) -> Result<Self, GpuError> {
+        let [width, height] = size.map(|side| side.max(1));
+        let [inner_width, inner_height] = [width, height].map(|side| side - 2 * margin_px);
+        let bytes = u64::from(width) * u64::from(height) * 4;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("picture"),
+            size: wgpu::Extent3d {
+                width: inner_width,
+                height: inner_height,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba8Unorm,
+            usage: TextureUsages::STORAGE_BINDING
+                | TextureUsages::TEXTURE_BINDING
+                | TextureUsages::COPY_SRC
+                | TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        Ok(Self {
+            width,
+            height,
+            margin_px,
+            rgba: gpu.buffer("picture colours", bytes, usage)?,
+            depth: gpu.buffer("picture depths", bytes, usage)?,
+            texture,
+        })
+    }
+}

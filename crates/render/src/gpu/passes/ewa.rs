@@ -1,0 +1,478 @@
+//! EWA splatting on the GPU ([`crate::ewa`] is the twin): points become splats batch by batch, so that memory is bounded;
+//! each batch is sorted into tiles of 16 x 16 pixels; and a group of threads a tile goes through its splats, a thread
+//! a pixel, sums in registers.
+//!
+//! Compute tiles, not instanced quads: blending into 32-bit targets is a feature of devices and into 16-bit ones sums
+//! overflow and lose what is small, while registers do neither; and nothing is required beyond WebGPU's defaults. In
+//! the first sweep over the batches each pixel finds its front, in the second attributes are added up; a frame of
+//! one batch makes its splats once.
+
+use crate::ewa::{Options, Passes};
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Kernel, groups_of};
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::variants::Variants;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::cut::GpuCut;
+use crate::gpu::memory::frame::FrameUniform;
+use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::picture::GpuPicture;
+use crate::gpu::memory::pool::NodePool;
+use crate::gpu::memory::pyramid::GpuPyramid;
+use crate::gpu::memory::table::CHUNK_POINTS;
+use crate::inputs::camera::Camera;
+use crate::plan::{FramePlan, Pass};
+use crate::same_layout;
+use bytemuck::{Pod, Zeroable};
+use esker_points::Grain;
+use wgpu::{BufferUsages, CommandEncoder, ComputePass};
+
+/// Room for a batch: what does not fit goes into further ones, and tiles do without entries where these do not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Chunks of points.
+    pub chunks: u32,
+    /// Entries of tiles: a splat has one in each tile that it touches.
+    pub entries: u32,
+}
+
+impl Default for Room {
+    /// 1,048,576 points with 16 entries each: 180 MB at most are held for their words, splats and entries.
+    fn default() -> Self {
+        Self::of(256)
+    }
+}
+
+impl Room {
+    /// So many chunks, with 16 entries a point.
+    const fn of(chunks: u32) -> Self {
+        Self { chunks, entries: chunks * CHUNK_POINTS * 16 }
+    }
+
+    /// As much as fits so many bytes: at least a chunk, at most the default.
+    pub fn within(bytes: u64) -> Self {
+        let chunks = (bytes / Self::of(1).bytes()) as u32;
+        Self::of(chunks.clamp(1, Self::default().chunks))
+    }
+
+    /// What of it a frame of so many chunks needs, in steps, so that a few more take no new memory. Few splats can be large
+    /// and have many entries.
+    fn needed(self, chunks: u32) -> Self {
+        let chunks = chunks.clamp(1, self.chunks).next_power_of_two().min(self.chunks);
+        Self { chunks, entries: self.entries.min(Self::of(chunks.max(ENTRIES_CHUNKS)).entries) }
+    }
+
+    /// Bytes that a batch takes, with the lines of clipped splats.
+    pub fn bytes(self) -> u64 {
+        // Positions and colours of its points, their numbers, splats, lines and boxes.
+        let point = 16 + 16 + 8 + SPLAT_BYTES + LINES_BYTES + 8;
+        u64::from(self.points()) * point + u64::from(self.entries) * 4
+    }
+
+    /// Points of a batch.
+    fn points(self) -> u32 {
+        self.chunks * CHUNK_POINTS
+    }
+}
+
+/// Chunks whose entries there is room for at least.
+const ENTRIES_CHUNKS: u32 = 32;
+/// Bytes of a splat.
+const SPLAT_BYTES: u64 = size_of::<crate::ewa::splat::Splat>() as u64;
+/// Pixels on a side of a tile.
+const TILE: u32 = 16;
+
+/// The uniform of a batch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Batch {
+    lowpass: f32,
+    half_cutoff: f32,
+    radius_factor: f32,
+    first_chunk: u32,
+    chunks: u32,
+    points: u32,
+    entries: u32,
+    is_first: u32,
+    tiles: [u32; 2],
+    unused: [u32; 2],
+    eye_high: [i32; 3],
+    unused_a: u32,
+    eye_low: [i32; 3],
+    unused_b: u32,
+    eye_rest: [f32; 3],
+    unused_c: u32,
+    grain: [u32; 3],
+    unused_d: u32,
+}
+
+same_layout!(Batch {
+    lowpass,
+    half_cutoff,
+    radius_factor,
+    first_chunk,
+    chunks,
+    points,
+    entries,
+    is_first,
+    tiles,
+    eye_high,
+    eye_low,
+    eye_rest,
+    grain
+});
+
+/// The passes, and the memory that they keep from frame to frame.
+pub struct GpuEwa {
+    /// How splats are drawn.
+    pub options: Options,
+    room: Room,
+    list: Kernel,
+    /// By whether there are normals, what gives points their colour, whether a filter hides some, whether splats are
+    /// clipped, and whether they have shapes.
+    place: Variants<5>,
+    begin: Kernel,
+    fill: Kernel,
+    /// By pass, whether there are normals, and whether splats are clipped.
+    blend: Variants<3>,
+    normalise: Variants<1>,
+    memory: Option<Memory>,
+}
+
+struct Memory {
+    size: [u32; 2],
+    room: Room,
+    /// Chunks of this frame's batches.
+    chunks: u32,
+    /// The frame's, as if the picture were a row of a batch's points.
+    uniform: Counted,
+    batches: Vec<Counted>,
+    hits: Counted,
+    geometry: Counted,
+    paint: Counted,
+    splats: Counted,
+    boxes: Counted,
+    cursors: Counted,
+    starts: Counted,
+    entries: Counted,
+    /// Two rows a point where splats are clipped or have shapes, else two.
+    clips: Counted,
+    /// Takes counts that nobody wants.
+    uncounted: Counted,
+}
+
+/// Bytes of a splat's lines.
+const LINES_BYTES: u64 = size_of::<crate::ewa::clip::Lines>() as u64;
+
+/// What a frame is drawn from and to.
+pub struct Target<'a> {
+    /// The frame's uniform.
+    pub uniform: &'a wgpu::Buffer,
+    /// What it holds.
+    pub frame: FrameUniform,
+    /// What takes part in the frame.
+    pub plan: &'a FramePlan,
+    /// The points.
+    pub cut: &'a GpuCut,
+    /// Their planes.
+    pub pool: &'a NodePool,
+    /// Level 0 is filled.
+    pub pyramid: &'a GpuPyramid,
+    /// Its depth is.
+    pub picture: &'a GpuPicture,
+    /// As in [`Won`].
+    pub counts: &'a wgpu::Buffer,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// The grain of clip lines.
+    pub grain: Grain,
+}
+
+impl GpuEwa {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where the driver refuses a shader.
+    pub fn new(gpu: &Gpu, room: Room) -> Result<Self, GpuError> {
+        Ok(Self {
+            options: Options::default(),
+            room,
+            list: Kernel::new(gpu, sources::EWA_LIST, "main", &[])?,
+            place: Variants::new(
+                sources::EWA_PLACE,
+                ["NORMALS", "COLOUR", "HIDES_POINTS", "CLIPS", "TANGENTS"],
+            ),
+            begin: Kernel::new(gpu, sources::EWA_SORT, "begin", &[])?,
+            fill: Kernel::new(gpu, sources::EWA_SORT, "fill", &[])?,
+            blend: Variants::new(sources::EWA_BLEND, ["PASS", "NORMALS", "CLIPS"]),
+            normalise: Variants::new(sources::EWA_NORMALISE, ["NORMALS"]),
+            memory: None,
+        })
+    }
+
+    /// Lets go of the memory.
+    pub fn release(&mut self) {
+        self.memory = None;
+    }
+
+    /// Adds the passes to the commands of a frame.
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        lookup: &mut GpuLookup,
+        target: &Target<'_>,
+        timing: &mut Timing,
+    ) -> Result<(), GpuError> {
+        let size = [target.picture.width, target.picture.height];
+        let chunks = target.cut.chunk_count();
+        let room = self.room.needed(chunks);
+        if self.memory.as_ref().is_none_or(|m| m.size != size || m.room.chunks < room.chunks) {
+            self.memory = None;
+            self.memory = Some(Memory::new(gpu, size, room)?);
+        }
+        if let Some(memory) = &mut self.memory {
+            memory.chunks = room.chunks;
+            memory.fit_clips(gpu, target.plan.clips || target.plan.tangents)?;
+        }
+        let batches = chunks.div_ceil(room.chunks).max(1);
+        self.send(gpu, target, chunks, batches)?;
+        let sweeps: &[u32] = match self.options.passes {
+            Passes::Three => &[0, 1],
+            Passes::One => &[2],
+        };
+        for &sweep in sweeps {
+            let is_placed = sweep == 1 && batches == 1;
+            for batch in 0..batches {
+                if !is_placed {
+                    let mut pass = timing.compute(encoder, Pass::Place);
+                    // Splats are counted once, however often they are made.
+                    let counts = sweep == sweeps[0];
+                    self.place(gpu, &mut pass, lookup, target, (batch, counts))?;
+                }
+                let mut pass = timing.compute(encoder, Pass::Blend);
+                self.blend(gpu, &mut pass, target, batch, sweep)?;
+            }
+        }
+        self.normalise(gpu, &mut timing.compute(encoder, Pass::Blend), target)
+    }
+
+    /// Fills the uniforms.
+    fn send(
+        &mut self,
+        gpu: &Gpu,
+        target: &Target<'_>,
+        chunks: u32,
+        batches: u32,
+    ) -> Result<(), GpuError> {
+        let Some(memory) = &mut self.memory else { return Ok(()) };
+        let options = self.options.within_bounds();
+        let squared = options.cutoff * options.cutoff;
+        // A batch's points are fetched as if they were the pixels of a row.
+        let row = target.frame.with_size([memory.points(), 1]);
+        gpu.queue.write_buffer(&memory.uniform, 0, bytemuck::bytes_of(&row));
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        for number in 0..batches {
+            let batch = Batch {
+                lowpass: if options.lowpass { squared } else { 0.0 },
+                half_cutoff: 0.5 * squared,
+                radius_factor: options.radius_factor,
+                first_chunk: number * memory.chunks,
+                chunks,
+                points: memory.points(),
+                entries: memory.room.entries,
+                is_first: u32::from(number == 0),
+                tiles: tiles(memory.size),
+                eye_high: target.camera.eye_high,
+                eye_low: target.camera.eye_low,
+                eye_rest: target.camera.eye_rest.to_array(),
+                grain: target.grain.0.map(u32::from),
+                ..Batch::zeroed()
+            };
+            if memory.batches.len() <= number as usize {
+                let bytes = size_of::<Batch>() as u64;
+                memory.batches.push(gpu.buffer("batch of splats", bytes, usage)?);
+            }
+            let buffer = &memory.batches[number as usize];
+            gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(&batch));
+        }
+        Ok(())
+    }
+
+    /// Makes the splats of a batch and sorts them into tiles; `counts` whether they are counted.
+    fn place(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        lookup: &mut GpuLookup,
+        target: &Target<'_>,
+        (batch, counts): (u32, bool),
+    ) -> Result<(), GpuError> {
+        let Some(m) = &self.memory else { return Ok(()) };
+        let batch = &m.batches[batch as usize];
+        let points = u64::from(m.points());
+        let [columns, rows] = tiles(m.size).map(u64::from);
+        let list = [(0, &**batch), (1, target.cut.chunks()), (2, &m.hits), (3, &m.paint)];
+        let list = self.list.bind(gpu, &[&list[..], &[(4, &m.cursors)]].concat());
+        self.list.dispatch(pass, &list, groups_of(points.max(columns * rows)));
+
+        let pages = target.cut.pages(target.pool, target.plan.fetches);
+        let won = Won {
+            uniform: &m.uniform,
+            size: [m.points(), 1],
+            hits: &m.hits,
+            draws: target.cut.draws(),
+            chunks: target.cut.chunks(),
+            pages: &pages,
+            counts: target.counts,
+        };
+        lookup.fetch(gpu, pass, &won, target.plan, [&m.geometry, &m.paint])?;
+        if target.plan.clips {
+            let won = Won { pages: &target.cut.clip_pages(target.pool), ..won };
+            lookup.fetch_clips(gpu, pass, &won, [&m.geometry, &m.clips])?;
+        }
+        if target.plan.tangents {
+            let won = Won { pages: &target.cut.tangent_pages(target.pool), ..won };
+            lookup.fetch_tangents(gpu, pass, &won, [&m.geometry, &m.clips])?;
+        }
+
+        let [normals, colour] = target.plan.colour_constants().map(|(_, value)| value);
+        let hides = u32::from(target.plan.hides_points);
+        let clips = u32::from(target.plan.clips);
+        let tangents = u32::from(target.plan.tangents);
+        let kernel = self.place.get(gpu, [normals, colour, hides, clips, tangents])?;
+        let buffers = [
+            (0, target.uniform),
+            (1, lookup.uniform()),
+            (2, batch),
+            (3, target.cut.draws()),
+            (4, lookup.octree()),
+            (5, &m.geometry),
+            (6, &m.paint),
+            (7, &m.splats),
+            (8, &m.boxes),
+            (9, &m.cursors),
+            (10, &m.clips),
+        ];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), groups_of(points));
+
+        let starts: [(u32, &wgpu::Buffer); 3] = [(0, batch), (1, &m.cursors), (2, &m.starts)];
+        self.begin.dispatch(pass, &self.begin.bind(gpu, &starts), [1, 1, 1]);
+        let counts = if counts { target.counts } else { &m.uncounted };
+        let entries = [(0, &**batch), (1, &m.cursors), (3, &m.boxes), (4, &m.entries), (5, counts)];
+        self.fill.dispatch(pass, &self.fill.bind(gpu, &entries), groups_of(points));
+        Ok(())
+    }
+
+    /// One pass over the splats of a batch.
+    fn blend(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        target: &Target<'_>,
+        batch: u32,
+        sweep: u32,
+    ) -> Result<(), GpuError> {
+        let (Some(m), Some(base)) = (&self.memory, target.pyramid.levels.first()) else {
+            return Ok(());
+        };
+        let normals = u32::from(target.plan.carries_normals);
+        let clips = u32::from(target.plan.clips);
+        let kernel = self.blend.get(gpu, [sweep, normals, clips])?;
+        let buffers = [
+            (0, target.uniform),
+            (1, &*m.batches[batch as usize]),
+            (2, &m.splats),
+            (3, &m.boxes),
+            (4, &m.starts),
+            (5, &m.entries),
+            (6, &base.depth),
+            (7, &base.tint),
+            (8, &base.front),
+            (9, &m.clips),
+        ];
+        let [columns, rows] = tiles(m.size);
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), [columns, rows, 1]);
+        Ok(())
+    }
+
+    fn normalise(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        target: &Target<'_>,
+    ) -> Result<(), GpuError> {
+        let Some(base) = target.pyramid.levels.first() else { return Ok(()) };
+        let kernel = self.normalise.get(gpu, [u32::from(target.plan.carries_normals)])?;
+        let buffers = [
+            (0, target.uniform),
+            (1, &base.front),
+            (2, &base.tint),
+            (3, &base.depth),
+            (4, &base.plane),
+            (5, &target.picture.depth),
+            (6, target.counts),
+        ];
+        let groups = [base.width.div_ceil(8), base.height.div_ceil(8), 1];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), groups);
+        Ok(())
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk. Whether any has.
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let sort = self.list.reload(gpu)? | self.begin.reload(gpu)? | self.fill.reload(gpu)?;
+        let rest = self.place.reload(gpu)? | self.blend.reload(gpu)?;
+        Ok(sort | rest | self.normalise.reload(gpu)?)
+    }
+}
+
+impl Memory {
+    fn new(gpu: &Gpu, size: [u32; 2], room: Room) -> Result<Self, GpuError> {
+        let points = u64::from(room.points());
+        let [columns, rows] = tiles(size).map(u64::from);
+        let plane = |label, bytes| gpu.buffer(label, bytes, BufferUsages::STORAGE);
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        Ok(Self {
+            size,
+            room,
+            chunks: room.chunks,
+            uniform: gpu.buffer("frame of a batch", size_of::<FrameUniform>() as u64, usage)?,
+            batches: Vec::new(),
+            hits: plane("points of a batch", points * 8)?,
+            geometry: plane("positions of a batch", points * 16)?,
+            paint: plane("colours of a batch", points * 16)?,
+            splats: plane("splats", points * SPLAT_BYTES)?,
+            boxes: plane("boxes of splats", points * 8)?,
+            cursors: plane("counts of tiles", columns * rows * 4)?,
+            starts: plane("starts of tiles", (columns * rows + 1) * 4)?,
+            entries: plane("entries of tiles", u64::from(room.entries) * 4)?,
+            clips: plane("no clip lines", LINES_BYTES)?,
+            uncounted: plane("counts of splats made again", 16)?,
+        })
+    }
+
+    /// Points of a batch.
+    fn points(&self) -> u32 {
+        self.chunks * CHUNK_POINTS
+    }
+
+    /// Has room for the lines and shapes of a batch where splats have any, and none where they have not.
+    fn fit_clips(&mut self, gpu: &Gpu, clips: bool) -> Result<(), GpuError> {
+        let points = if clips { u64::from(self.room.points()) } else { 1 };
+        if self.clips.size() != points * LINES_BYTES {
+            self.clips = gpu.buffer("clip lines", points * LINES_BYTES, BufferUsages::STORAGE)?;
+        }
+        Ok(())
+    }
+}
+
+fn tiles(size: [u32; 2]) -> [u32; 2] {
+    size.map(|s| s.div_ceil(TILE))
+}

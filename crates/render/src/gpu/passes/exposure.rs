@@ -1,0 +1,128 @@
+//! Even on the GPU: exposures of scans are evened out ([`crate::passes::exposure`] is the twin). The slots of scans are read while the
+//! points' own bytes are at hand, before gather turns them into colours.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Kernel, groups_of};
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::lookup::Won;
+use crate::gpu::memory::pyramid::GpuLevel;
+use crate::passes::exposure::{CELL_PX, SLICES, SLOTS};
+use crate::plan::{FramePlan, Pass};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
+
+/// The pass, made when it is first asked for.
+#[derive(Default)]
+pub struct Even {
+    kernels: Option<Kernels>,
+    memory: Option<Memory>,
+}
+
+struct Kernels {
+    slot: Kernel,
+    add: Kernel,
+    apply: Kernel,
+}
+
+struct Memory {
+    /// The slot of each pixel's scan, a word each.
+    slots: Counted,
+    /// Sums of the cells (`shaders/common/even.wgsl`).
+    sums: Counted,
+}
+
+impl Even {
+    /// Bytes of the cells of a picture.
+    fn bytes(size: [u32; 2]) -> u64 {
+        let cells = size.map(|side| u64::from(side).div_ceil(CELL_PX as u64));
+        cells[0] * cells[1] * (SLICES * SLOTS * 16) as u64
+    }
+
+    /// Whether a device binds the sums of a picture.
+    pub fn fits(gpu: &Gpu, size: [u32; 2]) -> bool {
+        Self::bytes(size) <= gpu.tier.binding_bytes_max
+    }
+
+    /// Takes what a plan needs, and gives back what it does not.
+    ///
+    /// # Errors
+    /// Where memory or a shader is refused.
+    pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
+        if !plan.evens() {
+            *self = Self::default();
+            return Ok(());
+        }
+        let [bytes, pixels] = [Self::bytes(size), size.into_iter().map(u64::from).product()];
+        let fits = |m: &Memory| m.sums.size() == bytes && m.slots.size() >= pixels * 4;
+        if !self.memory.as_ref().is_some_and(fits) {
+            self.memory = None;
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            self.memory = Some(Memory {
+                slots: gpu.buffer("slots of scans", pixels * 4, BufferUsages::STORAGE)?,
+                sums: gpu.buffer("exposures", bytes, usage)?,
+            });
+        }
+        if self.kernels.is_none() {
+            let kernel = |source| Kernel::new(gpu, source, "main", &[]);
+            self.kernels = Some(Kernels {
+                slot: kernel(sources::EVEN_SLOT)?,
+                add: kernel(sources::EVEN_ADD)?,
+                apply: kernel(sources::EVEN_APPLY)?,
+            });
+        }
+        Ok(())
+    }
+
+    /// Reads the slots of the scans of the points that won, whose words `paint` has.
+    pub(crate) fn take(
+        &self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        won: &Won<'_>,
+        paint: &Buffer,
+    ) {
+        let (Some(Kernels { slot, .. }), Some(memory)) = (&self.kernels, &self.memory) else {
+            return;
+        };
+        let buffers = [(0, won.uniform), (1, won.hits), (2, paint), (3, &*memory.slots)];
+        slot.dispatch(pass, &slot.bind(gpu, &buffers), won.groups());
+    }
+
+    /// Evens the picture's level.
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        uniform: &Buffer,
+        level: &GpuLevel,
+        timing: &mut Timing,
+    ) {
+        let (Some(kernels), Some(Memory { slots, sums })) = (&self.kernels, &self.memory) else {
+            return;
+        };
+        encoder.clear_buffer(sums, 0, None);
+        let mut pass = timing.compute(encoder, Pass::Even);
+        let pixels = groups_of(u64::from(level.width) * u64::from(level.height));
+        let buffers = [
+            (0, uniform),
+            (1, &*level.front),
+            (2, &*level.tint),
+            (3, &*level.depth),
+            (4, &**slots),
+            (5, &**sums),
+        ];
+        for kernel in [&kernels.add, &kernels.apply] {
+            kernel.dispatch(&mut pass, &kernel.bind(gpu, &buffers), pixels);
+        }
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let Some(Kernels { slot, add, apply }) = &mut self.kernels else { return Ok(false) };
+        Ok(slot.reload(gpu)? | add.reload(gpu)? | apply.reload(gpu)?)
+    }
+}

@@ -1,0 +1,60 @@
+//! Mend on the GPU ([`crate::passes::fill_holes`] and [`crate::picture::edges`] are the twins): the depth image, its edges, and two rounds of
+//! finding gaps and closing them.
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::surface::Target;
+use crate::picture::pyramid::Planes;
+
+/// How often: as the twin does.
+const ROUNDS: usize = 2;
+
+/// The pass.
+pub struct Mend {
+    depth: Kernel,
+    /// In the first round, and later.
+    find: [Kernel; 2],
+    fill: Kernel,
+}
+
+impl Mend {
+    /// For pyramids whose pixels carry these planes.
+    ///
+    /// # Errors
+    /// Where a shader is refused.
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
+        let moved = [("PLANE", planes.values() as f64)];
+        let find = |first: f64| {
+            Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first), constants[0]])
+        };
+        Ok(Self {
+            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &moved)?,
+            find: [find(1.0)?, find(0.0)?],
+            fill: Kernel::new(gpu, sources::MEND_FILL, "main", &constants)?,
+        })
+    }
+
+    /// What fills [`Target::depth`] and the marks, and closes the gaps of level 0.
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let base = target.base();
+        let &Target { depth, marks, .. } = target;
+        let image = [&base.front, &base.depth, depth, &base.plane, &base.tint];
+        let find = [depth, &base.tint, marks];
+        let fill = [marks, depth, &base.front, &base.tint, &base.plane];
+        let mut all = vec![target.dispatch(gpu, &self.depth, &image)];
+        for round in 0..ROUNDS {
+            all.push(target.dispatch(gpu, &self.find[round.min(1)], &find));
+            all.push(target.dispatch(gpu, &self.fill, &fill));
+        }
+        all
+    }
+
+    pub(crate) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        let Self { depth, find, fill } = self;
+        [depth, fill].into_iter().chain(find).collect()
+    }
+}

@@ -1,0 +1,130 @@
+//! Slants on the GPU: planes of surfaces without normals ([`crate::passes::fit_planes`] is the twin). They are told before gather, and
+//! given to the pixels after it: gather itself binds as many buffers as WebGPU's default limits allow.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::{Kernel, groups_of};
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::{Counted, Gpu};
+use crate::gpu::memory::pyramid::GpuLevel;
+use crate::passes::fit_planes::SQUARE_PX;
+use crate::picture::pyramid::Planes;
+use crate::plan::{FramePlan, Pass};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
+
+/// The pass, made when it is first asked for.
+#[derive(Default)]
+pub struct Slant {
+    kernels: Option<Kernels>,
+    memory: Option<Memory>,
+}
+
+struct Kernels {
+    nearest: Kernel,
+    /// Where points are apart, and where they crowd.
+    tell: [Kernel; 2],
+    tilt: Kernel,
+}
+
+struct Memory {
+    size: [u32; 2],
+    /// Nearest points and slants of the squares (`shaders/slant/tell.wgsl`).
+    nears: Counted,
+    slants: Counted,
+}
+
+/// Squares of a picture.
+fn squares(size: [u32; 2]) -> u64 {
+    size.into_iter().map(|side| u64::from(side).div_ceil(SQUARE_PX as u64)).product()
+}
+
+impl Slant {
+    /// Takes what a plan needs, and gives back what it does not.
+    ///
+    /// # Errors
+    /// Where memory or a shader is refused.
+    pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
+        if plan.planes() != Planes::Told {
+            self.memory = None;
+            return Ok(());
+        }
+        if self.memory.as_ref().is_none_or(|memory| memory.size != size) {
+            self.memory = None;
+            let plane =
+                |name, bytes| gpu.buffer(name, squares(size) * bytes, BufferUsages::STORAGE);
+            let (nears, slants) = (plane("nearest points", 8)?, plane("slants", 16)?);
+            self.memory = Some(Memory { size, nears, slants });
+        }
+        if self.kernels.is_none() {
+            let kernel = |source| Kernel::new(gpu, source, "main", &[]);
+            let tell =
+                |crowded| Kernel::new(gpu, sources::SLANT_TELL, "main", &[("CROWDED", crowded)]);
+            self.kernels = Some(Kernels {
+                nearest: kernel(sources::SLANT_NEAREST)?,
+                tell: [tell(0.0)?, tell(1.0)?],
+                tilt: kernel(sources::SLANT_TILT)?,
+            });
+        }
+        Ok(())
+    }
+
+    /// Tells the slants of a frame buffer.
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        uniform: &Buffer,
+        hits: &Buffer,
+        plan: &FramePlan,
+        timing: &mut Timing,
+    ) {
+        let (Some(kernels), Some(memory)) = (&self.kernels, &self.memory) else { return };
+        let Kernels { nearest, tell, .. } = kernels;
+        let tell = &tell[usize::from(plan.averages())];
+        let Memory { size, nears, slants } = memory;
+        let groups = groups_of(squares(*size));
+        let mut pass = timing.compute(encoder, Pass::Slant);
+        let bind = nearest.bind(gpu, &[(0, uniform), (1, hits), (2, nears)]);
+        nearest.dispatch(&mut pass, &bind, groups);
+        let bind = tell.bind(gpu, &[(0, uniform), (1, nears), (2, slants)]);
+        tell.dispatch(&mut pass, &bind, groups);
+    }
+
+    /// Gives the pixels of a gathered level their planes.
+    pub(crate) fn tilt(
+        &self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        uniform: &Buffer,
+        level: &GpuLevel,
+    ) {
+        let (Some(Kernels { tilt, .. }), Some(memory)) = (&self.kernels, &self.memory) else {
+            return;
+        };
+        let buffers = [
+            (0, uniform),
+            (1, &*memory.slants),
+            (2, &*level.front),
+            (3, &*level.tint),
+            (4, &*level.plane),
+            (5, &*level.depth),
+        ];
+        let pixels = u64::from(level.width) * u64::from(level.height);
+        tilt.dispatch(pass, &tilt.bind(gpu, &buffers), groups_of(pixels));
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let Some(Kernels { nearest, tell, tilt }) = &mut self.kernels else {
+            return Ok(false);
+        };
+        let mut is_changed = nearest.reload(gpu)? | tilt.reload(gpu)?;
+        for kernel in tell {
+            is_changed |= kernel.reload(gpu)?;
+        }
+        Ok(is_changed)
+    }
+}

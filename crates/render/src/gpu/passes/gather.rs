@@ -1,0 +1,80 @@
+//! Gather on the GPU: level 0 of the pyramid from the points that won ([`crate::passes::gather`] is the twin). First the
+//! points' own bytes are fetched, page by page, into the very planes that they are turned into afterwards.
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::variants::Variants;
+use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::pyramid::GpuPyramid;
+use crate::gpu::passes::exposure::Even;
+use crate::gpu::passes::fit_planes::Slant;
+use crate::picture::pyramid::Planes;
+use crate::plan::FramePlan;
+use wgpu::ComputePass;
+
+/// The pass.
+pub struct Gather {
+    /// By whether pixels carry normals and planes, and what gives them their colour.
+    kernels: Variants<3>,
+    /// The planes that are told where there are no normals.
+    pub slant: Slant,
+    /// What is told of the points' scans, where that is asked.
+    pub even: Even,
+}
+
+impl Default for Gather {
+    fn default() -> Self {
+        Self {
+            kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "PLANES", "COLOUR"]),
+            slant: Slant::default(),
+            even: Even::default(),
+        }
+    }
+}
+
+impl Gather {
+    /// Fills level 0 of a pyramid, which has the picture's size. Adds to the first of the counts.
+    ///
+    /// # Errors
+    /// Where a shader or memory is refused.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut ComputePass<'_>,
+        plan: &FramePlan,
+        lookup: &mut GpuLookup,
+        won: &Won<'_>,
+        pyramid: &GpuPyramid,
+    ) -> Result<(), GpuError> {
+        let Some(level) = pyramid.levels.first() else { return Ok(()) };
+        lookup.fetch(gpu, pass, won, plan, [&level.front, &level.tint])?;
+        self.even.take(gpu, pass, won, &level.tint);
+        let kernel = self.kernels.get(gpu, plan.gather_constants().map(|(_, value)| value))?;
+        let buffers = [
+            (0, won.uniform),
+            (1, lookup.uniform()),
+            (2, won.hits),
+            (3, won.draws),
+            (4, lookup.octree()),
+            (5, &level.front),
+            (6, &level.tint),
+            (7, &level.depth),
+            (8, &level.plane),
+            (9, won.counts),
+        ];
+        kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
+        if plan.planes() == Planes::Told {
+            self.slant.tilt(gpu, pass, won.uniform, level);
+        }
+        Ok(())
+    }
+
+    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where a changed shader does not build; its kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        Ok(self.kernels.reload(gpu)? | self.slant.reload(gpu)? | self.even.reload(gpu)?)
+    }
+}

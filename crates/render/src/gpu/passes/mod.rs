@@ -1,0 +1,17 @@
+//! The passes on the GPU, a file a pass: pipelines, bindings and dispatches of the shaders of the same name.
+
+pub(crate) mod average;
+pub mod ewa;
+pub(crate) mod exposure;
+pub(crate) mod fill_holes;
+pub(crate) mod fit_planes;
+pub mod gather;
+pub mod primitives;
+pub mod project;
+pub(crate) mod pull;
+pub(crate) mod push;
+pub mod resolve;
+pub(crate) mod shade;
+pub(crate) mod silhouette;
+pub(crate) mod smooth_depth;
+pub mod tiles;

@@ -1,0 +1,115 @@
+//! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a dispatch for each
+//! combination of pages. Runs of points that are off the picture are not read. Twin: [`crate::passes::project`].
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::groups_of;
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::timing::Timing;
+use crate::gpu::device::variants::Variants;
+use crate::gpu::memory::cut::GpuCut;
+use crate::gpu::memory::hits::Hits;
+use crate::gpu::memory::pool::NodePool;
+use crate::gpu::memory::runs::Bounds;
+use crate::plan::{FramePlan, Pass};
+
+/// Threads of a group.
+const THREADS: u64 = 256;
+
+/// The pass.
+pub struct Project {
+    /// By the tests that points pass, and what is measured.
+    kernels: Variants<4>,
+    touches_pixels: bool,
+    skips_runs: bool,
+    bounds: Bounds,
+}
+
+impl Project {
+    /// On a device with 64-bit atomics; `skips_runs` for all but measurements of what it saves.
+    ///
+    /// # Errors
+    /// Where the driver refuses the shader.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Self::with(gpu, true, true)
+    }
+
+    /// Everything but the frame buffer, which is neither cleared nor read nor written: what the pass is
+    /// compared with when it is measured.
+    ///
+    /// # Errors
+    /// As [`Project::new`].
+    pub fn without_pixels(gpu: &Gpu) -> Result<Self, GpuError> {
+        Self::with(gpu, false, true)
+    }
+
+    /// The same pixels, but all points are read: what skipping runs is compared with.
+    ///
+    /// # Errors
+    /// As [`Project::new`].
+    pub fn without_skips(gpu: &Gpu) -> Result<Self, GpuError> {
+        Self::with(gpu, true, false)
+    }
+
+    fn with(gpu: &Gpu, touches_pixels: bool, skips_runs: bool) -> Result<Self, GpuError> {
+        let constants = ["CULLS_BACK_FACES", "HIDES_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
+        let kernels = Variants::new(sources::PROJECT_ATOMICS, constants);
+        let mut pass = Self { kernels, touches_pixels, skips_runs, bounds: Bounds::new(gpu)? };
+        // A driver that refuses the shader does so before anything is drawn.
+        pass.kernels.get(gpu, pass.variant([0, 0]))?;
+        Ok(pass)
+    }
+
+    fn variant(&self, [culls, hides]: [u32; 2]) -> [u32; 4] {
+        [culls, hides, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
+    }
+
+    /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
+    ///
+    /// # Errors
+    /// Where memory is refused.
+    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        uniform: &wgpu::Buffer,
+        plan: &FramePlan,
+        cut: &GpuCut,
+        pool: &NodePool,
+        hits: &Hits,
+        timing: &mut Timing,
+    ) -> Result<(), GpuError> {
+        let variant = self.variant(plan.project_constants().map(|(_, value)| value));
+        let kernel = self.kernels.get(gpu, variant)?;
+        let layout = kernel.pipeline().get_bind_group_layout(0);
+        let mut pass = timing.compute(encoder, Pass::Project);
+        self.bounds.encode(gpu, &mut pass, pool)?;
+        let Some(target) = hits.buffer() else { return Ok(()) };
+        if self.touches_pixels {
+            hits.clear(gpu, &mut pass, uniform);
+        }
+        for work in &cut.work {
+            let Some(boxes) = pool.boxes(work.pages.position as usize) else { continue };
+            let bound = [target, boxes];
+            let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &bound) else { continue };
+            // A group of threads a chunk.
+            kernel.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
+        }
+        Ok(())
+    }
+
+    /// After the commands were submitted.
+    pub fn submitted(&self, pool: &NodePool) {
+        self.bounds.submitted(pool);
+    }
+
+    /// Makes the kernels anew where their shader has changed on the disk.
+    ///
+    /// # Errors
+    /// Where the changed shader does not build; the old one goes on.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let bounds = self.bounds.reload(gpu)?;
+        Ok(self.kernels.reload(gpu)? || bounds)
+    }
+}

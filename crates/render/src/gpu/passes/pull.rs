@@ -1,0 +1,67 @@
+//! Pull on the GPU ([`crate::passes::pull`] is the twin): a dispatch a level, the finest first.
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
+use crate::picture::pyramid::Planes;
+use wgpu::BindingResource;
+
+/// The pass.
+pub struct Pull {
+    kernel: Kernel,
+}
+
+impl Pull {
+    /// For pyramids whose pixels carry these planes.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let constants = [("PLANE", planes.values() as f64)];
+        Ok(Self { kernel: Kernel::new(gpu, sources::PULL_PULL, "main", &constants)? })
+    }
+
+    /// What fills all levels of a pyramid above the first.
+    /// `uniform` is the frame's.
+    pub fn dispatches(
+        &self,
+        gpu: &Gpu,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+    ) -> Vec<Dispatch> {
+        let levels = pyramid.levels.windows(2).map(|l| {
+            let resources = level_resources(uniform, &l[0], &l[1]);
+            Dispatch::over(gpu, &self.kernel, [l[1].width, l[1].height], &resources)
+        });
+        levels.collect()
+    }
+
+    pub(crate) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        vec![&mut self.kernel]
+    }
+}
+
+/// Two levels as pull and push bind them: both shapes, all planes of the finer, all of the coarser; and the frame.
+pub(crate) fn level_resources<'a>(
+    uniform: &'a wgpu::Buffer,
+    fine: &'a GpuLevel,
+    coarse: &'a GpuLevel,
+) -> [(u32, BindingResource<'a>); 11] {
+    let buffers: [&wgpu::Buffer; 11] = [
+        &fine.shape,
+        &coarse.shape,
+        &fine.front,
+        &fine.tint,
+        &fine.depth,
+        &fine.plane,
+        &coarse.front,
+        &coarse.tint,
+        &coarse.depth,
+        &coarse.plane,
+        uniform,
+    ];
+    std::array::from_fn(|i| (i as u32, buffers[i].as_entire_binding()))
+}

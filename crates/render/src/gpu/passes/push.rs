@@ -1,0 +1,75 @@
+//! Push on the GPU ([`crate::passes::push`] is the twin): a dispatch a level, the coarsest first. With normals, pixels of
+//! the coarser levels that have none then inherit one, for [`crate::gpu::passes::shade`].
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::variants::Variants;
+use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
+use crate::gpu::passes::pull::level_resources;
+use crate::picture::pyramid::Planes;
+
+/// The pass.
+pub struct Push {
+    /// By the values of the planes that pixels carry, and whether those that stay are smoothed.
+    kernels: Variants<2>,
+    planes: Planes,
+    /// With normals only.
+    inherit: Option<Kernel>,
+}
+
+impl Push {
+    /// For pyramids whose pixels carry these planes.
+    ///
+    /// # Errors
+    /// Where a shader is refused.
+    pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
+        let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANE", "SMOOTHS"]);
+        kernels.get(gpu, [planes.values() as u32, 0])?;
+        let inherit = match planes {
+            Planes::Normals => Some(Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[])?),
+            Planes::None | Planes::Told => None,
+        };
+        Ok(Self { kernels, planes, inherit })
+    }
+
+    /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
+    /// are smoothed where asked. `uniform` is the frame's.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn dispatches(
+        &mut self,
+        gpu: &Gpu,
+        uniform: &wgpu::Buffer,
+        pyramid: &GpuPyramid,
+        smooths: bool,
+    ) -> Result<Vec<Dispatch>, GpuError> {
+        let values = self.planes.values() as u32;
+        let mut dispatches = Vec::new();
+        for (level, l) in pyramid.levels.windows(2).enumerate().rev() {
+            let kernel = self.kernels.get(gpu, [values, u32::from(smooths && level == 0)])?;
+            let resources = level_resources(uniform, &l[0], &l[1]);
+            dispatches.push(Dispatch::over(gpu, kernel, [l[0].width, l[0].height], &resources));
+        }
+        let inherit = self.inherit.iter().flat_map(|kernel| {
+            let above_the_picture = pyramid.levels.len().saturating_sub(2);
+            let levels = pyramid.levels.windows(2).rev();
+            levels.take(above_the_picture).map(|l| inherit(gpu, kernel, &l[0], &l[1]))
+        });
+        dispatches.extend(inherit);
+        Ok(dispatches)
+    }
+
+    pub(crate) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        self.kernels.all().chain(&mut self.inherit).collect()
+    }
+}
+
+fn inherit(gpu: &Gpu, kernel: &Kernel, fine: &GpuLevel, coarse: &GpuLevel) -> Dispatch {
+    let buffers = [&fine.shape, &coarse.shape, &fine.plane, &coarse.plane];
+    let resources = [0, 1, 2, 3].map(|i| (i as u32, buffers[i].as_entire_binding()));
+    Dispatch::over(gpu, kernel, [fine.width, fine.height], &resources)
+}

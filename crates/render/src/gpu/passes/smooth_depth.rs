@@ -1,0 +1,54 @@
+//! Smoothing of the depth image on the GPU ([`crate::passes::smooth_depth`] is the twin), for clouds without normals. How wide it
+//! has to be is known on the GPU alone: all rounds are dispatched, and those that are not needed leave at once.
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::surface::Target;
+
+/// Distances of the taps, pixels, a round each.
+const STEPS: [u32; 4] = [8, 4, 2, 1];
+
+/// The pass.
+pub struct Relief {
+    radius: Kernel,
+    /// Along rows and columns, a round each.
+    smooth: Vec<[Kernel; 2]>,
+}
+
+impl Relief {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where a shader is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let smooth = |step: u32, down: f64| {
+            let constants = [("STEP", f64::from(step)), ("DOWN", down)];
+            Kernel::new(gpu, sources::RELIEF_SMOOTH, "main", &constants)
+        };
+        let rounds = STEPS.iter().map(|&step| Ok([smooth(step, 0.0)?, smooth(step, 1.0)?]));
+        Ok(Self {
+            radius: Kernel::unzeroed(gpu, sources::RELIEF_RADIUS, "main", &[])?,
+            smooth: rounds.collect::<Result<_, GpuError>>()?,
+        })
+    }
+
+    /// What finds the mean radius and smooths the picture's depth into [`Target::spare`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let depth = &target.picture.depth;
+        let radius = [depth, &target.base().tint, target.sources, target.relief];
+        let mut all = vec![target.one_group(gpu, &self.radius, &radius)];
+        let (rows, smooth) = (target.depth, target.spare);
+        for [along, down] in &self.smooth {
+            all.push(target.dispatch(gpu, along, &[target.relief, depth, rows, smooth]));
+            all.push(target.dispatch(gpu, down, &[target.relief, rows, smooth, rows]));
+        }
+        all
+    }
+
+    pub(crate) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        std::iter::once(&mut self.radius).chain(self.smooth.iter_mut().flatten()).collect()
+    }
+}

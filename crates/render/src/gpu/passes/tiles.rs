@@ -1,0 +1,63 @@
+//! Depth tiles of a finished picture on the GPU, from which the next frame's hidden nodes are told
+//! ([`esker_lod::tiles_of`] is the twin). The buffer is small, to be read back some frames later.
+
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::device::{Counted, Gpu};
+use esker_lod::DepthTile;
+use esker_lod::feedback::TILES;
+use wgpu::{Buffer, BufferUsages, ComputePass};
+
+/// Bytes of all tiles.
+pub const TILES_BYTES: u64 = (TILES * TILES * 8) as u64;
+
+/// The pass.
+pub struct Tiles {
+    kernel: Kernel,
+    buffer: Counted,
+}
+
+impl Tiles {
+    /// For a device.
+    ///
+    /// # Errors
+    /// Where the shader or memory is refused.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let constants = [("TILES", TILES as f64)];
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        Ok(Self {
+            kernel: Kernel::new(gpu, sources::TILES_TILES, "main", &constants)?,
+            buffer: gpu.buffer("depth tiles", TILES_BYTES, usage)?,
+        })
+    }
+
+    /// Fills the tiles from the depths of a picture whose size the uniform has.
+    pub fn encode(&self, gpu: &Gpu, pass: &mut ComputePass<'_>, uniform: &Buffer, depth: &Buffer) {
+        let buffers = [(0, uniform), (1, depth), (2, &*self.buffer)];
+        let bind = self.kernel.bind(gpu, &buffers);
+        self.kernel.dispatch(pass, &bind, [TILES as u32, TILES as u32, 1]);
+    }
+
+    /// The tiles, [`TILES_BYTES`] to be copied and given to [`tiles_from`].
+    pub fn buffer(&self) -> &Buffer {
+        &self.buffer
+    }
+
+    /// Makes the kernel anew where its shader has changed on the disk (debug runs only).
+    ///
+    /// # Errors
+    /// Where the changed shader does not build; the kernel is as it was.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        self.kernel.reload(gpu)
+    }
+}
+
+/// The tiles from the bytes of their buffer.
+pub fn tiles_from(bytes: &[u8]) -> Vec<DepthTile> {
+    let tile = |b: &[u8; 8]| {
+        let [nearest, farthest] = bytemuck::cast::<[u8; 8], [f32; 2]>(*b);
+        DepthTile { nearest, farthest }
+    };
+    bytes.as_chunks::<8>().0.iter().map(tile).collect()
+}

@@ -1,0 +1,396 @@
+//! Colours of points: what they come from ([`ColourBy`]), the maps from values to colours, and the
+//! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
+//! sRGB on both ends.
+
+use crate::simd::values::{Values, WHOLE};
+use fearless_simd::{Bytes, Simd, f32x8, u32x8};
+use glam::Vec3;
+use std::sync::LazyLock;
+
+/// What gives points their colour.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[allow(clippy::large_enum_variant, reason = "there is one a frame")]
+pub enum ColourBy {
+    /// One colour for all: shape by light alone.
+    #[default]
+    Plain,
+    /// The colour plane.
+    Rgb,
+    /// The scalar plane, mapped.
+    Scalar(ColourMap),
+    /// The scalar plane, whose values are numbers below 256 of a book of colours.
+    Codes(Codebook),
+    /// World z, mapped.
+    Elevation(ColourMap),
+    /// Eye depth, mapped.
+    EyeDepth(ColourMap),
+    /// Size of the node's cell, a hue each: shows the levels of detail.
+    Cell,
+    /// The world normal, x y z as red green blue.
+    Normal,
+}
+
+impl ColourBy {
+    /// Its number, as the shaders have it.
+    pub fn number(&self) -> u32 {
+        match self {
+            Self::Plain => 0,
+            Self::Rgb => 1,
+            Self::Scalar(_) | Self::Codes(_) => 2,
+            Self::Elevation(_) => 3,
+            Self::EyeDepth(_) => 4,
+            Self::Cell => 5,
+            Self::Normal => 6,
+        }
+    }
+
+    /// Whether the colour plane is read.
+    pub fn reads_plane(&self) -> bool {
+        matches!(self, Self::Rgb | Self::Scalar(_) | Self::Codes(_))
+    }
+
+    /// Whether colours stand for names: what lies between two of them means nothing.
+    pub fn names(&self) -> bool {
+        matches!(self, Self::Codes(Codebook::Classes | Codebook::Labels) | Self::Cell)
+    }
+}
+
+/// Colours of numbers below 256.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::large_enum_variant, reason = "there is one a frame")]
+pub enum Codebook {
+    /// ASPRS classes.
+    Classes,
+    /// Numbers that name something, a hue each.
+    Labels,
+    /// A palette from 0 to 254 ([`esker_points::codes`]); 255 is no number.
+    Along(Palette),
+    /// Colours of its own (sRGB), as files have them that number those of their points.
+    Own([[u8; 3]; 256]),
+}
+
+impl Codebook {
+    /// Colour of each number, linear light.
+    pub fn colours(self) -> [Vec3; 256] {
+        match self {
+            Self::Classes => std::array::from_fn(|class| class_colour(class as u8)),
+            Self::Own(colours) => colours.map(linear),
+            Self::Labels => std::array::from_fn(|label| hue(label as u32)),
+            Self::Along(palette) => {
+                let high = f64::from(esker_points::codes::LAST);
+                let table = MapTable::new(&ColourMap { low: 0.0, high, palette });
+                std::array::from_fn(|code| match code as u8 {
+                    esker_points::codes::NO_NUMBER => table.colours[MapTable::NO_NUMBER],
+                    code => table.at(f64::from(code)),
+                })
+            }
+        }
+    }
+}
+
+/// A map from a range of values to colours; values as they are stored (where a schema scales an
+/// attribute, the caller scales the range back). What lies outside has the colour of the nearer end, what is
+/// no number is grey.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColourMap {
+    /// Value of the first colour.
+    pub low: f64,
+    /// Value of the last colour.
+    pub high: f64,
+    /// The colours.
+    pub palette: Palette,
+}
+
+/// A sequence of colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Palette {
+    /// Perceptually even, dark blue over green to yellow, fit for the colour-blind.
+    #[default]
+    Viridis,
+    /// Black to white.
+    Grey,
+    /// Green lowlands over ochre to white peaks, for elevations.
+    Terrain,
+}
+
+impl Palette {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Viridis => "viridis",
+            Self::Grey => "grey",
+            Self::Terrain => "terrain",
+        }
+    }
+}
+
+/// The colour of points that have none (sRGB): a warm clay.
+pub const PLAIN: [u8; 3] = [204, 196, 184];
+/// The colour of values that are no number.
+const NO_NUMBER: [u8; 3] = [128, 128, 128];
+
+/// Colours of a palette at even distances, sRGB; between them is interpolated in linear light.
+/// Viridis after Smith and van der Walt (matplotlib, CC0).
+const VIRIDIS: [[u8; 3]; 11] = [
+    [68, 1, 84],
+    [72, 36, 117],
+    [65, 68, 135],
+    [53, 95, 141],
+    [42, 120, 142],
+    [33, 145, 140],
+    [34, 168, 132],
+    [68, 191, 112],
+    [122, 209, 81],
+    [189, 223, 38],
+    [253, 231, 37],
+];
+const GREY: [[u8; 3]; 2] = [[16, 16, 16], [255, 255, 255]];
+const TERRAIN: [[u8; 3]; 6] = [
+    [44, 92, 70],
+    [93, 140, 80],
+    [170, 172, 98],
+    [196, 160, 104],
+    [168, 134, 118],
+    [246, 244, 240],
+];
+
+/// ASPRS classes 0 to 22 (LAS 1.4 R15, table 17), sRGB.
+const CLASSES: [[u8; 3]; 23] = [
+    [150, 150, 150], // never classified
+    [190, 190, 190], // unclassified
+    [168, 124, 82],  // ground
+    [178, 214, 130], // low vegetation
+    [104, 178, 82],  // medium vegetation
+    [40, 126, 58],   // high vegetation
+    [214, 92, 72],   // building
+    [232, 64, 196],  // low point, noise
+    [244, 214, 92],  // model key point
+    [66, 134, 222],  // water
+    [126, 96, 160],  // rail
+    [110, 116, 124], // road
+    [206, 180, 150], // overlap
+    [240, 170, 60],  // wire, guard
+    [250, 206, 90],  // wire, conductor
+    [150, 90, 50],   // transmission tower
+    [226, 140, 120], // wire connector
+    [132, 160, 190], // bridge deck
+    [250, 60, 60],   // high noise
+    [176, 132, 196], // overhead structure
+    [140, 110, 84],  // ignored ground
+    [236, 244, 250], // snow
+    [96, 96, 96],    // temporal exclusion
+];
+
+/// Entries of the table from linear light to sRGB: fine enough that darks are at most one byte off.
+pub(crate) const ENCODE_ENTRIES: usize = 1 << 13;
+
+static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|i| {
+        let c = i as f64 / 255.0;
+        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+    })
+});
+
+/// Bytes of the entries, and of full light.
+type Table = [u8; ENCODE_ENTRIES + 1];
+
+static TO_SRGB: LazyLock<Box<Table>> = LazyLock::new(|| {
+    let mut table = Box::new([255; ENCODE_ENTRIES + 1]);
+    for (i, byte) in table.iter_mut().enumerate().take(ENCODE_ENTRIES) {
+        let c = i as f64 / ENCODE_ENTRIES as f64;
+        let s = if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+        *byte = (s * 255.0).round() as u8;
+    }
+    table
+});
+
+/// Linear light of sRGB bytes.
+#[inline]
+pub fn linear(srgb: [u8; 3]) -> Vec3 {
+    let table = &*TO_LINEAR;
+    Vec3::from_array(srgb.map(|c| table[usize::from(c)]))
+}
+
+/// From linear light to sRGB bytes, clamped; what is no number is black.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder(&'static Table);
+
+impl Encoder {
+    /// The table, made at the first call.
+    pub fn get() -> Self {
+        Self(&TO_SRGB)
+    }
+
+    /// sRGB bytes of a colour.
+    #[inline]
+    pub fn bytes(self, c: Vec3) -> [u8; 3] {
+        // `as` saturates and takes what is no number for zero.
+        c.to_array()
+            .map(|c| self.0[((c * ENCODE_ENTRIES as f32 + 0.5) as usize).min(ENCODE_ENTRIES)])
+    }
+}
+
+/// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first; of a byte, to a
+/// hundredth of it.
+const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_58, 20.739_016];
+/// The straight part's slope, of a byte, and its end.
+const STRAIGHT: f32 = 12.92 * 255.0;
+const STRAIGHT_END: f32 = 0.003_130_8;
+
+/// sRGB bytes of eight colours in linear light, a word each, red lowest, opaque; clamped, and what is no number is black.
+#[inline(always)]
+pub(crate) fn words<S: Simd>([r, g, b]: [f32x8<S>; 3]) -> u32x8<S> {
+    (bytes(r) | bytes(g) << 8) | (bytes(b) << 16 | 0xff00_0000)
+}
+
+/// Bytes in the last bits of words, whose first byte means nothing; the others are zero.
+#[inline(always)]
+fn bytes<S: Simd>(light: f32x8<S>) -> u32x8<S> {
+    let light = Values::min(Values::max(light, light.like(0.0)), light.like(1.0));
+    let x = light.sqrt().sqrt();
+    let [a, b, c, d, e] = CURVE.map(|power| x.like(power));
+    let curve = Values::mul_add(
+        x,
+        Values::mul_add(x, Values::mul_add(x, Values::mul_add(x, e, d), c), b),
+        a,
+    );
+    let is_curved = light.like(STRAIGHT_END).cmplt(light);
+    let byte = f32x8::select(is_curved, curve, light * STRAIGHT);
+    (byte + WHOLE).bitcast()
+}
+
+/// A colour map as a table in linear light.
+#[derive(Clone, Debug)]
+pub struct MapTable {
+    low: f64,
+    per_unit: f64,
+    /// Those of the palette; after them the colour of what is no number.
+    colours: Vec<Vec3>,
+}
+
+impl MapTable {
+    const ENTRIES: usize = 256;
+    /// The entry of what is no number.
+    pub(crate) const NO_NUMBER: usize = Self::ENTRIES;
+
+    /// The table of a map.
+    pub fn new(map: &ColourMap) -> Self {
+        let stops: &[[u8; 3]] = match map.palette {
+            Palette::Viridis => &VIRIDIS,
+            Palette::Grey => &GREY,
+            Palette::Terrain => &TERRAIN,
+        };
+        let last = Self::ENTRIES - 1;
+        let palette = (0..=last).map(|i| {
+            let at = i as f32 / last as f32 * (stops.len() - 1) as f32;
+            let k = (at as usize).min(stops.len() - 2);
+            linear(stops[k]).lerp(linear(stops[k + 1]), at - k as f32)
+        });
+        let colours = palette.chain([linear(NO_NUMBER)]).collect();
+        // A range without extent maps to its first colour.
+        let per_unit = last as f64 / (map.high - map.low);
+        let per_unit = if per_unit.is_finite() { per_unit } else { 0.0 };
+        Self { low: map.low, per_unit, colours }
+    }
+
+    /// Colour of a value, linear light.
+    #[inline]
+    pub fn at(&self, value: f64) -> Vec3 {
+        self.colours[self.entry(value)]
+    }
+
+    /// Entry of a value.
+    #[inline]
+    pub(crate) fn entry(&self, value: f64) -> usize {
+        let i = (value - self.low) * self.per_unit + 0.5;
+        if i.is_nan() {
+            return Self::NO_NUMBER;
+        }
+        (i.max(0.0) as usize).min(Self::ENTRIES - 1)
+    }
+
+    /// Colours of the entries.
+    pub(crate) fn colours(&self) -> &[Vec3] {
+        &self.colours
+    }
+}
+
+/// Colour of an ASPRS class, linear light. Classes above 22 get a hue of their own.
+pub fn class_colour(class: u8) -> Vec3 {
+    match CLASSES.get(usize::from(class)) {
+        Some(&c) => linear(c),
+        None => hue(u32::from(class)),
+    }
+}
+
+/// Well-told-apart hues for small numbers: golden-angle steps around the wheel, linear light.
+pub fn hue(number: u32) -> Vec3 {
+    let turn = (number as f32 * 0.618_034).fract() * std::f32::consts::TAU;
+    let wave = |shift: f32| 0.5 + 0.38 * (turn + shift).cos();
+    Vec3::new(wave(0.0), wave(-2.094_395), wave(2.094_395)).powf(1.6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::values::{EIGHT, load};
+    use fearless_simd::{Level, dispatch};
+
+    #[test]
+    fn bytes_survive_linear_light() {
+        for c in 0..=255u8 {
+            let [back, ..] = Encoder::get().bytes(linear([c; 3]));
+            assert!(back.abs_diff(c) <= 1, "{c} came back as {back}");
+        }
+        assert_eq!(Encoder::get().bytes(Vec3::new(f32::NAN, 9.0, -3.0)), [0, 255, 0]);
+    }
+
+    #[test]
+    fn words_are_the_nearest_bytes() {
+        let curve = |c: f64| match c {
+            c if c <= 0.003_130_8 => 12.92 * 255.0 * c,
+            c => 255.0 * (1.055 * c.powf(1.0 / 2.4) - 0.055),
+        };
+        let words_of = |light: [f32; EIGHT]| {
+            let words = dispatch!(Level::new(), simd => {
+                let light = load(simd, &light);
+                <[u32; EIGHT]>::from(words([light, light * 0.5, light * 0.0]))
+            });
+            words.map(u32::to_le_bytes)
+        };
+        for step in 0..=10_000 {
+            let light = step as f32 * 1e-4;
+            let [r, g, b, a] = words_of([light; EIGHT])[step % EIGHT];
+            assert!((f64::from(r) - curve(f64::from(light))).abs() < 0.51);
+            assert!((f64::from(g) - curve(f64::from(light * 0.5))).abs() < 0.51);
+            assert_eq!([b, a], [0, 255]);
+        }
+        let any = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 9.0, -3.0, 1.0, 0.0, -0.0];
+        assert_eq!(words_of(any).map(|[r, ..]| r), [0, 255, 0, 255, 0, 255, 0, 0]);
+        for c in 0..=255u8 {
+            assert_eq!(words_of([linear([c; 3]).x; EIGHT])[0][0], c);
+        }
+    }
+
+    #[test]
+    fn maps_take_any_value_and_any_range() {
+        let values = [0.0, -1e300, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 0.5];
+        for low in values {
+            for high in values {
+                let table = MapTable::new(&ColourMap { low, high, palette: Palette::Viridis });
+                for v in values {
+                    assert!(table.at(v).is_finite());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_ends_of_a_map_are_the_ends_of_its_palette() {
+        let map = ColourMap { low: 10.0, high: 20.0, palette: Palette::Viridis };
+        let table = MapTable::new(&map);
+        assert_eq!(Encoder::get().bytes(table.at(10.0)), VIRIDIS[0]);
+        assert_eq!(Encoder::get().bytes(table.at(25.0)), VIRIDIS[10]);
+        assert_eq!(Encoder::get().bytes(table.at(15.0)), VIRIDIS[5]);
+    }
+}

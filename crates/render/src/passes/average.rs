@@ -1,0 +1,237 @@
+//! Average: where several points fall on a pixel, the one that wins it is chance: colours alias, and flicker when the
+//! view moves (a limitation that marroquim2007 names in section 5). Here all points of a pixel's front surface have
+//! their share: a second pass over the points, after gather, as in the high-quality splatting of Schuetz et al.
+//! (Rendering Point Clouds with Compute Shaders and Vertex Order Optimization, 2021). That takes what lies within
+//! 1 % of the front depth; this takes what lies before the end of the winner's depth interval, moved along its
+//! plane as pull does ([`crate::passes::tangent`]): with normals, a wall a radius behind another has no part in it.
+//!
+//! Sums are of integers, so that the order of adding changes nothing. Depths are compared by what a unit of length
+//! takes on the picture there, `focal_px / depth`: along a plane that is linear in the picture.
+
+use crate::inputs::camera::{Camera, NodePlace};
+use crate::passes::gather::Lookup;
+use crate::passes::project::{is_hidden, normal_at};
+use crate::passes::tangent::Lens;
+use crate::picture::pyramid::{Level, Planes, for_each_row};
+use crate::simd::lanes::Lane;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// What is summed lies between 0 and so many steps.
+const STEPS: f32 = 16_383.0;
+/// Means of normals no part of which is more are of none.
+const NO_NORMAL: f32 = 2.0 / STEPS;
+/// Points of a pixel whose sums fit into 32 bits; of more one wins it.
+const POINTS_MAX: f32 = 262_144.0;
+/// Points a job has.
+const JOB_POINTS: usize = 1 << 14;
+/// Points placed before they are added: the arithmetic is then free of branches.
+const BLOCK: usize = 64;
+
+/// What is added up for the pixels of a picture. Memory is kept from frame to frame.
+#[derive(Debug, Default)]
+pub struct Averages {
+    /// The winner's plane: its scale (`focal_px / depth`) at the pixel's centre, what that changes by a pixel right and
+    /// down, and how much less it is where the depth interval ends. An infinite scale where there is no winner.
+    planes: Vec<Vec4>,
+    /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums of 32 bits each. With
+    /// normals the winner's depth is exact on its plane, and the mean's no better.
+    sums: Vec<[AtomicU64; 4]>,
+}
+
+impl Averages {
+    /// Replaces what the winners brought to `base` by the means of their pixels' front surfaces.
+    pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
+        self.begin(lens, base);
+        match base.planes() {
+            Planes::Normals => self.add_all::<true>(lookup),
+            Planes::None | Planes::Told => self.add_all::<false>(lookup),
+        }
+        self.finish(lens, base);
+    }
+
+    /// Takes the winners' planes, and clears the sums.
+    fn begin(&mut self, lens: &Lens, base: &Level) {
+        self.planes.resize(base.front.len(), Vec4::ZERO);
+        self.sums.resize_with(base.front.len(), Default::default);
+        let rows = self.planes.par_chunks_mut(base.width).zip(self.sums.par_chunks_mut(base.width));
+        rows.enumerate().for_each(|(y, (planes, sums))| {
+            for (x, (plane, sums)) in planes.iter_mut().zip(sums).enumerate() {
+                *plane = plane_of(lens, base, x, y);
+                *sums = Default::default();
+            }
+        });
+    }
+
+    fn add_all<const NORMALS: bool>(&self, lookup: &Lookup<'_>) {
+        let jobs: Vec<(usize, usize)> = (0..lookup.frame.draws.len())
+            .flat_map(|d| (0..lookup.list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
+            .collect();
+        jobs.par_iter().for_each(|&(draw, first)| {
+            let last = (first + JOB_POINTS).min(lookup.list.len(draw));
+            self.add_run::<NORMALS>(lookup, draw, first..last);
+        });
+    }
+
+    fn add_run<const NORMALS: bool>(&self, lookup: &Lookup<'_>, draw: usize, run: Range<usize>) {
+        let (positions, place) = lookup.places(draw);
+        let (frame, camera) = (lookup.frame, lookup.camera);
+        let planes = &frame.draws[draw];
+        let mut offsets = [[0; BLOCK]; 3];
+        for start in run.clone().step_by(BLOCK) {
+            let count = positions.offsets(start, &mut offsets).min(run.end - start);
+            let block = Block::new(camera, place, &offsets);
+            for k in 0..count {
+                let pixel = block.pixels[k] as usize;
+                let Some(plane) = self.planes.get(pixel) else { continue };
+                let behind =
+                    plane.x + plane.y * block.dx[k] + plane.z * block.dy[k] - block.scale[k];
+                // Infinite where there is no winner.
+                if behind > plane.w {
+                    continue;
+                }
+                let (i, offset) = (start + k, offsets.map(|axis| axis[k]));
+                let from_eye = place.steps_from_eye(offset) * camera.step;
+                // Zero where there is none.
+                let mut normal = planes.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, i));
+                let looks_away = normal.dot(from_eye) > 0.0;
+                let is_hidden = frame.hides_points && is_hidden(planes.position, i);
+                if is_hidden || looks_away && frame.cull_back_faces {
+                    continue;
+                }
+                if looks_away {
+                    normal = -normal;
+                }
+                let sums = &self.sums[pixel];
+                let colour = lookup.colour(draw, i, offset, camera.focal_px / block.scale[k]);
+                sums[0].fetch_add(pair(colour.x, colour.y), Relaxed);
+                sums[1].fetch_add(steps(colour.z) | 1 << 32, Relaxed);
+                if NORMALS {
+                    let n = camera.to_view(normal) * 0.5 + Vec3::splat(0.5);
+                    sums[2].fetch_add(pair(n.x, n.y), Relaxed);
+                    sums[3].fetch_add(steps(n.z), Relaxed);
+                } else {
+                    let depth = behind / plane.w.max(f32::MIN_POSITIVE);
+                    sums[3].fetch_add(pair(0.0, depth), Relaxed);
+                }
+            }
+        }
+    }
+
+    /// Writes the means of pixels with more than one point; one alone is there already, exactly. What sums run over into
+    /// is the next sum, so the number of points is never too small.
+    fn finish(&self, lens: &Lens, base: &mut Level) {
+        let width = base.width;
+        for_each_row(base, |row| {
+            let first = row.y * width;
+            let pixels =
+                self.sums[first..first + width].iter().zip(&self.planes[first..first + width]);
+            for (x, (sums, plane)) in pixels.enumerate() {
+                let sums = sums.each_ref().map(|sum| sum.load(Relaxed));
+                let count = (sums[1] >> 32) as f32;
+                if count <= 1.0 || count > POINTS_MAX {
+                    continue;
+                }
+                let share = 1.0 / (count * STEPS);
+                let low = |sum: u64| sum as u32 as f32 * share;
+                let high = |sum: u64| (sum >> 32) as f32 * share;
+                row.tint[x] =
+                    Vec3::new(low(sums[0]), high(sums[0]), low(sums[1])).extend(row.tint[x].w);
+                if let Some(normal) = row.normal.get_mut(x) {
+                    let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
+                    let mean = mean * 2.0 - Vec3::ONE;
+                    // Of points without normals the mean is off from zero by what steps round.
+                    let is_none = mean.abs().max_element() <= NO_NORMAL;
+                    *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
+                    continue;
+                }
+                let depth = row.depth[x];
+                let scale = lens.focal_px / depth - high(sums[3]) * plane.w;
+                let moved = lens.focal_px / scale - depth;
+                row.depth[x] += moved;
+                row.front[x] += Vec4::new(moved, moved, 0.0, 0.0);
+            }
+        });
+    }
+}
+
+/// The plane of the winner of a pixel, as [`Averages`] keeps it.
+fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
+    let pixel = y * base.width + x;
+    let front = base.front[pixel];
+    if front.x == f32::INFINITY {
+        return Vec4::new(f32::INFINITY, 0.0, 0.0, 0.0);
+    }
+    let (displaced, centre) = (Vec2::new(front.z, front.w), base.centre(x, y));
+    let scale = lens.focal_px / front.x;
+    let slope = match (base.normal.get(pixel), base.tilt.get(pixel)) {
+        (Some(normal), _) => {
+            let own = [normal.x, normal.y, normal.z].map(Lane::splat);
+            let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
+            // Divided first: a scale over what there is of no normal is infinite.
+            Vec2::new(normal.x, -normal.y) / facing.x * scale
+        }
+        (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
+        (None, None) => Vec2::ZERO,
+    };
+    let ends = lens.focal_px / front.y;
+    Vec4::new(scale + slope.dot(displaced), slope.x, slope.y, scale - ends)
+}
+
+/// A number from 0 to 1 in steps; what is no number is 0.
+#[inline(always)]
+fn steps(value: f32) -> u64 {
+    (value.clamp(0.0, 1.0) * STEPS + 0.5) as u64
+}
+
+#[inline(always)]
+fn pair(low: f32, high: f32) -> u64 {
+    steps(low) | steps(high) << 32
+}
+
+/// Where a block of points is on the picture.
+struct Block {
+    /// Pixels, row by row; beyond all for what is outside.
+    pixels: [u32; BLOCK],
+    /// From the pixel's centre, pixels.
+    dx: [f32; BLOCK],
+    dy: [f32; BLOCK],
+    /// `focal_px / depth`.
+    scale: [f32; BLOCK],
+}
+
+impl Block {
+    /// The steps of [`crate::passes::project`]: a point is at the same pixel.
+    #[inline(always)]
+    fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
+        let [right, up, back] = camera.view_from_world;
+        let step = camera.step;
+        let [cx, cy] = camera.centre_px;
+        let [width, height] = camera.size.map(|s| s as f32);
+        let row = camera.size[0];
+        let zero = [0.0; BLOCK];
+        let mut block = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
+        let Self { pixels, dx, dy, scale: scales } = &mut block;
+        let places = pixels.iter_mut().zip(dx).zip(dy.iter_mut().zip(scales));
+        for (k, ((pixel, dx), (dy, scale_there))) in places.enumerate() {
+            let x = place.axis_steps(0, offsets[0][k]) * step.x;
+            let y = place.axis_steps(1, offsets[1][k]) * step.y;
+            let z = place.axis_steps(2, offsets[2][k]) * step.z;
+            let depth = -(back.x * x + back.y * y + back.z * z);
+            let scale = camera.focal_px / depth;
+            let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
+            let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+            let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
+            let is_inside = is_inside & (depth >= camera.near) & (depth < f32::INFINITY);
+            let [column, line] = [at_x as i32 as u32, at_y as i32 as u32];
+            let at = line.wrapping_mul(row).wrapping_add(column);
+            *pixel = if is_inside { at } else { u32::MAX };
+            *dx = at_x - column as f32 - 0.5;
+            *dy = at_y - line as f32 - 0.5;
+            *scale_there = scale;
+        }
+        block
+    }
+}

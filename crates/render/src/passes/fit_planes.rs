@@ -1,0 +1,368 @@
+//! Slants: the planes of surfaces without normals, told from the depths around them, so that depths can be moved along
+//! them ([`crate::passes::tangent`]) as along those of normals. Without, depth intervals of different places have to be long to
+//! meet on a slope, and what lies up to twice a radius behind a surface shows through it.
+//!
+//! Squares of four pixels keep their nearest point: in the front surface, and at its exact place. Of the planes through
+//! such a point and two of its neighbours, and the flat one, that is taken which the eight around are nearest to. How far
+//! they are from it says how much it is to be trusted: a wall's neighbours are on its plane, those of an edge or of leaves
+//! are not: the less it is trusted, the less it tilts, and the longer intervals are, up to what they are without.
+//!
+//! Of discs wider than a square nothing is told: where points are that few, planes changed with a point of what is hidden,
+//! or of a node that arrives.
+
+use crate::passes::project::{EMPTY, unpack};
+use crate::simd::values::{EIGHT, Values, load, only};
+use fearless_simd::{Level as Simd, Simd as Token, dispatch};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Pixels on a side of a square, and the widest radius of discs that something is told of.
+pub const SQUARE_PX: usize = 4;
+/// Length of the depth interval over the drawn radius where no plane is told: a disc of unknown tilt reaches far back; at
+/// one, floors seen aslant break into steps.
+pub const BARE_REACH: f32 = 2.0;
+/// Neighbours' distances from a plane count up to what so steep a slope makes of a square's width.
+const OFF_MAX: f32 = 1.0;
+/// Neighbours within the picture that may have no point: of what is thin, or ends here, no plane is told.
+const MISSING_MAX: f32 = 1.0;
+/// Least area between two neighbours, over a square's: of what lies in a line no plane is told.
+const AREA_MIN: f32 = 0.2;
+/// What a plane's sum of distances is to be less by than another's, over the most that one counts: less is rounding.
+const BETTER: f32 = 1e-3;
+/// In the place of one over a depth beyond the picture.
+const OUTSIDE: f32 = -1.0;
+/// How much nearer a neighbour is told to be at most, so that all stays finite.
+const NEARER_MAX: f32 = 1e6;
+/// The neighbours of a square: those beside it in a circle, then those at its corners.
+const AROUND: [[isize; 2]; 8] =
+    [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
+
+/// How planes are trusted.
+#[derive(Clone, Copy, Debug)]
+struct Trust {
+    /// Length of the depth interval across a plane that all around are on, over the drawn radius.
+    reach: f32,
+    /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
+    off: [f32; 2],
+}
+
+/// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
+const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
+/// Where they crowd, means of all that lies there are what evens them out: with short intervals a scan flickers by 4 % more. Trusted
+/// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
+const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+
+/// What is told of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slant {
+    /// What depth grows by a pixel right and down, over depth.
+    pub growth: [f32; 2],
+    /// Length of the depth interval across the plane, over the drawn radius.
+    pub reach: f32,
+}
+
+impl Slant {
+    /// Where nothing is told.
+    pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
+}
+
+/// Slants of a picture. Memory is kept from frame to frame. Planes have a square around them where nothing is.
+#[derive(Clone, Debug, Default)]
+pub struct Slants {
+    width: usize,
+    height: usize,
+    /// Squares from one row of the planes to the next.
+    stride: usize,
+    /// One over the depth of the nearest point; zero where there is none, [`OUTSIDE`] where there is no square.
+    near: Vec<f32>,
+    /// Its pixel.
+    x: Vec<f32>,
+    y: Vec<f32>,
+    /// Row by row, without the squares around.
+    slants: Vec<Slant>,
+}
+
+impl Slants {
+    /// Takes those of a frame buffer whose rows have so many pixels. Where points crowd, intervals stay long.
+    pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
+        let height = target.len() / width.max(1);
+        (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
+        self.stride = self.width.next_multiple_of(EIGHT) + 2;
+        let squares = self.stride * (self.height + 2);
+        self.near.clear();
+        self.near.resize(squares, OUTSIDE);
+        self.x.resize(squares, 0.0);
+        self.y.resize(squares, 0.0);
+        self.slants.resize(self.width * self.height, Slant::NONE);
+        self.take(target, width, height);
+        self.tell(focal_px, if is_crowded { CROWDED } else { APART });
+    }
+
+    /// What the surface of a pixel is told to be, which shows a disc of this radius, pixels.
+    #[inline(always)]
+    pub fn at(&self, x: usize, y: usize, radius_px: f32) -> Slant {
+        let is_told = radius_px <= SQUARE_PX as f32;
+        let square = y / SQUARE_PX * self.width + x / SQUARE_PX;
+        if is_told { self.slants[square] } else { Slant::NONE }
+    }
+
+    /// Rows of the planes that have squares.
+    fn rows(&mut self) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
+        let Self { stride, height, near, x, y, .. } = self;
+        let rows = |plane| <[f32]>::par_chunks_mut(plane, *stride).skip(1).take(*height);
+        let planes = rows(near).zip(rows(x)).zip(rows(y));
+        planes.map(|((near, x), y)| [near, x, y]).with_min_len(4)
+    }
+
+    /// Takes the nearest points of a frame buffer.
+    fn take(&mut self, target: &[AtomicU64], width: usize, height: usize) {
+        let (side, squares) = (SQUARE_PX, self.width);
+        self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
+            nears[1..=squares].fill(0.0);
+            for y in row * side..height.min((row + 1) * side) {
+                for (square, run) in target[y * width..][..width].chunks(side).enumerate() {
+                    let values = run.iter().map(|value| value.load(Relaxed)).enumerate();
+                    let Some((k, value)) = values.min_by_key(|(_, value)| value >> 32) else {
+                        continue;
+                    };
+                    let near = 1.0 / unpack(value).0;
+                    if value != EMPTY && near > nears[square + 1] {
+                        nears[square + 1] = near;
+                        xs[square + 1] = (square * side + k) as f32;
+                        ys[square + 1] = y as f32;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Tells the slants.
+    fn tell(&mut self, focal_px: f32, trust: Trust) {
+        let mut slants = std::mem::take(&mut self.slants);
+        let rows = slants.par_chunks_mut(self.width).enumerate().with_min_len(4);
+        rows.for_each(|(row, slants)| {
+            dispatch!(Simd::new(), simd => self.tell_row(simd, focal_px, trust, row, slants));
+        });
+        self.slants = slants;
+    }
+
+    #[inline(always)]
+    fn tell_row<S: Token>(
+        &self,
+        simd: S,
+        focal_px: f32,
+        trust: Trust,
+        row: usize,
+        slants: &mut [Slant],
+    ) {
+        for (block, slants) in slants.chunks_mut(EIGHT).enumerate() {
+            let middle = (row + 1) * self.stride + block * EIGHT + 1;
+            let eight = |plane: &[f32], at: usize| match plane[at..].first_chunk() {
+                Some(values) => load(simd, values),
+                None => simd.splat_f32x8(OUTSIDE),
+            };
+            let near = eight(&self.near, middle);
+            let zero = near.like(0.0);
+            if !simd.any_true_mask32x8(zero.cmplt(near)) {
+                continue;
+            }
+            let (x, y) = (eight(&self.x, middle), eight(&self.y, middle));
+            let mut around = [Neighbour {
+                x: zero,
+                y: zero,
+                nearer: zero,
+                is_there: zero.cmplt(zero),
+                is_missing: zero.cmplt(zero),
+            }; 8];
+            for (neighbour, [right, down]) in around.iter_mut().zip(AROUND) {
+                let at = middle.wrapping_add_signed(down * self.stride as isize + right);
+                let beside = eight(&self.near, at);
+                *neighbour = Neighbour {
+                    x: eight(&self.x, at) - x,
+                    y: eight(&self.y, at) - y,
+                    nearer: (beside / near - 1.0).min(near.like(NEARER_MAX)),
+                    is_there: zero.cmplt(beside),
+                    is_missing: beside.cmpeq(zero),
+                };
+            }
+            let (growth, reach) = tell(&around, focal_px, trust);
+            let [right, down] = growth.map(<[f32; EIGHT]>::from);
+            let reach = <[f32; EIGHT]>::from(reach);
+            for (k, slant) in slants.iter_mut().enumerate() {
+                *slant = Slant { growth: [right[k], down[k]], reach: reach[k] };
+            }
+        }
+    }
+}
+
+/// The nearest point of a neighbouring square.
+#[derive(Clone, Copy)]
+struct Neighbour<V: Values> {
+    /// From the own point to it, pixels.
+    x: V,
+    y: V,
+    /// What one over the depth is more there, over that here: linear on a plane.
+    nearer: V,
+    /// Whether there is one, and whether its square has none.
+    is_there: V::Mask,
+    is_missing: V::Mask,
+}
+
+/// The growth of depth and the reach that a point's neighbours tell.
+#[inline(always)]
+fn tell<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
+    let side_px = SQUARE_PX as f32;
+    let zero = around[0].x.like(0.0);
+    let most = zero.like(OFF_MAX * side_px / focal_px);
+    let off_of = |right: V, down: V| {
+        let mut sum = zero;
+        for n in around {
+            let off = (right * n.x + down * n.y - n.nearer).abs().min(most);
+            sum = sum + only(n.is_there, off);
+        }
+        sum
+    };
+    let (mut right, mut down) = (zero, zero);
+    let mut off = off_of(zero, zero);
+    for k in 0..4 {
+        let (a, b) = (&around[k], &around[(k + 1) % 4]);
+        let area = a.x * b.y - a.y * b.x;
+        let over = zero.like(1.0) / area;
+        let steeper =
+            [(a.nearer * b.y - b.nearer * a.y) * over, (a.x * b.nearer - b.x * a.nearer) * over];
+        let own = off_of(steeper[0], steeper[1]);
+        let is_wide = zero.like(AREA_MIN * side_px * side_px).cmple(area.abs());
+        let is_better = a.is_there & b.is_there & is_wide & (own + most * BETTER).cmplt(off);
+        right = V::select(is_better, steeper[0], right);
+        down = V::select(is_better, steeper[1], down);
+        off = V::select(is_better, own, off);
+    }
+    let (mut count, mut missing) = (zero, zero);
+    for neighbour in around {
+        count = count + only(neighbour.is_there, zero.like(1.0));
+        missing = missing + only(neighbour.is_missing, zero.like(1.0));
+    }
+    let mean = off / (count * most).max(zero.like(f32::MIN_POSITIVE));
+    let [wholly, none] = trust.off;
+    let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
+    let reach = mistrust * (BARE_REACH - trust.reach) + trust.reach;
+    let is_told = missing.cmple(zero.like(MISSING_MAX));
+    let share = only(is_told, zero.like(1.0) - mistrust);
+    ([-right * share, -down * share], V::select(is_told, reach, zero.like(BARE_REACH)))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 203;
+    const HEIGHT: usize = 117;
+    const FOCAL_PX: f32 = 150.0;
+
+    /// A frame buffer with the depths that `depth` has at some of its pixels.
+    fn target(share: u64, depth: impl Fn(usize, usize) -> f32) -> Vec<AtomicU64> {
+        let mut state = 7u64;
+        let all = (0..WIDTH * HEIGHT).map(|i| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let value = u64::from(depth(i % WIDTH, i / WIDTH).to_bits()) << 32 | i as u64;
+            AtomicU64::new(if (state >> 33) % 100 < share { value } else { EMPTY })
+        });
+        all.collect()
+    }
+
+    fn told(target: &[AtomicU64]) -> Slants {
+        let mut slants = Slants::default();
+        // What was there before means nothing.
+        slants.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
+        slants.fill(target, WIDTH, FOCAL_PX, false);
+        slants
+    }
+
+    /// Pixels that points won, at least `margin` from the border.
+    fn won(target: &[AtomicU64], margin: usize) -> impl Iterator<Item = (usize, usize, f32)> {
+        let is_inside = move |x: usize, y: usize| {
+            (margin..WIDTH - margin).contains(&x) && (margin..HEIGHT - margin).contains(&y)
+        };
+        let won = target.iter().enumerate().filter_map(|(i, value)| match value.load(Relaxed) {
+            EMPTY => None,
+            value => Some((i % WIDTH, i / WIDTH, unpack(value).0)),
+        });
+        won.filter(move |&(x, y, _)| is_inside(x, y))
+    }
+
+    #[test]
+    fn planes_are_told_exactly_at_any_slope_and_trusted() {
+        for [right, down] in [[0.0, 0.0], [1e-3, -2e-3], [-2e-3, 0.0], [3e-3, 3e-3]] {
+            // One over the depth is linear in the picture.
+            let near =
+                |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
+            let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
+            let slants = told(&target);
+            for radius_px in [1.0, 4.0] {
+                let mut count = 0;
+                for (x, y, _) in won(&target, 32) {
+                    let slant = slants.at(x, y, radius_px);
+                    let at = (y / SQUARE_PX + 1) * slants.stride + x / SQUARE_PX + 1;
+                    let own = near(slants.x[at] as usize, slants.y[at] as usize);
+                    let truth = [right, down].map(|steeper| (-steeper / own) as f32);
+                    for (told, truth) in slant.growth.into_iter().zip(truth) {
+                        assert!(
+                            (told - truth).abs() < 2e-5,
+                            "{slant:?}, {truth:?}, {radius_px} px"
+                        );
+                    }
+                    assert!((slant.reach - APART.reach).abs() < 0.01, "{slant:?}");
+                    count += 1;
+                }
+                assert!(count > 500);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_surface_keeps_long_intervals() {
+        // Leaves: depths that have nothing to do with each other.
+        let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
+        let slants = told(&leaves);
+        let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| slants.at(x, y, 2.0).reach).collect();
+        let long = reaches.iter().filter(|reach| **reach > 1.6).count();
+        assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
+        // One point by itself, and discs wider than a square.
+        let alone = target(100, |_, _| 1.0);
+        alone.iter().enumerate().for_each(|(i, value)| {
+            if i != 5 * WIDTH + 9 {
+                value.store(EMPTY, Relaxed);
+            }
+        });
+        assert_eq!(told(&alone).at(9, 5, 2.0), Slant::NONE);
+        assert_eq!(told(&leaves).at(9, 5, 4.1), Slant::NONE);
+        assert_eq!(told(&leaves).at(9, 5, f32::NAN), Slant::NONE);
+    }
+
+    #[test]
+    fn a_wall_beside_another_is_told_by_its_own_points() {
+        let target = target(50, |x, _| if x < 100 { 1.0 } else { 1.4 });
+        let slants = told(&target);
+        for (x, y, _) in won(&target, 8) {
+            let slant = slants.at(x, y, 3.0);
+            assert!(slant.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {slant:?}");
+        }
+    }
+
+    #[test]
+    fn any_depths_tell_finite_slants() {
+        const DEPTHS: [f32; 6] = [1e-30, 1e30, 1.0, 1.0, 3e38, 1e-38];
+        let target = target(70, |x, y| DEPTHS[(x * 31 + y * 17 + x * y) % 6]);
+        let slants = told(&target);
+        for (x, y, _) in won(&target, 0) {
+            for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
+                let Slant { growth, reach } = slants.at(x, y, radius_px);
+                assert!(growth.iter().all(|g| g.is_finite()), "{growth:?}");
+                assert!((APART.reach..=BARE_REACH).contains(&reach), "{reach}");
+            }
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! The passes on the CPU, a file a pass; each has a twin of the same name in `gpu/passes` and a folder in `shaders`.
+
+pub mod antialias;
+pub(crate) mod average;
+pub(crate) mod ellipse;
+pub(crate) mod exposure;
+pub mod fill_holes;
+pub mod fit_planes;
+pub mod gather;
+pub mod project;
+pub mod pull;
+pub mod push;
+pub mod resolve;
+pub mod shade;
+pub mod silhouette;
+pub mod smooth_depth;
+pub mod tangent;

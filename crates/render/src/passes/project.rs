@@ -1,0 +1,297 @@
+//! Project (marroquim2007 section 3.1): each point to at most one pixel. A frame buffer of
+//! `depth << 32 | point` keeps the least: the bits of a positive `f32` order like the number, so one
+//! 64-bit minimum is depth test and write. `point` counts through the frame's draws ([`DrawList`]).
+//! Out: the frame buffer; attributes are fetched afterwards, for the points that won ([`crate::passes::gather`]).
+//!
+//! Threads share one frame buffer of atomics and read plainly before they write: most points lose
+//! already there. Measured on two busy cores against one buffer a thread, merged: 18 to 26 ms against 17
+//! to 25 for a million points, 83 to 113 against 90 to 140 for five; no difference beyond the noise, and
+//! nothing to clear, merge or hold a core.
+
+use crate::frame::{DrawNode, Frame};
+use crate::gpu::memory::table::CHUNK_POINTS;
+use crate::inputs::camera::{Camera, Positions};
+use crate::simd::lanes::LANES;
+use esker_points::fetch::fetch;
+use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
+use fearless_simd::{Level as Simd, dispatch};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// A pixel that no point fell on.
+pub const EMPTY: u64 = u64::MAX;
+/// Points a job has: large enough that handing out costs nothing, small enough that cores end together.
+const JOB_POINTS: usize = 1 << 14;
+/// Points placed before they are written: the arithmetic is then free of branches.
+const BLOCK: usize = 64;
+
+/// Depth and point of a frame-buffer value.
+pub fn unpack(value: u64) -> (f32, u32) {
+    (f32::from_bits((value >> 32) as u32), value as u32)
+}
+
+/// The frame's points in one numbering. Each draw begins at a multiple of a chunk, as on a GPU
+/// ([`crate::gpu::memory::table::CHUNK_POINTS`]), so that a point's draw is looked up and not searched for.
+#[derive(Clone, Debug, Default)]
+pub struct DrawList {
+    /// Number of the first point of each draw.
+    pub starts: Vec<u32>,
+    /// Points of each draw.
+    counts: Vec<u32>,
+    /// The draw of each chunk of numbers.
+    owners: Vec<u32>,
+    points: u32,
+}
+
+impl DrawList {
+    /// Numbers the points of these draws. What there is no number left for is not drawn.
+    pub fn new(draws: &[DrawNode<'_>]) -> Self {
+        let mut list = Self::default();
+        let mut next = 0u64;
+        for (owner, draw) in (0..).zip(draws) {
+            // The last chunk stays free: all ones is no point.
+            let left = u64::from(u32::MAX - CHUNK_POINTS).saturating_sub(next);
+            let count = (Positions::of(draw).len as u64).min(left) as u32;
+            let chunks = count.div_ceil(CHUNK_POINTS);
+            list.starts.push(next as u32);
+            list.counts.push(count);
+            list.owners.extend(std::iter::repeat_n(owner, chunks as usize));
+            list.points += count;
+            next += u64::from(chunks) * u64::from(CHUNK_POINTS);
+        }
+        list
+    }
+
+    /// Number of points of a draw.
+    pub fn len(&self, draw: usize) -> usize {
+        self.counts[draw] as usize
+    }
+
+    /// Whether the frame has no point.
+    pub fn is_empty(&self) -> bool {
+        self.points == 0
+    }
+
+    /// Number of points of the frame.
+    pub fn points(&self) -> u32 {
+        self.points
+    }
+
+    /// Draw and index in it of a numbered point.
+    ///
+    /// # Panics
+    /// If no point has that number.
+    #[inline]
+    pub fn find(&self, point: u32) -> (usize, usize) {
+        let draw = self.owners[(point / CHUNK_POINTS) as usize] as usize;
+        (draw, (point - self.starts[draw]) as usize)
+    }
+}
+
+/// The code of no normal.
+pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
+/// The same, as it lies in a plane.
+const NO_NORMAL_BITS: u32 = 0x8000_8000;
+
+/// Draws all points into `target` (one value a pixel, row by row), which it clears first.
+pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
+    target.par_chunks(1 << 16).for_each(|c| c.iter().for_each(|p| p.store(EMPTY, Relaxed)));
+    let jobs: Vec<(usize, usize)> = (0..frame.draws.len())
+        .flat_map(|d| (0..list.len(d)).step_by(JOB_POINTS).map(move |first| (d, first)))
+        .collect();
+    jobs.par_iter().for_each(|&(draw, first)| {
+        let run = first..(first + JOB_POINTS).min(list.len(draw));
+        let base = list.starts[draw];
+        let draw = &frame.draws[draw];
+        let normals = draw.normal.filter(|_| frame.cull_back_faces);
+        let hides = frame.hides_points;
+        dispatch!(Simd::new(), _ => project_run(draw, camera, run, base, target, normals, hides));
+    });
+}
+
+#[inline(always)]
+fn project_run(
+    draw: &DrawNode<'_>,
+    camera: &Camera,
+    run: Range<usize>,
+    base: u32,
+    target: &[AtomicU64],
+    normals: Option<&[u8]>,
+    hides: bool,
+) {
+    let positions = Positions::of(draw);
+    let place = camera.place(draw.node, positions.is_exact());
+    let near = place.near();
+    let mut offsets = [[0; BLOCK]; 3];
+    let zero = [0.0; BLOCK];
+    let block = Block { start: 0, shown: 0, pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    // A block's pixels are asked for while the one before is drawn.
+    let (mut block, mut before) = (block, block);
+    for start in run.clone().step_by(BLOCK) {
+        let count = positions.offsets(start, &mut offsets).min(run.end - start);
+        match near {
+            Some(base) => block.place(camera, &offsets, |axis, offset| {
+                base[axis].wrapping_add(offset as i32) as f32 + place.bias_steps[axis]
+            }),
+            None => block.place(camera, &offsets, |axis, o| place.axis_steps(axis, o)),
+        }
+        if let Some(plane) = normals {
+            block.drop_back_faces(plane, start, count);
+        }
+        (block.start, block.shown) = (start, block.on_picture(count));
+        ones(block.shown).for_each(|k| fetch(target, block.pixels[k] as usize));
+        before.draw(base, target, |point| hides && is_hidden(draw.position, point));
+        std::mem::swap(&mut block, &mut before);
+    }
+    before.draw(base, target, |point| hides && is_hidden(draw.position, point));
+}
+
+/// The places of the ones among bits, from the lowest.
+#[inline(always)]
+fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let k = bits.trailing_zeros() as usize % BLOCK;
+        let any = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        any.then_some(k)
+    })
+}
+
+/// Where a block of points is on the picture.
+#[derive(Clone, Copy)]
+struct Block {
+    /// The first of its points in its node.
+    start: usize,
+    /// Those on the picture, a bit each.
+    shown: u64,
+    /// Pixels, row by row; what is outside has the highest bit.
+    pixels: [u32; BLOCK],
+    depths: [f32; BLOCK],
+    /// Against the eye, the world's axes.
+    from_eye: [[f32; BLOCK]; 3],
+}
+
+/// The bit of what is outside.
+const OUTSIDE: u32 = 1 << 31;
+
+impl Block {
+    /// Places a block of points; `steps` has them against the eye, from the axis and the offset. Straight arithmetic
+    /// over arrays: it becomes SIMD.
+    #[inline(always)]
+    fn place(
+        &mut self,
+        camera: &Camera,
+        offsets: &[[u32; BLOCK]; 3],
+        steps: impl Fn(usize, u32) -> f32,
+    ) {
+        let [right, up, back] = camera.view_from_world;
+        let step = camera.step;
+        let [cx, cy] = camera.centre_px;
+        let [width, height] = camera.size.map(|s| s as f32);
+        let row = camera.size[0];
+        let Self { pixels, depths, from_eye, .. } = self;
+        for (k, (pixel, depth)) in pixels.iter_mut().zip(depths).enumerate() {
+            let x = steps(0, offsets[0][k]) * step.x;
+            let y = steps(1, offsets[1][k]) * step.y;
+            let z = steps(2, offsets[2][k]) * step.z;
+            (from_eye[0][k], from_eye[1][k], from_eye[2][k]) = (x, y, z);
+            *depth = -(back.x * x + back.y * y + back.z * z);
+            let scale = camera.focal_px / *depth;
+            let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
+            let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
+            // Written so that what is not a number is outside.
+            let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
+            let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
+            let at = whole(at_y).wrapping_mul(row).wrapping_add(whole(at_x));
+            *pixel = if is_inside { at } else { OUTSIDE };
+        }
+    }
+
+    /// Puts points outside whose normals do not look to the eye's side; points without a normal do. Directions as
+    /// [`esker_points::quant::oct_direction`] has them, times 32767: whole numbers, and the side is the same.
+    #[inline(always)]
+    fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
+        const ONE: i32 = 32_767;
+        let mut codes = [NO_NORMAL_BITS; BLOCK];
+        let plane = normals.get(start * 4..).unwrap_or(&[]).as_chunks::<4>().0;
+        for (code, b) in codes.iter_mut().zip(plane).take(count) {
+            *code = u32::from_le_bytes(*b);
+        }
+        let [xs, ys, zs] = &self.from_eye;
+        for (k, pixel) in self.pixels.iter_mut().enumerate() {
+            let (x, y) = ((codes[k] << 16) as i32 >> 16, codes[k] as i32 >> 16);
+            let (x, y) = (x.max(-ONE), y.max(-ONE));
+            let z = ONE - x.abs() - y.abs();
+            let folded = |along: i32, other: i32| {
+                let beyond = ONE - other.abs();
+                if along < 0 { -beyond } else { beyond }
+            };
+            let (fx, fy) = if z < 0 { (folded(x, y), folded(y, x)) } else { (x, y) };
+            let along = fx as f32 * xs[k] + fy as f32 * ys[k] + z as f32 * zs[k];
+            let is_away = (along > 0.0) & (codes[k] != NO_NORMAL_BITS);
+            *pixel |= u32::from(is_away) << 31;
+        }
+    }
+
+    /// Draws those that are on the picture and not hidden; `base` is the number of the node's first point.
+    #[inline(always)]
+    fn draw(&self, base: u32, target: &[AtomicU64], is_hidden: impl Fn(usize) -> bool) {
+        let value = |k: usize| {
+            let point = base + (self.start + k) as u32;
+            u64::from(self.depths[k].to_bits()) << 32 | u64::from(point)
+        };
+        // Without a branch: which points lose against what is there is hard to guess.
+        let mut winning = 0;
+        for k in ones(self.shown) {
+            let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
+            winning |= u64::from(value(k) < slot.load(Relaxed)) << k;
+        }
+        for k in ones(winning) {
+            let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
+            if !is_hidden(self.start + k) {
+                slot.fetch_min(value(k), Relaxed);
+            }
+        }
+    }
+
+    /// Those of the first `count` points that are on the picture, a bit each.
+    #[inline(always)]
+    fn on_picture(&self, count: usize) -> u64 {
+        let mut outside = 0;
+        for (i, four) in self.pixels.as_chunks::<LANES>().0.iter().enumerate() {
+            let signs = Vec4::from_array(four.map(f32::from_bits)).is_negative_bitmask();
+            outside |= u64::from(signs) << (i * LANES);
+        }
+        !outside & u64::MAX >> (BLOCK - count)
+    }
+}
+
+/// The whole part of a number from 0 to 2^22; anything of others. Without what `as` does for these, which is no SIMD.
+#[inline(always)]
+fn whole(x: f32) -> u32 {
+    // A number this large has no bits left for fractions: adding it rounds.
+    const ROUNDS: f32 = (1 << 23) as f32;
+    let rounded = x + ROUNDS;
+    let is_above = rounded - ROUNDS > x;
+    rounded.to_bits().wrapping_sub(ROUNDS.to_bits()).wrapping_sub(u32::from(is_above))
+}
+
+/// Whether a point is marked as one that is not wanted.
+pub(crate) fn is_hidden(positions: &[u8], index: usize) -> bool {
+    positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
+}
+
+/// The code of a point's normal, where the plane has one.
+#[inline]
+pub(crate) fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
+    let b = normals.get(index * 4..index * 4 + 4)?;
+    Some([i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])])
+}
+
+/// The world normal of a point; zero where it has none or the plane is too short.
+#[inline]
+pub fn normal_at(normals: &[u8], index: usize) -> Vec3 {
+    normal_code(normals, index).map_or(Vec3::ZERO, |code| Vec3::from_array(oct_decode(code)))
+}

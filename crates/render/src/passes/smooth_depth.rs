@@ -1,0 +1,424 @@
+//! Relief: the shape that a depth image alone tells, for clouds without normals and for edges. Normals
+//! from differences of smoothed depth; and how much a pixel lies behind its surroundings, which darkens
+//! it (eye-dome lighting, after Boucheny 2009).
+//!
+//! Smoothing is a separable bilateral mean of five pixels an axis, as wide as the discs first and then narrower and narrower: what
+//! differs from the middle by more than a surface can is another surface, and takes no part. So narrow means go over the
+//! patterns that wide ones leave where their taps are now on the surface and now on another. Loops over rows are
+//! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
+
+use crate::simd::values::{EIGHT, Values, dot, load, only};
+use fearless_simd::{Level, Simd, dispatch, f32x8};
+use rayon::prelude::*;
+
+/// Steepest slope (depth over width) that still counts as one surface.
+const SLOPE_MAX: f32 = 6.0;
+/// Weights of the smoothing, from the middle outwards (binomial).
+const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
+/// Distances of taps, pixels; the last two are always used.
+const STEPS: [usize; 4] = [8, 4, 2, 1];
+/// Radius of discs over the distance of taps from which on a round counts, and from which on it counts in full. In
+/// between its weight grows with the radius, so that pictures do not jump when the view changes a little.
+const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
+/// Distance of the surroundings that darken, pixels.
+const REACH: usize = 2;
+/// Beyond this slope more depth darkens no more.
+const BEHIND_MAX: f32 = 4.0;
+
+/// A depth image: infinite where there is nothing.
+#[derive(Clone, Copy)]
+pub struct DepthImage<'a> {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Linear eye depth, row by row.
+    pub depth: &'a [f32],
+    /// Pixels that a unit of length takes at unit depth.
+    pub focal_px: f32,
+    /// The picture's middle, pixels.
+    pub centre_px: [f32; 2],
+    /// Typical radius of the discs that the surface was filled from, pixels: depth comes in steps this
+    /// far apart.
+    pub radius_px: f32,
+}
+
+/// Memory kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub struct ReliefScratch {
+    rows: Vec<f32>,
+    smooth: Vec<f32>,
+    nothing: Vec<f32>,
+}
+
+impl<'a> DepthImage<'a> {
+    fn row(&self, y: usize) -> &'a [f32] {
+        &self.depth[y * self.width..][..self.width]
+    }
+
+    /// The image smoothed along both axes.
+    pub fn smoothed<'b>(self, scratch: &'b mut ReliefScratch) -> DepthImage<'b>
+    where
+        'a: 'b,
+    {
+        let ReliefScratch { rows, smooth, nothing } = scratch;
+        rows.resize(self.depth.len(), 0.0);
+        smooth.resize(self.depth.len(), 0.0);
+        nothing.clear();
+        nothing.resize(self.width, f32::INFINITY);
+        let mut is_rough = true;
+        for step in STEPS {
+            let share = self.share(step);
+            if share == 0.0 {
+                continue;
+            }
+            let taps = [TAPS[0], TAPS[1] * share, TAPS[2] * share];
+            let rough = if is_rough { self.depth } else { &*smooth };
+            DepthImage { depth: rough, ..self }.smooth_rows(step, taps, rows);
+            DepthImage { depth: rows, ..self }.smooth_columns(step, taps, nothing, smooth);
+            is_rough = false;
+        }
+        DepthImage { depth: smooth, ..self }
+    }
+
+    /// How much of its weight a round has whose taps are `step` pixels apart; 0 where it is left out.
+    fn share(&self, step: usize) -> f32 {
+        let [from, full] = RADIUS_PER_STEP;
+        if step <= 2 {
+            return 1.0;
+        }
+        ((self.radius_px / step as f32 - from) / (full - from)).clamp(0.0, 1.0)
+    }
+
+    /// The greatest relative change of depth over so many pixels within a surface. Between neighbouring
+    /// discs depth changes at once by what their distance makes.
+    fn near(&self, pixels: usize) -> f32 {
+        SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
+    }
+
+    /// The mean along rows, taps `step` pixels apart; `weights` are theirs.
+    fn smooth_rows(&self, step: usize, weights: [f32; 3], out: &mut [f32]) {
+        let reach = 2 * step;
+        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            let row = self.row(y);
+            out.copy_from_slice(row);
+            let inner = self.width.saturating_sub(2 * reach);
+            // Five views of the row, so that the loop needs no bounds checks.
+            let view = |k: usize| row.get(k * step..k * step + inner).unwrap_or(&[]);
+            let taps = [view(0), view(1), view(2), view(3), view(4)];
+            let out = out.get_mut(reach..reach + inner).unwrap_or(&mut []);
+            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
+        });
+    }
+
+    /// The same along columns.
+    fn smooth_columns(&self, step: usize, weights: [f32; 3], nothing: &[f32], out: &mut [f32]) {
+        let height = self.depth.len() / self.width;
+        out.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            let up = |k: usize| y.checked_sub(k * step).map_or(nothing, |y| self.row(y));
+            let down =
+                |k: usize| if y + k * step < height { self.row(y + k * step) } else { nothing };
+            let taps = [up(2), up(1), self.row(y), down(1), down(2)];
+            dispatch!(Level::new(), _ => mean(taps, weights, self.near(step), out));
+        });
+    }
+
+    /// The rows that the shape at row `y` is told from; `nothing` stands for those outside.
+    pub fn surroundings<'s>(&self, y: usize, nothing: &'s [f32]) -> Surroundings<'s>
+    where
+        'a: 's,
+    {
+        let height = self.depth.len() / self.width;
+        let up = |k: usize| y.checked_sub(k).map_or(nothing, |y| self.row(y));
+        let down = |k: usize| if y + k < height { self.row(y + k) } else { nothing };
+        Surroundings {
+            above: up(1),
+            here: self.row(y),
+            below: down(1),
+            far: [up(REACH), self.row(y), down(REACH)],
+            focal_px: self.focal_px,
+            centre_px: self.centre_px,
+            near: self.near(1),
+            y,
+        }
+    }
+}
+
+/// The bilateral mean of five rows into `out`; `near` is the greatest relative difference to the
+/// middle.
+#[inline(always)]
+fn mean(taps: [&[f32]; 5], weights: [f32; 3], near: f32, out: &mut [f32]) {
+    let n = out.len();
+    let [a2, a1, middle, b1, b2] = taps.map(|t| &t[..n]);
+    for x in 0..n {
+        let m = middle[x];
+        let pair = |a: f32, b: f32| (a - m).abs() < near * m && (b - m).abs() < near * m;
+        // In pairs, so that a slope's edge does not bend towards its inside.
+        let w1 = if pair(a1[x], b1[x]) { weights[1] } else { 0.0 };
+        let w2 = if pair(a2[x], b2[x]) { weights[2] } else { 0.0 };
+        let s1 = if w1 > 0.0 { a1[x] + b1[x] } else { 0.0 };
+        let s2 = if w2 > 0.0 { a2[x] + b2[x] } else { 0.0 };
+        out[x] = (m * weights[0] + s1 * w1 + s2 * w2) / (weights[0] + 2.0 * (w1 + w2));
+    }
+}
+
+/// What the shape at a row is told from.
+pub struct Surroundings<'a> {
+    above: &'a [f32],
+    here: &'a [f32],
+    below: &'a [f32],
+    far: [&'a [f32]; 3],
+    focal_px: f32,
+    centre_px: [f32; 2],
+    near: f32,
+    y: usize,
+}
+
+impl Surroundings<'_> {
+    /// The normals in view space at eight pixels: towards the eye, unit length. What is told of pixels without depth
+    /// means nothing.
+    ///
+    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
+    /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
+    #[inline(always)]
+    pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
+        let mut room = None;
+        let [above, here, below] = runs([self.above, self.here, self.below], first, &mut room);
+        let d = eight::<S, REACH>(simd, here);
+        let left = eight::<S, { REACH - 1 }>(simd, here);
+        let right = eight::<S, { REACH + 1 }>(simd, here);
+        let above = eight::<S, REACH>(simd, above);
+        let below = eight::<S, REACH>(simd, below);
+        let columns = load(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let u = columns + (first as f32 + 0.5 - self.centre_px[0]);
+        let v = self.centre_px[1] - self.y as f32 - 0.5;
+        let limit = d * self.near;
+        let du = slopes(d - left, right - d, limit);
+        let dv = slopes(d - below, above - d, limit);
+        let normal = [du, dv, (d + u * du + dv * v) / self.focal_px];
+        let per_length = 1.0 / dot(normal, normal).sqrt();
+        let (zero, one) = (d.like(0.0), d.like(1.0));
+        let has_length = zero.cmplt(per_length) & per_length.cmplt(d.like(f32::INFINITY));
+        [
+            only(has_length, normal[0] * per_length),
+            only(has_length, normal[1] * per_length),
+            f32x8::select(has_length, normal[2] * per_length, one),
+        ]
+    }
+
+    /// How far each of eight pixels lies behind its surroundings, 0 to 1; slopes up to `flat` do not count. What is
+    /// told of pixels without depth means nothing.
+    #[inline(always)]
+    pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
+        const RIGHT: usize = 2 * REACH;
+        let mut room = None;
+        let [above, middle, below] = runs(self.far, first, &mut room);
+        let here = eight::<S, REACH>(simd, middle);
+        let per_slope = self.focal_px / (here * REACH as f32);
+        let around = [
+            eight::<S, REACH>(simd, above),
+            eight::<S, REACH>(simd, below),
+            eight::<S, 0>(simd, above),
+            eight::<S, RIGHT>(simd, above),
+            eight::<S, 0>(simd, middle),
+            eight::<S, RIGHT>(simd, middle),
+            eight::<S, 0>(simd, below),
+            eight::<S, RIGHT>(simd, below),
+        ];
+        let mut sum = simd.splat_f32x8(0.0);
+        for other in around {
+            let slope = (here - other) * per_slope - flat;
+            sum += slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
+        }
+        sum * (1.0 / (8.0 * BEHIND_MAX))
+    }
+
+    /// How far each of eight pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
+    /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is told of pixels
+    /// without depth means nothing.
+    #[inline(always)]
+    pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
+        const RIGHT: usize = 2 * REACH;
+        let mut room = None;
+        let [above, middle, below] = runs(self.far, first, &mut room);
+        let here = eight::<S, REACH>(simd, middle);
+        let sides = [
+            [eight::<S, REACH>(simd, above), eight::<S, REACH>(simd, below)],
+            [eight::<S, 0>(simd, middle), eight::<S, RIGHT>(simd, middle)],
+            [eight::<S, 0>(simd, above), eight::<S, RIGHT>(simd, below)],
+            [eight::<S, RIGHT>(simd, above), eight::<S, 0>(simd, below)],
+        ];
+        let per_slope = self.focal_px / (here * REACH as f32);
+        let mut sum = simd.splat_f32x8(0.0);
+        for [before, after] in sides {
+            let slope = (here - (before + after) * 0.5) * per_slope - flat;
+            sum += slope.max(slope.like(0.0)).min(slope.like(BEHIND_MAX));
+        }
+        sum * (1.0 / (4.0 * BEHIND_MAX))
+    }
+}
+
+/// Eight depths of a row and [`REACH`] on both sides of them.
+type Run = [f32; EIGHT + 2 * REACH];
+
+/// Those of three rows around the pixels from `first` on; infinite beyond the picture, which takes some room.
+#[inline(always)]
+fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut Option<[Run; 3]>) -> [&'a Run; 3] {
+    // Beyond all rows where there are no columns before.
+    let from = first.wrapping_sub(REACH);
+    let run = |row: &'a [f32]| row.get(from..)?.first_chunk();
+    if let (Some(a), Some(b), Some(c)) = (run(rows[0]), run(rows[1]), run(rows[2])) {
+        return [a, b, c];
+    }
+    room.insert(at_ends(rows, first)).each_ref()
+}
+
+/// The same where not all of them are in the picture.
+#[inline(never)]
+fn at_ends(rows: [&[f32]; 3], first: usize) -> [Run; 3] {
+    rows.map(|row| {
+        std::array::from_fn(|k| {
+            let x = (first + k).checked_sub(REACH);
+            x.and_then(|x| row.get(x)).copied().unwrap_or(f32::INFINITY)
+        })
+    })
+}
+
+/// Eight of a run, from one on.
+#[inline(always)]
+fn eight<S: Simd, const AT: usize>(simd: S, run: &Run) -> f32x8<S> {
+    load(simd, run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
+}
+
+/// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
+/// the surface.
+#[inline(always)]
+fn slopes<S: Simd>(before: f32x8<S>, after: f32x8<S>, limit: f32x8<S>) -> f32x8<S> {
+    let (before_size, after_size) = (Values::abs(before), Values::abs(after));
+    let stays = [before_size.cmplt(limit), after_size.cmplt(limit)];
+    // Alone between two steps, as at a silhouette: as steep as can be, towards the nearer one.
+    let nearer = f32x8::select(before_size.cmplt(after_size), before, after);
+    let is_finite = Values::abs(nearer).cmplt(limit.like(f32::INFINITY));
+    let alone = only(is_finite, nearer.max(-limit).min(limit));
+    let one = f32x8::select(stays[0], before, f32x8::select(stays[1], after, alone));
+    f32x8::select(stays[0] & stays[1], (before + after) * 0.5, one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// The normal at a pixel, and how far it lies behind its surroundings.
+    fn shape(row: &Surroundings<'_>, x: usize) -> (Vec3, f32) {
+        let (first, lane) = (x / EIGHT * EIGHT, x % EIGHT);
+        dispatch!(Level::new(), simd => {
+            let normal = row.normals(simd, first);
+            let normal = Vec3::new(normal[0][lane], normal[1][lane], normal[2][lane]);
+            (normal, row.behind(simd, first, 0.5)[lane])
+        })
+    }
+
+    /// Depth of a plane through (0, 0, -`distance`) with this normal.
+    fn plane(normal: Vec3, distance: f32, side: usize, focal_px: f32) -> Vec<f32> {
+        let middle = side as f32 / 2.0;
+        let depth = |i: usize| {
+            let u = (i % side) as f32 + 0.5 - middle;
+            let v = middle - (i / side) as f32 - 0.5;
+            let ray = Vec3::new(u / focal_px, v / focal_px, -1.0);
+            distance * -normal.z / normal.dot(ray)
+        };
+        (0..side * side).map(depth).collect()
+    }
+
+    #[test]
+    fn planes_have_their_normal_everywhere_also_smoothed_and_at_the_edge() {
+        for n in [Vec3::Z, Vec3::new(0.5, -0.3, 1.0), Vec3::new(-1.0, 1.5, 1.0)] {
+            let n = n.normalize_or(Vec3::Z);
+            let depth = plane(n, 5.0, 40, 80.0);
+            let image = DepthImage {
+                width: 40,
+                depth: &depth,
+                focal_px: 80.0,
+                centre_px: [20.0; 2],
+                radius_px: 0.0,
+            };
+            let mut scratch = ReliefScratch::default();
+            let nothing = [f32::INFINITY; 40];
+            for image in [image, image.smoothed(&mut scratch)] {
+                for (x, y) in [(20, 20), (8, 30), (0, 0), (39, 10)] {
+                    let (got, _) = shape(&image.surroundings(y, &nothing), x);
+                    assert!(got.dot(n) > 0.995, "{got} for {n} at {x}, {y}");
+                }
+            }
+        }
+    }
+
+    /// What sparse samples in several depths leave: plateaus as wide as discs, whose steps are now more and now less than
+    /// those of one surface.
+    #[test]
+    fn surfaces_that_come_and_go_leave_no_pattern_of_dots() {
+        const SIDE: usize = 96;
+        let plateau = |i: usize| (i % SIDE / 12 * 7 + i / SIDE / 12 * 5) * 11 % 13;
+        let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.2 * plateau(i) as f32).collect();
+        let image = DepthImage {
+            width: SIDE,
+            depth: &depth,
+            focal_px: 270.0,
+            centre_px: [SIDE as f32 / 2.0; 2],
+            radius_px: 16.0,
+        };
+        let mut scratch = ReliefScratch::default();
+        let smooth = image.smoothed(&mut scratch).depth;
+        // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by some 20 degrees.
+        let limit = 0.3 * 5.0 / image.focal_px;
+        let is_dot = |i: &usize| {
+            let beyond = [i - 1, i + 1, i - SIDE, i + SIDE].map(|other| smooth[*i] - smooth[other]);
+            beyond.iter().all(|b| *b > limit) || beyond.iter().all(|b| *b < -limit)
+        };
+        let inner = (0..SIDE * SIDE)
+            .filter(|i| (1..SIDE - 1).contains(&(i % SIDE)) && (1..SIDE - 1).contains(&(i / SIDE)));
+        assert_eq!(inner.filter(is_dot).count(), 0);
+    }
+
+    /// Radii change with every step of a walk: the smoothing that they ask for must not come and go at once.
+    #[test]
+    fn a_little_wider_discs_change_smooth_depth_a_little() {
+        const SIDE: usize = 96;
+        let wave = |i: usize| ((i % SIDE) as f32 * 0.4).sin() + ((i / SIDE) as f32 * 0.3).cos();
+        let depth: Vec<f32> = (0..SIDE * SIDE).map(|i| 5.0 + 0.02 * wave(i)).collect();
+        let smooth = |radius_px: f32| {
+            let image = DepthImage {
+                width: SIDE,
+                depth: &depth,
+                focal_px: 270.0,
+                centre_px: [SIDE as f32 / 2.0; 2],
+                radius_px,
+            };
+            image.smoothed(&mut ReliefScratch::default()).depth.to_vec()
+        };
+        let differ =
+            |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
+        let radii: Vec<_> = (0..=300).map(|k| smooth(k as f32 * 0.1)).collect();
+        let all = differ(&radii[0], &radii[300]);
+        let most = radii.windows(2).map(|r| differ(&r[0], &r[1])).fold(0.0, f32::max);
+        assert!(most < 0.1 * all, "{most} of {all} at once");
+    }
+
+    #[test]
+    fn steps_between_surfaces_neither_blur_nor_tilt_and_darken_only_what_is_behind() {
+        let depth: Vec<f32> = (0..400).map(|i| if i % 20 < 10 { 1.0 } else { 3.0 }).collect();
+        let image = DepthImage {
+            width: 20,
+            depth: &depth,
+            focal_px: 400.0,
+            centre_px: [10.0; 2],
+            radius_px: 0.0,
+        };
+        let mut scratch = ReliefScratch::default();
+        assert!(image.smoothed(&mut scratch).depth == depth);
+        let row = image.surroundings(10, &depth[..20]);
+        let (normal, behind) = shape(&row, 9);
+        assert_eq!((normal.truncate(), behind), (glam::Vec2::ZERO, 0.0));
+        assert!(shape(&row, 10).1 > 0.2);
+        assert_eq!(shape(&row, 15).1, 0.0);
+    }
+}

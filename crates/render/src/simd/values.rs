@@ -1,0 +1,257 @@
+//! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::simd::lanes`]), or eight where the
+//! processor has them. Names and meanings are those of `glam`'s vectors.
+
+use fearless_simd::{ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8};
+use glam::{BVec4A, Vec4};
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
+
+/// Pixels of a row that go together where a processor may have registers of as many.
+pub const EIGHT: usize = 8;
+/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
+pub const WHOLE: f32 = 8_388_608.0;
+
+/// Four values, and four more.
+#[inline(always)]
+pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
+    simd.combine_f32x4(
+        f32x4::load_array(simd, first.to_array()),
+        f32x4::load_array(simd, second.to_array()),
+    )
+}
+
+/// Eight values. (Where `SimdBase` is in scope, which can load them too, its `min` and `max` are as well.)
+#[inline(always)]
+pub fn load<S: Simd>(simd: S, values: &[f32; EIGHT]) -> f32x8<S> {
+    f32x8::load_array_ref(simd, values)
+}
+
+/// `value` where the mask says yes, else zero.
+#[inline(always)]
+pub fn only<V: Values>(mask: V::Mask, value: V) -> V {
+    value.only(mask)
+}
+
+/// Sum of products.
+#[inline(always)]
+pub fn dot<V: Values>(a: [V; 3], b: [V; 3]) -> V {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+/// The vector product.
+#[inline(always)]
+pub fn cross<V: Values>(a: [V; 3], b: [V; 3]) -> [V; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Which of eight are yes, a bit each.
+#[inline(always)]
+pub fn bits<S: Simd>(mask: mask32x8<S>) -> u32 {
+    mask.to_bitmask() as u32
+}
+
+/// Directions of octahedral codes, as [`esker_points::quant::oct_direction`] has them.
+#[inline(always)]
+pub fn directions<V: Values>(x: V, y: V) -> [V; 3] {
+    let (zero, one) = (x.like(0.0), x.like(1.0));
+    let none = x.like(f32::from(i16::MIN));
+    let is_none = x.cmpeq(none) & y.cmpeq(none);
+    let (scale, least) = (x.like(32767.0), x.like(-1.0));
+    let (x, y) = ((x / scale).max(least), (y / scale).max(least));
+    let z = one - x.abs() - y.abs();
+    let is_folded = z.cmplt(zero);
+    let folded_x = V::select(is_folded, (one - y.abs()).copysign(x), x);
+    let folded_y = V::select(is_folded, (one - x.abs()).copysign(y), y);
+    let or_none = |c: V| V::select(is_none, zero, c);
+    [or_none(folded_x), or_none(folded_y), or_none(z)]
+}
+
+/// A register of floats. Of a number and none, `min` and `max` are the second.
+pub trait Values:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f32, Output = Self>
+    + Sub<f32, Output = Self>
+    + Mul<f32, Output = Self>
+{
+    /// Yes or no for each.
+    type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask>;
+
+    /// As many of this value.
+    fn like(self, value: f32) -> Self;
+    /// The less of each.
+    fn min(self, other: Self) -> Self;
+    /// The greater of each.
+    fn max(self, other: Self) -> Self;
+    /// Without signs.
+    fn abs(self) -> Self;
+    /// Square roots.
+    fn sqrt(self) -> Self;
+    /// With others' signs.
+    fn copysign(self, sign: Self) -> Self;
+    /// This times `factor` and `more`; rounded once where a processor does that at no cost, else twice.
+    fn mul_add(self, factor: Self, more: Self) -> Self;
+    /// Which are equal.
+    fn cmpeq(self, other: Self) -> Self::Mask;
+    /// Which are less.
+    fn cmplt(self, other: Self) -> Self::Mask;
+    /// Which are less or equal.
+    fn cmple(self, other: Self) -> Self::Mask;
+    /// Those of `a` where the mask says yes, else of `b`.
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// Those where the mask says yes, else zeros.
+    #[inline(always)]
+    fn only(self, mask: Self::Mask) -> Self {
+        Self::select(mask, self, self.like(0.0))
+    }
+}
+
+impl Values for f32 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.copysign(sign)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self * factor + more
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> bool {
+        self == other
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> bool {
+        self <= other
+    }
+    #[inline(always)]
+    fn select(mask: bool, a: Self, b: Self) -> Self {
+        if mask { a } else { b }
+    }
+}
+
+impl Values for Vec4 {
+    type Mask = BVec4A;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        Self::splat(value)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.min(other)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.max(other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.copysign(sign)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self * factor + more
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> BVec4A {
+        self.cmpeq(other)
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> BVec4A {
+        self.cmplt(other)
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> BVec4A {
+        self.cmple(other)
+    }
+    #[inline(always)]
+    fn select(mask: BVec4A, a: Self, b: Self) -> Self {
+        Self::select(mask, a, b)
+    }
+}
+
+impl<S: Simd> Values for f32x8<S> {
+    type Mask = mask32x8<S>;
+
+    #[inline(always)]
+    fn like(self, value: f32) -> Self {
+        self.token().splat_f32x8(value)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.token().min_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.token().max_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.token().abs_f32x8(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.token().sqrt_f32x8(self)
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        self.token().copysign_f32x8(self, sign)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        self.token().mul_add_f32x8(self, factor, more)
+    }
+    #[inline(always)]
+    fn cmpeq(self, other: Self) -> mask32x8<S> {
+        self.token().simd_eq_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn cmplt(self, other: Self) -> mask32x8<S> {
+        self.token().simd_lt_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn cmple(self, other: Self) -> mask32x8<S> {
+        self.token().simd_le_f32x8(self, other)
+    }
+    #[inline(always)]
+    fn select(mask: mask32x8<S>, a: Self, b: Self) -> Self {
+        mask.select(a, b)
+    }
+}
