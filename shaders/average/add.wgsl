@@ -1,5 +1,5 @@
 // Adds each point of a pixel's front surface to the pixel's sums. A group of threads a chunk. Twin:
-// crates/render/src/average.rs.
+// crates/render/src/passes/average.rs.
 
 // include common/points.wgsl
 // include common/lookup.wgsl

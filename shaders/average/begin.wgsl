@@ -1,4 +1,4 @@
-// Takes the planes of the points that won, and clears the sums. Twin: crates/render/src/average.rs.
+// Takes the planes of the points that won, and clears the sums. Twin: crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
 // include common/tangent.wgsl

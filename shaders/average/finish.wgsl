@@ -1,5 +1,5 @@
 // Replaces what the points that won brought to the picture's level by the means of their pixels' front surfaces.
-// Twin: crates/render/src/average.rs.
+// Twin: crates/render/src/passes/average.rs.
 
 // include common/frame.wgsl
 // include common/average.wgsl

@@ -1,4 +1,4 @@
-// What is added up for a pixel, in words: the winner's plane, then sums (crates/render/src/average.rs says why). The
+// What is added up for a pixel, in words: the winner's plane, then sums (crates/render/src/passes/average.rs says why). The
 // plane is `focal_px / depth` at the pixel's centre, what that changes by a pixel right and down, and how much less
 // it is where the depth interval ends. Needs a constant NORMALS; without normals depth is summed in their place.
 

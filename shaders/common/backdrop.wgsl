@@ -1,4 +1,4 @@
-// What lies behind the points, as crates/render/src/resolve.rs mixes it. Needs common/frame.wgsl.
+// What lies behind the points, as crates/render/src/passes/resolve.rs mixes it. Needs common/frame.wgsl.
 
 // The background in a row, sRGB bytes in one word, red lowest.
 fn backdrop(top: vec4<f32>, bottom: vec4<f32>, y: u32, height: u32) -> u32 {

@@ -1,4 +1,4 @@
-// Colours of points, as crates/render/src/gather.rs finds them. Whatever is mapped (values of any type, classes,
+// Colours of points, as crates/render/src/passes/gather.rs finds them. Whatever is mapped (values of any type, classes,
 // elevations, depths, sizes of cells) becomes the bits of a double, and the runs of doubles have their
 // colours from the host: the same as on a processor, bit by bit. Needs common/draws.wgsl, common/lookup.wgsl, and
 // variables `lookup` and `draws`.

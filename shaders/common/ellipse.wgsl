@@ -1,4 +1,4 @@
-// The elliptical box filter (marroquim2007 section 3.2). Needs common/infinite.wgsl. Twin: crates/render/src/ellipse.rs, which has the
+// The elliptical box filter (marroquim2007 section 3.2). Needs common/infinite.wgsl. Twin: crates/render/src/passes/ellipse.rs, which has the
 // derivation.
 
 // Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view space

@@ -1,4 +1,4 @@
-// From linear light to sRGB bytes, by the table of crates/render/src/colour.rs. Needs a variable
+// From linear light to sRGB bytes, by the table of crates/render/src/inputs/colour.rs. Needs a variable
 // `encode_table`.
 
 // Steps of the table from 0 to 1.

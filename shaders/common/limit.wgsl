@@ -1,4 +1,4 @@
-// Where another surface begins. Needs variables `frame`, `tint`. Twin: `Rims::limit` in crates/render/src/rim.rs.
+// Where another surface begins. Needs variables `frame`, `tint`. Twin: `Rims::limit` in crates/render/src/passes/silhouette/rim.rs.
 
 // Depth beyond which there is another surface than that of a pixel at `depth` which shows `shown`.
 fn limit(depth: f32, shown: u32) -> f32 {

@@ -1,5 +1,5 @@
 // How far a surface may reach beyond its samples. Needs variables `frame`, `front`, `tint`. Twin:
-// crates/render/src/rim.rs, which has the measurements behind the constants.
+// crates/render/src/passes/silhouette/rim.rs, which has the measurements behind the constants.
 
 // Whether pixels carry normals.
 override NORMALS: bool;

@@ -1,4 +1,4 @@
-// Where a point is against the eye, as crates/render/src/camera.rs says it. Needs common/draws.wgsl.
+// Where a point is against the eye, as crates/render/src/inputs/camera.rs says it. Needs common/draws.wgsl.
 
 // A point against the eye, in steps, from its offset in the node's box. What is above 2^16 and what is below
 // are exact in f32, so that their sum rounds once.

@@ -1,4 +1,4 @@
-// A pixel's plane (crates/render/src/pyramid.rs), along which its depths are moved. Needs common/tangent.wgsl
+// A pixel's plane (crates/render/src/picture/pyramid.rs), along which its depths are moved. Needs common/tangent.wgsl
 // and a storage variable `from_planes`, of two values each.
 
 // Values of each: none, a tilt's or a normal's.

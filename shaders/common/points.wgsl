@@ -1,4 +1,4 @@
-// Points as they lie in the pages: decoding, and the way to a pixel (crates/render/src/camera.rs and
+// Points as they lie in the pages: decoding, and the way to a pixel (crates/render/src/inputs/camera.rs and
 // project.rs, the same steps). Work is a list of chunks whose planes lie in the pages that are bound.
 
 // include common/frame.wgsl

@@ -1,6 +1,6 @@
-// Along which directions the picture sees what is off its middle, and what that does to sizes. Twin: crates/render/src/gather.rs.
+// Along which directions the picture sees what is off its middle, and what that does to sizes. Twin: crates/render/src/passes/gather.rs.
 
-// As in crates/render/src/gather.rs.
+// As in crates/render/src/passes/gather.rs.
 const STRETCHED: f32 = 0.83;
 
 // The direction of a place: to the right and upwards, over the depth.

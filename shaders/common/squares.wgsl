@@ -1,4 +1,4 @@
-// Squares of pixels that keep their nearest point, row by row; twin: crates/render/src/slant.rs. Needs a variable `frame`.
+// Squares of pixels that keep their nearest point, row by row; twin: crates/render/src/passes/fit_planes.rs. Needs a variable `frame`.
 
 // Pixels on a side, and the widest radius of discs that something is told of.
 const SQUARE_PX: u32 = 4u;

@@ -1,4 +1,4 @@
-// Between linear light and sRGB bytes, four in a word, red lowest. The host has tables (crates/render/src/colour.rs);
+// Between linear light and sRGB bytes, four in a word, red lowest. The host has tables (crates/render/src/inputs/colour.rs);
 // a byte of difference is possible. Needs common/infinite.wgsl.
 
 // A share of 0 to 1; what is no number is 0.

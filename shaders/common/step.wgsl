@@ -1,4 +1,4 @@
-// Steps of the depth image (crates/render/src/edges.rs). Needs variables `frame` and `depth`.
+// Steps of the depth image (crates/render/src/picture/edges.rs). Needs variables `frame` and `depth`.
 
 // Slope that is a step: less is a surface's own.
 const STEP_PX: f32 = 2.0;

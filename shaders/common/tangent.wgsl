@@ -1,4 +1,4 @@
-// Depth along a disc's plane. Needs a variable `frame`. Twin: crates/render/src/tangent.rs, which says how.
+// Depth along a disc's plane. Needs a variable `frame`. Twin: crates/render/src/passes/tangent.rs, which says how.
 
 // Steepest slope (depth over width) that planes are followed with.
 const SLOPE_MAX: f32 = 32.0;

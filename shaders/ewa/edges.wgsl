@@ -1,5 +1,5 @@
 // Edges of the depth image, for the passes after EWA splatting; each pixel shows its own attributes. Twin:
-// crates/render/src/edges.rs.
+// crates/render/src/picture/edges.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

@@ -1,5 +1,5 @@
 // Gather: level 0 of the pyramid from the points that won (marroquim2007 section 3.1); the twin of
-// crates/render/src/gather.rs. `front` and `tint` come in as the points' own bytes (gather/fetch.wgsl), each
+// crates/render/src/passes/gather.rs. `front` and `tint` come in as the points' own bytes (gather/fetch.wgsl), each
 // pixel's replaced by what they mean: no memory beside the pyramid's is needed.
 
 // include common/frame.wgsl
@@ -14,17 +14,17 @@
 
 // Whether pixels carry normals.
 override NORMALS: bool = false;
-// Whether they carry planes, be it told ones, which `slant/tilt` brings.
+// Whether they carry planes, be it told ones, which `fit_planes/tilt` brings.
 override PLANES: bool = false;
 
-// As in crates/render/src/gather.rs, where their measurements are.
+// As in crates/render/src/passes/gather.rs, where their measurements are.
 const RADIUS_FACTOR_NORMALS: f32 = 1.4;
 const RADIUS_FACTOR_BARE: f32 = 1.15;
 const RADIUS_MARGIN_PX_NORMALS: f32 = 0.35;
 const RADIUS_MARGIN_PX_BARE: f32 = 0.5;
 const MINOR_FACTOR: f32 = 1.3;
 const MINOR_MIN_PX: f32 = 1.4;
-// As in crates/render/src/slant.rs.
+// As in crates/render/src/passes/fit_planes.rs.
 const BARE_REACH: f32 = 2.0;
 const THICKNESS: f32 = 1.0;
 

@@ -1,4 +1,4 @@
-// Project by point primitives (crates/render/src/project.rs, the same steps): one vertex a point, an
+// Project by point primitives (crates/render/src/passes/project.rs, the same steps): one vertex a point, an
 // instance a chunk. A point is moved to its pixel's middle; the depth test keeps the nearest. What is drawn
 // is its number and the bits of its depth.
 

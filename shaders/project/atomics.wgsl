@@ -1,4 +1,4 @@
-// Project by one 64-bit atomic minimum a point (crates/render/src/project.rs, the same steps): a pixel keeps
+// Project by one 64-bit atomic minimum a point (crates/render/src/passes/project.rs, the same steps): a pixel keeps
 // the least `depth << 32 | point`. A group of threads draws a chunk, run by run, and reads nothing of the runs
 // whose box is off the picture. The frame buffer is read before it is written: most points lose already there.
 

@@ -1,5 +1,5 @@
 // Pull (marroquim2007 section 3.2): averages a level of the pyramid into the next coarser one. Twin:
-// crates/render/src/pull.rs, which says how.
+// crates/render/src/passes/pull.rs, which says how.
 
 // include common/frame.wgsl
 // include common/level.wgsl

@@ -1,5 +1,5 @@
 // Push (marroquim2007 section 3.3): pixels of a level that are invalid or occluded are interpolated from the
-// coarser one, which has been pushed already. Twin: crates/render/src/push.rs, which says how.
+// coarser one, which has been pushed already. Twin: crates/render/src/passes/push.rs, which says how.
 
 // include common/frame.wgsl
 // include common/level.wgsl

@@ -1,5 +1,5 @@
 // Resolve: the points that won straight to the picture, colours as they are; the twin of
-// crates/render/src/resolve.rs.
+// crates/render/src/passes/resolve.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl

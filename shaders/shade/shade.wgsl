@@ -1,8 +1,8 @@
 // Shade (marroquim2007 section 3.4): deferred Phong lighting of the filled picture, with the interpolated normals,
-// or with normals from the smoothed depth image. Twins: crates/render/src/shade.rs, relief.rs.
+// or with normals from the smoothed depth image. Twins: crates/render/src/passes/shade.rs, smoothing.rs.
 
 // include common/frame.wgsl
-// include common/relief.wgsl
+// include common/smoothing.wgsl
 // include common/unit.wgsl
 // include common/srgb.wgsl
 // include common/backdrop.wgsl
@@ -29,7 +29,7 @@ const REACH: i32 = 2;
 const BEHIND_MAX: f32 = 4.0;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> relief: Relief;
+@group(0) @binding(1) var<uniform> smoothing: Smoothing;
 @group(0) @binding(2) var<storage, read> depth: array<f32>;
 @group(0) @binding(3) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;
@@ -68,8 +68,8 @@ fn slope(before: f32, after: f32, limit: f32) -> f32 {
 }
 
 // The normal in view space that the depth image tells.
-fn relief_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
-    let limit = near_share(1.0, relief.radius_px) * here;
+fn depth_normal(at: vec2<i32>, here: f32, from_centre: vec2<f32>) -> vec3<f32> {
+    let limit = near_share(1.0, smoothing.radius_px) * here;
     let right = vec2<i32>(1, 0);
     let down = vec2<i32>(0, 1);
     let du = slope(here - depth_at(at - right), depth_at(at + right) - here, limit);
@@ -174,7 +174,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         normal = carried_normal(id.xy, pixel, to_eye);
         darkness = EDGE.x * sunken(at, here);
     } else {
-        normal = relief_normal(at, here, from_centre);
+        normal = depth_normal(at, here, from_centre);
         darkness = DOME.x * behind(at, here);
     }
     let light = phong(tint[shown(pixel)].xyz, normal, to_eye) * darken(darkness);

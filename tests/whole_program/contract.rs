@@ -121,8 +121,18 @@ fn render_reports() {
     assert_eq!(outcome.stdout.lines().count(), 1);
     let report = outcome.json();
     has_numbers(&report, &["points_drawn", "nodes_drawn", "pixels_covered"]);
-    let stages =
-        ["select", "read", "project", "gather", "pull", "push", "mend", "shade", "soften", "draw"];
+    let stages = [
+        "select",
+        "read",
+        "project",
+        "gather",
+        "pull",
+        "push",
+        "fill_holes",
+        "shade",
+        "antialias",
+        "draw",
+    ];
     has_numbers(&report["stages_ms"], &stages);
     assert!((1..=5000).contains(&report["points_drawn"].as_u64().unwrap()), "{report}");
     assert_eq!(folder.names(), ["out.esker", "p.png"]);

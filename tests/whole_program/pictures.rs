@@ -201,7 +201,7 @@ fn nothing_evened() {
         let more = ["--even-exposure", "--colour", if scans == 1 { "rgb" } else { "elevation" }];
         let said = render(&scan, &out, &more);
         let last = said.worked().stdout.lines().last().unwrap_or_default();
-        assert!(last.starts_with("note: evening of exposures: ") && last.contains(note), "{last}");
+        assert!(last.starts_with("note: exposure compensation: ") && last.contains(note), "{last}");
         let report = render(&scan, &out, &["--json", "--even-exposure", "--colour", "rgb"]).json();
         assert_eq!(report["notes"].as_array().unwrap().len(), usize::from(scans == 1), "{report}");
     }

@@ -6,7 +6,7 @@ use esker_engine::cameras::path::{Path, Stop};
 use esker_engine::draw::session::{Frame, GpuBytes, Session};
 use esker_engine::machine::backend::Drawer;
 use esker_points::Task;
-use esker_render::{Stage, Stages};
+use esker_render::{Pass, Stages};
 use esker_stream::Status;
 use std::time::{Duration, Instant};
 
@@ -194,10 +194,9 @@ pub type Passes = Vec<(&'static str, f64)>;
 /// Medians of each pass.
 fn passes(stages: &[Stages]) -> Passes {
     let median =
-        |time: fn(&Stages) -> f64| quantile(&stages.iter().map(time).collect::<Vec<_>>(), 0.5);
-    let total: Stage = ("all", |s| s.total_ms);
-    let all = Stages::NAMED.into_iter().chain([total]);
-    all.map(|(name, time)| (name, median(time))).collect()
+        |time: &dyn Fn(&Stages) -> f64| quantile(&stages.iter().map(time).collect::<Vec<_>>(), 0.5);
+    let passes = Pass::ALL.iter().map(|&pass| (pass.name(), median(&|s| s.ms(pass))));
+    passes.chain([("all", median(&|s| s.total_ms))]).collect()
 }
 
 /// The value that a share, 0 to 1, of the values does not pass; 0 of none.

@@ -118,8 +118,8 @@ fn omissions(file: &Forest, request: &Request) -> Result<Vec<Omission>> {
     if file.has(PlaneKind::Colour) && colour::scans(file).is_ok() {
         let coloured = Picture { colour_by: Some("rgb".into()), ..base.clone() };
         all.push(Omission {
-            name: "evening of exposures",
-            with: (Picture { evens: true, ..coloured.clone() }, same),
+            name: "exposure compensation",
+            with: (Picture { evens_exposure: true, ..coloured.clone() }, same),
             without: (coloured, same),
         });
     }

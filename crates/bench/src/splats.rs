@@ -11,7 +11,7 @@ use esker_render::ewa::{Options, Passes};
 use esker_render::gpu::passes::ewa::{GpuEwa, Room};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
 use esker_render::{
-    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Picture, Renderer, Stages,
+    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages,
 };
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -126,8 +126,8 @@ impl Wall {
             skips_push: false,
             averages: true,
             smooths: true,
-            slants: true,
-            evens: false,
+            fits_planes: true,
+            evens_exposure: false,
             background: Background::default(),
         }
     }
@@ -232,8 +232,8 @@ pub fn measure(request: &Request, task: &dyn Task) -> Result<Value> {
                         let Times { least, median } = times;
                         rows.push(json!({
                             "size": size, "splats": drawn, "passes": count, "drawn_by": drawn_by,
-                            "ms": median.total_ms, "ms_least": least, "place_ms": median.place_ms,
-                            "blend_ms": median.blend_ms, "shade_ms": median.shade_ms,
+                            "ms": median.total_ms, "ms_least": least, "place_ms": median.ms(Pass::Place),
+                            "blend_ms": median.ms(Pass::Blend), "shade_ms": median.ms(Pass::Shade),
                             "msplats_per_s": drawn as f64 / median.total_ms / 1e3,
                         }));
                     };

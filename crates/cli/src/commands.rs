@@ -97,7 +97,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
         colour_by: args.colour,
         filter: args.filter.into(),
         shines: !args.no_highlights,
-        evens: args.even_exposure,
+        evens_exposure: args.even_exposure,
         full: args.full,
         with: (&args.with).into(),
         threads: args.how.threads.count,

@@ -83,8 +83,8 @@ impl Scan {
             skips_push: true,
             averages,
             smooths: averages,
-            slants: averages,
-            evens: false,
+            fits_planes: averages,
+            evens_exposure: false,
             background: Background::Plain([0, 0, 0, 255]),
         };
         Renderer::default().render(&frame).unwrap()

@@ -8,7 +8,7 @@ mod scene;
 
 use esker_lod::View;
 use esker_render::ewa::Passes;
-use esker_render::{Frame, Method, Picture, Renderer};
+use esker_render::{Frame, Method, Pass, Picture, Renderer};
 use glam::DVec3;
 use scene::{Dice, Scene, sheet};
 
@@ -47,7 +47,7 @@ fn measure([width, height]: [u32; 2], passes: Passes, side: usize) {
     for _ in 0..5 {
         renderer.render_into(&frame, &mut picture).unwrap();
         let s = picture.stats.stages;
-        for (best, ms) in times.iter_mut().zip([s.place_ms, s.blend_ms, s.total_ms]) {
+        for (best, ms) in times.iter_mut().zip([s.ms(Pass::Place), s.ms(Pass::Blend), s.total_ms]) {
             *best = best.min(ms);
         }
     }

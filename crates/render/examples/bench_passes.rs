@@ -7,7 +7,7 @@
 mod scene;
 
 use esker_lod::View;
-use esker_render::{Method, Picture, Renderer, Stages};
+use esker_render::{Method, Pass, Picture, Renderer, Stages};
 use glam::DVec3;
 use scene::{Dice, Scene, ScenePoint};
 
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let what = if least { "least" } else { "median" };
     println!("{} threads, {what} of {runs}", rayon::current_num_threads());
     println!(
-        "points   method     normals  project  gather   pull   push   mend  shade soften  total   covered"
+        "points   method     normals  project  gather   pull   push   holes  shade smooth  total   covered"
     );
     for side in [1000, 2236] {
         let scene = terrain(side);
@@ -54,13 +54,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 picture.stats.points_drawn,
                 format!("{method:?}"),
                 normals,
-                pick(|s| s.project_ms),
-                pick(|s| s.gather_ms),
-                pick(|s| s.pull_ms),
-                pick(|s| s.push_ms),
-                pick(|s| s.mend_ms),
-                pick(|s| s.shade_ms),
-                pick(|s| s.soften_ms),
+                pick(|s| s.ms(Pass::Project)),
+                pick(|s| s.ms(Pass::Gather)),
+                pick(|s| s.ms(Pass::Pull)),
+                pick(|s| s.ms(Pass::Push)),
+                pick(|s| s.sum_ms(&[Pass::FillHoles, Pass::Silhouette])),
+                pick(|s| s.ms(Pass::Shade)),
+                pick(|s| s.ms(Pass::Antialias)),
                 pick(|s| s.total_ms),
                 picture.stats.pixels_covered as f64 / (1 << 20) as f64 * 100.0,
             );

@@ -14,7 +14,7 @@ use esker_render::ewa::splat::{Disc, Lens, Placed};
 use esker_render::gpu::wgpu::{self, BufferUsages, Features, TextureFormat, util::DeviceExt};
 use esker_render::gpu::{GpuRenderer, Request};
 use esker_render::inputs::camera::Camera;
-use esker_render::{Frame, Method};
+use esker_render::{Frame, Method, Pass};
 use glam::{DVec3, Vec2, Vec3};
 use scene::{Dice, Scene, sheet};
 use std::time::Instant;
@@ -81,7 +81,7 @@ fn main() {
             renderer.render(&gpu::laid_frame(&frame, &laid.draws), &laid.pool).unwrap();
             renderer.read().unwrap();
             let stages = renderer.stats().unwrap().stages;
-            best = [best[0].min(stages.place_ms), best[1].min(stages.blend_ms)];
+            best = [best[0].min(stages.ms(Pass::Place)), best[1].min(stages.ms(Pass::Blend))];
         }
         println!("{}: {} splats, {SIZE} x {SIZE}", gpu.name, points.len());
         println!(

@@ -2,6 +2,7 @@
 //! they bring, how to colour them, and the picture with its counts and times. Plain borrowed data.
 
 use crate::inputs::colour::ColourBy;
+use crate::plan::Pass;
 use esker_lod::{CompactOctree, View};
 use esker_points::{AttrType, Lattice, Node};
 use std::time::Duration;
@@ -114,10 +115,10 @@ pub struct Frame<'a, P = &'a [u8]> {
     /// Whether pixels that show one point are smoothed ([`crate::passes::push`]).
     pub smooths: bool,
     /// Whether planes are told from depths where points have no normals ([`crate::passes::fit_planes`]).
-    pub slants: bool,
+    pub fits_planes: bool,
     /// Whether differences of exposure between scans are evened out ([`crate::passes::exposure`]): the spare bytes of colour planes then
     /// tell scans apart.
-    pub evens: bool,
+    pub evens_exposure: bool,
     /// What lies behind the points.
     pub background: Background,
 }
@@ -156,56 +157,30 @@ pub struct Stats {
     pub stages: Stages,
 }
 
-/// Milliseconds a stage.
+/// Times of a frame, milliseconds: one a pass, indexed by [`Pass::ALL`], and the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stages {
-    /// Points to single pixels.
-    pub project_ms: f64,
-    /// Points to splats, in tiles.
-    pub place_ms: f64,
-    /// Splats to pixels: visibility, attributes, normalisation.
-    pub blend_ms: f64,
-    /// Planes of surfaces without normals.
-    pub slant_ms: f64,
-    /// Attributes of the pixels won.
-    pub gather_ms: f64,
-    /// Means of the points that share a pixel.
-    pub average_ms: f64,
-    /// Evening out exposures.
-    pub even_ms: f64,
-    /// Averaging upwards.
-    pub pull_ms: f64,
-    /// Filling downwards.
-    pub push_ms: f64,
-    /// Closing gaps and trimming outlines.
-    pub mend_ms: f64,
-    /// Lighting and encoding.
-    pub shade_ms: f64,
-    /// Antialiasing.
-    pub soften_ms: f64,
-    /// All of it.
+    /// Time of each pass, in the order of [`Pass::ALL`].
+    pub passes_ms: [f64; Pass::ALL.len()],
+    /// Time of the whole frame, milliseconds.
     pub total_ms: f64,
 }
 
-/// A stage's name, and its time of [`Stages`].
-pub type Stage = (&'static str, fn(&Stages) -> f64);
-
 impl Stages {
-    /// The stages, in the order in which a frame runs them; without the total.
-    pub const NAMED: [Stage; 12] = [
-        ("project", |s| s.project_ms),
-        ("place", |s| s.place_ms),
-        ("blend", |s| s.blend_ms),
-        ("slant", |s| s.slant_ms),
-        ("gather", |s| s.gather_ms),
-        ("average", |s| s.average_ms),
-        ("even", |s| s.even_ms),
-        ("pull", |s| s.pull_ms),
-        ("push", |s| s.push_ms),
-        ("mend", |s| s.mend_ms),
-        ("shade", |s| s.shade_ms),
-        ("soften", |s| s.soften_ms),
-    ];
+    /// Time of a pass, milliseconds.
+    pub fn ms(&self, pass: Pass) -> f64 {
+        self.passes_ms[pass as usize]
+    }
+
+    /// Adds to the time of a pass, milliseconds; the total stays as it is.
+    pub fn add(&mut self, pass: Pass, ms: f64) {
+        self.passes_ms[pass as usize] += ms;
+    }
+
+    /// Sum of the times of some passes, milliseconds.
+    pub fn sum_ms(&self, passes: &[Pass]) -> f64 {
+        passes.iter().map(|&pass| self.ms(pass)).sum()
+    }
 }
 
 /// Milliseconds of a duration.
@@ -218,23 +193,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_stage_has_one_name() {
-        let stages = Stages {
-            project_ms: 1.0,
-            place_ms: 2.0,
-            blend_ms: 4.0,
-            slant_ms: 8.0,
-            gather_ms: 16.0,
-            average_ms: 32.0,
-            even_ms: 64.0,
-            pull_ms: 128.0,
-            push_ms: 256.0,
-            mend_ms: 512.0,
-            shade_ms: 1024.0,
-            soften_ms: 2048.0,
-            total_ms: 0.0,
-        };
-        let sum: f64 = Stages::NAMED.iter().map(|(_, ms)| ms(&stages)).sum();
-        assert_eq!(sum, 4095.0);
+    fn each_pass_has_one_name_and_one_time() {
+        let mut stages = Stages::default();
+        for (index, &pass) in Pass::ALL.iter().enumerate() {
+            assert_eq!(pass as usize, index);
+            stages.add(pass, f64::from(1u32 << index));
+        }
+        for (index, &pass) in Pass::ALL.iter().enumerate() {
+            assert_eq!(stages.ms(pass), f64::from(1u32 << index));
+            assert_eq!(Pass::ALL.iter().filter(|other| other.name() == pass.name()).count(), 1);
+        }
     }
 }

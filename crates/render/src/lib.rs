@@ -21,7 +21,7 @@ pub(crate) mod renderer;
 pub(crate) mod simd;
 
 pub use error::RenderError;
-pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stage, Stages, Stats};
+pub use frame::{Background, ColourPlane, DrawNode, Frame, Method, Picture, Stages, Stats};
 pub use inputs::colour::{Codebook, ColourBy, ColourMap, Palette};
 pub use plan::{Asked, FramePlan, Pass, SceneHas, Variant};
 pub use renderer::{Renderer, render};

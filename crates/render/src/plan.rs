@@ -2,60 +2,85 @@
 //! passes, the planes and the variants of pipelines that it takes. What a scene does not need is left out: it is
 //! not read, not resident, not bound and not computed. Both renderers follow it, and so does who reads planes.
 
-use crate::frame::{ColourPlane, Frame, Method, Stages};
+use crate::frame::{ColourPlane, Frame, Method};
 use crate::inputs::colour::ColourBy;
 use crate::inputs::density::{is_crowded, is_dense};
 use crate::picture::pyramid::Planes;
 use std::ops::Deref;
 
-/// A pass, or passes that are timed together.
+/// A pass of the renderers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pass {
-    /// Points to single pixels.
+    /// Projects points to single pixels.
     Project,
-    /// Planes of surfaces without normals.
-    Slant,
-    /// Attributes of the pixels won, to the pyramid.
+    /// Fits planes to the depths of clouds without normals.
+    FitPlanes,
+    /// Gathers the attributes of visible points into level 0 of the pyramid.
     Gather,
-    /// Means of the points that share a pixel.
+    /// Averages the points that share a pixel.
     Average,
-    /// Differences of exposure between scans, taken away.
-    Even,
-    /// Averaging upwards.
+    /// Removes differences of exposure between scans.
+    Exposure,
+    /// Averages upwards in the pyramid.
     Pull,
-    /// Filling downwards.
+    /// Fills pixels downwards in the pyramid.
     Push,
-    /// Closing gaps and trimming outlines.
-    Mend,
-    /// Lighting and encoding.
-    Shade,
-    /// Antialiasing.
-    Soften,
-    /// Points to splats, in tiles of the picture.
+    /// Fills small holes through which a farther surface shows.
+    FillHoles,
+    /// Trims silhouettes back to the samples.
+    Silhouette,
+    /// Projects points to splats and sorts them into tiles of the picture.
     Place,
-    /// Visibility, attributes and normalisation of splats, tile by tile.
+    /// Blends the splats of each tile: visibility, attributes, normalisation.
     Blend,
-    /// Attributes of the pixels won, straight to the picture.
+    /// Smooths the depths of clouds without normals, which shading derives normals from.
+    SmoothDepth,
+    /// Lights the surface and encodes its colours.
+    Shade,
+    /// Antialiases silhouettes and creases.
+    Antialias,
+    /// Writes the colours of visible points straight to the picture.
     Resolve,
 }
 
 impl Pass {
-    /// Its name.
+    /// All passes, in the order in which a frame runs them.
+    pub const ALL: [Self; 15] = [
+        Self::Project,
+        Self::FitPlanes,
+        Self::Gather,
+        Self::Average,
+        Self::Exposure,
+        Self::Pull,
+        Self::Push,
+        Self::FillHoles,
+        Self::Silhouette,
+        Self::Place,
+        Self::Blend,
+        Self::SmoothDepth,
+        Self::Shade,
+        Self::Antialias,
+        Self::Resolve,
+    ];
+
+    /// Name of the pass, the same in shaders, JSON and documents.
     pub fn name(self) -> &'static str {
         match self {
             Self::Project => "project",
-            Self::Slant => "slant",
+            Self::FitPlanes => "fit_planes",
             Self::Gather => "gather",
             Self::Average => "average",
-            Self::Even => "even",
+            Self::Exposure => "exposure",
             Self::Pull => "pull",
             Self::Push => "push",
-            Self::Mend => "mend",
-            Self::Shade => "shade",
-            Self::Soften => "soften",
-            Self::Resolve => "resolve",
+            Self::FillHoles => "fill_holes",
+            Self::Silhouette => "silhouette",
             Self::Place => "place",
             Self::Blend => "blend",
+            Self::SmoothDepth => "smooth_depth",
+            Self::Shade => "shade",
+            Self::Antialias => "antialias",
+            Self::Resolve => "resolve",
         }
     }
 }
@@ -68,7 +93,7 @@ pub struct PassList {
 }
 
 /// Passes of the longest list.
-const PASSES_MAX: usize = 10;
+const PASSES_MAX: usize = 12;
 
 impl PassList {
     /// Those of `passes` that are wanted.
@@ -134,11 +159,11 @@ pub struct Asked {
     /// Whether pixels that show one point are smoothed.
     pub smooths: bool,
     /// Whether planes are told from depths where there are no normals.
-    pub slants: bool,
+    pub fits_planes: bool,
     /// Whether points crowd, see [`crate::inputs::density::CROWDED_PX`].
     pub is_crowded: bool,
     /// Whether differences of exposure between scans are evened out; the colour plane's spare bytes then tell scans apart.
-    pub evens: bool,
+    pub evens_exposure: bool,
 }
 
 /// What a frame takes.
@@ -187,27 +212,38 @@ pub struct Variant {
 impl FramePlan {
     /// The plan of a scene that is looked at.
     pub fn of(has: &SceneHas, asked: &Asked) -> Self {
-        use Pass::{Average, Blend, Even, Gather, Mend, Place, Project};
-        use Pass::{Pull, Push, Resolve, Shade, Slant, Soften};
+        use Pass::{Antialias, Average, Blend, Exposure, FillHoles, FitPlanes, Gather, Place};
+        use Pass::{Project, Pull, Push, Resolve, Shade, Silhouette, SmoothDepth};
         let has_surface = asked.method != Method::Points;
         let has_pyramid = asked.method == Method::PullPush && !asked.is_dense;
         let carries_normals = has.normals && has_surface;
-        let tells = asked.slants && has_pyramid && !has.normals;
+        let tells = asked.fits_planes && has_pyramid && !has.normals;
         let passes = match asked.method {
             Method::Points => PassList::of(&[Project, Resolve].map(|pass| (pass, true))),
             Method::PullPush => PassList::of(&[
                 (Project, true),
-                (Slant, tells),
+                (FitPlanes, tells),
                 (Gather, true),
                 (Average, asked.is_crowded),
-                (Even, asked.evens && has.colour_plane && asked.colour == ColourBy::Rgb),
+                (
+                    Exposure,
+                    asked.evens_exposure && has.colour_plane && asked.colour == ColourBy::Rgb,
+                ),
                 (Pull, has_pyramid),
                 (Push, has_pyramid),
-                (Mend, true),
+                (FillHoles, true),
+                (Silhouette, true),
+                (SmoothDepth, !has.normals),
                 (Shade, true),
-                (Soften, true),
+                (Antialias, true),
             ]),
-            Method::Ewa => PassList::of(&[Place, Blend, Shade, Soften].map(|pass| (pass, true))),
+            Method::Ewa => PassList::of(&[
+                (Place, true),
+                (Blend, true),
+                (SmoothDepth, !has.normals),
+                (Shade, true),
+                (Antialias, true),
+            ]),
         };
         let culls_back_faces = has.oriented_normals && has.normals;
         let fetches_normals = carries_normals || (has.normals && asked.colour == ColourBy::Normal);
@@ -255,8 +291,17 @@ impl FramePlan {
         let is_crowded = method == Method::PullPush
             && frame.averages
             && is_crowded(frame.view, frame.lattice, frame.octree, drawn);
-        let Frame { shines, smooths, slants, evens, .. } = *frame;
-        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        let Frame { shines, smooths, fits_planes, evens_exposure, .. } = *frame;
+        let asked = Asked {
+            method,
+            colour,
+            shines,
+            is_dense,
+            smooths,
+            fits_planes,
+            is_crowded,
+            evens_exposure,
+        };
         let plan = Self::of(&has, &asked);
         let margin_px = if plan.has_pyramid { frame.view.margin_px } else { 0 };
         Self { margin_px, ..plan }
@@ -264,9 +309,9 @@ impl FramePlan {
 
     /// The planes that are told or read in this frame.
     pub fn planes(&self) -> Planes {
-        match (self.carries_normals, self.passes.contains(&Pass::Slant)) {
+        match (self.carries_normals, self.passes.contains(&Pass::FitPlanes)) {
             (true, _) => Planes::Normals,
-            (false, true) => Planes::Told,
+            (false, true) => Planes::Fitted,
             (false, false) => Planes::None,
         }
     }
@@ -282,13 +327,13 @@ impl FramePlan {
     }
 
     /// Whether differences of exposure between scans are evened out.
-    pub fn evens(&self) -> bool {
-        self.passes.contains(&Pass::Even)
+    pub fn evens_exposure(&self) -> bool {
+        self.passes.contains(&Pass::Exposure)
     }
 
     /// The same with exposures as they are.
-    pub fn without_evening(self) -> Self {
-        Self { passes: self.passes.without(Pass::Even), ..self }
+    pub fn without_exposure(self) -> Self {
+        Self { passes: self.passes.without(Pass::Exposure), ..self }
     }
 
     /// Whether colours and normals are read point by point to be averaged.
@@ -339,17 +384,17 @@ impl FramePlan {
         };
         let of = |pass: &Pass| match pass {
             Pass::Project => vec![variant("project", &self.project_constants())],
-            Pass::Slant => {
+            Pass::FitPlanes => {
                 let crowded = ("CROWDED", u32::from(self.averages()));
-                vec![variant("slant/nearest", &[]), variant("slant/tell", &[crowded])]
+                vec![variant("fit_planes/nearest", &[]), variant("fit_planes/fit", &[crowded])]
             }
             Pass::Gather => {
                 let mut all = vec![
                     variant("gather/fetch", &self.fetch_constants()),
                     variant("gather/gather", &self.gather_constants()),
                 ];
-                if self.planes() == Planes::Told {
-                    all.push(variant("slant/tilt", &[]));
+                if self.planes() == Planes::Fitted {
+                    all.push(variant("fit_planes/tilt", &[]));
                 }
                 all
             }
@@ -365,9 +410,9 @@ impl FramePlan {
                 variant("average/add", &self.average_constants()),
                 variant("average/finish", &[normals]),
             ],
-            Pass::Even => {
-                ["even/slot", "even/add", "even/apply"].map(|step| variant(step, &[])).into()
-            }
+            Pass::Exposure => ["exposure/slot", "exposure/add", "exposure/apply"]
+                .map(|step| variant(step, &[]))
+                .into(),
             Pass::Place => {
                 let [normals, colour] = self.colour_constants();
                 let hides = ("HIDES_POINTS", u32::from(self.hides_points));
@@ -381,30 +426,24 @@ impl FramePlan {
             }
             Pass::Pull => vec![variant("pull", &[planes])],
             Pass::Push => vec![variant("push", &[planes, ("SMOOTHS", u32::from(self.smooths))])],
-            Pass::Mend => vec![variant("mend/depth", &[planes]), variant("mend", &[normals])],
+            Pass::FillHoles => vec![
+                variant("fill_holes/depth", &[planes]),
+                variant("fill_holes/find", &[normals]),
+                variant("fill_holes/fill", &[normals]),
+            ],
+            Pass::Silhouette => vec![
+                variant("silhouette/start", &[]),
+                variant("silhouette/rims", &[normals]),
+                variant("silhouette/tiles", &[]),
+                variant("silhouette/waves", &[normals]),
+                variant("silhouette/settle", &[]),
+            ],
+            Pass::SmoothDepth => {
+                vec![variant("smooth_depth/radius", &[]), variant("smooth_depth/smooth", &[])]
+            }
             other => vec![variant(other.name(), &[normals])],
         };
         self.passes.iter().flat_map(of).collect()
-    }
-}
-
-impl Stages {
-    /// Adds to the time of a pass. The total is not touched.
-    pub fn add(&mut self, pass: Pass, ms: f64) {
-        *match pass {
-            Pass::Project => &mut self.project_ms,
-            Pass::Slant => &mut self.slant_ms,
-            Pass::Gather => &mut self.gather_ms,
-            Pass::Place => &mut self.place_ms,
-            Pass::Blend => &mut self.blend_ms,
-            Pass::Average => &mut self.average_ms,
-            Pass::Even => &mut self.even_ms,
-            Pass::Pull => &mut self.pull_ms,
-            Pass::Push => &mut self.push_ms,
-            Pass::Mend => &mut self.mend_ms,
-            Pass::Shade | Pass::Resolve => &mut self.shade_ms,
-            Pass::Soften => &mut self.soften_ms,
-        } += ms;
     }
 }
 

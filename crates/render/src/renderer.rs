@@ -5,11 +5,11 @@ use crate::error::RenderError;
 use crate::ewa::Ewa;
 use crate::frame::{Frame, Picture, Stats, ms};
 use crate::inputs::camera::Camera;
-use crate::passes::antialias::soften;
+use crate::passes::antialias::antialias;
 use crate::passes::average::Averages;
-use crate::passes::exposure::Evening;
-use crate::passes::fill_holes::mend;
-use crate::passes::fit_planes::Slants;
+use crate::passes::exposure::ExposureGrid;
+use crate::passes::fill_holes::fill_holes;
+use crate::passes::fit_planes::FittedPlanes;
 use crate::passes::gather::{Lookup, gather};
 use crate::passes::project::{DrawList, EMPTY, project};
 use crate::passes::pull::pull;
@@ -17,9 +17,9 @@ use crate::passes::push::push_with;
 use crate::passes::resolve::resolve;
 use crate::passes::shade::shade;
 use crate::passes::silhouette::trim_with;
-use crate::passes::smooth_depth::ReliefScratch;
+use crate::passes::smooth_depth::{SmoothDepthScratch, smooth_depth};
 use crate::passes::tangent::Lens;
-use crate::picture::edges::edges;
+use crate::picture::edges::edges as find_edges;
 use crate::picture::margin::crop;
 use crate::picture::marks::Marks;
 use crate::picture::pyramid::{Planes, Pyramid};
@@ -34,11 +34,11 @@ const STEP_PX: f32 = 2.0;
 #[derive(Default)]
 pub struct Renderer {
     target: Vec<AtomicU64>,
-    slants: Slants,
+    fitted: FittedPlanes,
     averages: Averages,
-    evening: Evening,
+    exposure: ExposureGrid,
     pyramid: Pyramid,
-    scratch: ReliefScratch,
+    smooth: SmoothDepthScratch,
     /// EWA splatting, and how it is done.
     pub ewa: Ewa,
     /// Of [`trim_with`].
@@ -87,16 +87,16 @@ impl Renderer {
         let lookup = Lookup::new(frame, &camera, &list);
         pyramid.fit(width, height, plan.planes());
         pyramid.lens = Lens::new(&camera);
-        let slants = (plan.planes() == Planes::Told).then(|| {
-            self.slants.fill(&self.target, width, camera.focal_px, plan.averages());
-            &self.slants
+        let fitted = (plan.planes() == Planes::Fitted).then(|| {
+            self.fitted.fill(&self.target, width, camera.focal_px, plan.averages());
+            &self.fitted
         });
-        let valid = gather(&lookup, &self.target, slants, &mut pyramid.levels[0]);
+        let valid = gather(&lookup, &self.target, fitted, &mut pyramid.levels[0]);
         if plan.averages() {
             self.averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]);
         }
-        if plan.evens() {
-            self.evening.run(&lookup, &self.target, &mut pyramid.levels[0]);
+        if plan.evens_exposure() {
+            self.exposure.run(&lookup, &self.target, &mut pyramid.levels[0]);
         }
         Ok(valid)
     }
@@ -122,7 +122,7 @@ impl Renderer {
             let mut stats = self.draw(frame, &plan, &camera, &mut wide);
             let mut clock = Clock(Instant::now());
             stats.pixels_covered = crop(&wide, camera.margin_px, picture);
-            stats.stages.add(Pass::Soften, clock.lap());
+            stats.stages.add(Pass::Antialias, clock.lap());
             picture.stats = stats;
             self.wide = wide;
         }
@@ -157,7 +157,7 @@ impl Renderer {
         let pixels = if plan.passes.contains(&Pass::Project) { width * height } else { 0 };
         self.target.resize_with(pixels, || AtomicU64::new(EMPTY));
         let lookup = Lookup::new(frame, camera, &list);
-        let Self { target, slants, averages, evening, pyramid, scratch, sources, ewa, .. } = self;
+        let Self { target, fitted, averages, exposure, pyramid, smooth, sources, ewa, .. } = self;
         let planes = plan.planes();
         let is_splats = plan.passes.contains(&Pass::Blend);
         if plan.passes.contains(&Pass::Shade) && !is_splats {
@@ -173,14 +173,14 @@ impl Renderer {
                     stats.pixels_covered = resolve(&lookup, target, frame.background, picture);
                     stats.pixels_projected = stats.pixels_covered;
                 }
-                Pass::Slant => slants.fill(target, width, camera.focal_px, plan.averages()),
+                Pass::FitPlanes => fitted.fill(target, width, camera.focal_px, plan.averages()),
                 Pass::Gather => {
-                    let slants = (planes == Planes::Told).then_some(&*slants);
+                    let fitted = (planes == Planes::Fitted).then_some(&*fitted);
                     let base = &mut pyramid.levels[0];
-                    stats.pixels_projected = gather(&lookup, target, slants, base);
+                    stats.pixels_projected = gather(&lookup, target, fitted, base);
                 }
                 Pass::Average => averages.run(&lookup, &pyramid.lens, &mut pyramid.levels[0]),
-                Pass::Even => evening.run(&lookup, target, &mut pyramid.levels[0]),
+                Pass::Exposure => exposure.run(&lookup, target, &mut pyramid.levels[0]),
                 Pass::Place => {
                     let counts = ewa.place(frame, camera, &list, &lookup, plan);
                     (stats.splats_drawn, stats.splats_dropped) = (counts.drawn, counts.dropped);
@@ -188,49 +188,46 @@ impl Renderer {
                 Pass::Blend => {
                     let normals = plan.carries_normals;
                     stats.pixels_projected = ewa.draw(camera, normals, &mut picture.depth);
-                    edges = crate::picture::edges::edges(
-                        &picture.depth,
-                        width,
-                        STEP_PX / camera.focal_px,
-                    );
+                    edges = find_edges(&picture.depth, width, STEP_PX / camera.focal_px);
                 }
                 Pass::Pull => pull(pyramid),
                 Pass::Push => push_with(pyramid, plan.smooths, &mut picture.depth),
-                Pass::Mend => {
+                Pass::FillHoles => {
                     if !plan.has_pyramid {
                         pyramid.levels[0].depth_image(&pyramid.lens, &mut picture.depth);
                     }
-                    edges = mend_outlines(sources, pyramid, &mut picture.depth);
+                    let (base, focal_px) = (&mut pyramid.levels[0], pyramid.lens.focal_px);
+                    edges = find_edges(&picture.depth, base.width, STEP_PX / focal_px);
+                    fill_holes(base, &mut picture.depth, focal_px);
                 }
+                Pass::Silhouette => {
+                    let (base, focal_px) = (&mut pyramid.levels[0], pyramid.lens.focal_px);
+                    let depth = &mut picture.depth;
+                    let trimmed = trim_with(sources, base, depth, &edges, focal_px);
+                    edges = std::mem::take(&mut edges).or(&trimmed);
+                }
+                Pass::SmoothDepth if is_splats => {
+                    smooth_depth(camera, &ewa.planes, &picture.depth, smooth);
+                }
+                Pass::SmoothDepth => smooth_depth(camera, pyramid, &picture.depth, smooth),
                 Pass::Shade => {
                     let (background, shines) = (frame.background, plan.shines);
                     let shaded = if is_splats {
-                        shade(camera, &ewa.planes, background, shines, scratch, picture)
+                        shade(camera, &ewa.planes, background, shines, smooth, picture)
                     } else {
-                        shade(camera, pyramid, background, shines, scratch, picture)
+                        shade(camera, pyramid, background, shines, smooth, picture)
                     };
                     (stats.pixels_covered, creases) = (shaded.covered, shaded.creases);
                 }
-                Pass::Soften => {
+                Pass::Antialias => {
                     let (depth, focal_px) = (&picture.depth, camera.focal_px);
-                    soften(depth, width, focal_px, &edges, &creases, &mut picture.rgba);
+                    antialias(depth, width, focal_px, &edges, &creases, &mut picture.rgba);
                 }
             }
             stats.stages.add(pass, clock.lap());
         }
         stats
     }
-}
-
-/// Closes gaps of the filled level, whose depth image is `depth`, and takes back what sticks out of its surfaces.
-/// Returns the pixels that may lie at an edge.
-fn mend_outlines(sources: &mut Vec<u32>, pyramid: &mut Pyramid, depth: &mut [f32]) -> Marks {
-    let (base, lens) = (&mut pyramid.levels[0], pyramid.lens);
-    let focal_px = lens.focal_px;
-    let edges = edges(depth, base.width, STEP_PX / focal_px);
-    mend(base, depth, focal_px);
-    let trimmed = trim_with(sources, base, depth, &edges, focal_px);
-    edges.or(&trimmed)
 }
 
 /// Time since the last lap.

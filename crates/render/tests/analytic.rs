@@ -6,7 +6,7 @@ mod scene;
 mod truth;
 
 use esker_render::inputs::colour::{Encoder, linear};
-use esker_render::{FramePlan, Renderer};
+use esker_render::{FramePlan, Pass, Renderer};
 use glam::{DVec2, DVec3, Vec3};
 use scene::{Dice, Scene};
 use truth::flicker::{flicker, orbit};
@@ -190,7 +190,7 @@ fn where_points_crowd_their_means_are_nearer_to_the_truth_and_flicker_less() {
                 let mut cloud = Cloud::new(&s.points, spacing, s.radius);
                 cloud.averages = averages;
                 let drawn = cloud.draw(&view, normals);
-                assert_eq!(drawn.picture.stats.stages.average_ms > 0.0, averages);
+                assert_eq!(drawn.picture.stats.stages.ms(Pass::Average) > 0.0, averages);
                 (drawn.errors(&image), flicker(&cloud, truth, &way, normals))
             });
             let what = format!("{density} points a pixel, {normals}: {mean:?}, one wins: {one:?}");

@@ -1,4 +1,4 @@
-//! Evening of exposures: two scans of one wall, one darker and one brighter, meet without a seam or speckles, the wall's
+//! ExposureGrid of exposures: two scans of one wall, one darker and one brighter, meet without a seam or speckles, the wall's
 //! texture is as it was, and across an edge of depth nothing is evened.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -71,15 +71,15 @@ fn scene(points: &[ScenePoint], density: f64) -> Scene {
 }
 
 /// Red of the pixels that points won, evened or not, with the scan of each; what has none is left out.
-fn lights(scene: &Scene, evens: bool, normals: bool) -> Vec<Option<(f64, usize)>> {
+fn lights(scene: &Scene, evens_exposure: bool, normals: bool) -> Vec<Option<(f64, usize)>> {
     let view = view();
     let draws = scene.draws(true, true, normals);
-    let frame = Frame { evens, averages: false, ..scene.frame(&view, &draws) };
-    assert_eq!(FramePlan::new(&frame).evens(), evens);
+    let frame = Frame { evens_exposure, averages: false, ..scene.frame(&view, &draws) };
+    assert_eq!(FramePlan::new(&frame).evens_exposure(), evens_exposure);
     let mut pyramid = Pyramid::default();
     let mut renderer = Renderer::default();
     renderer.base_level(&frame, &mut pyramid).unwrap();
-    let plain = Frame { evens: false, ..frame };
+    let plain = Frame { evens_exposure: false, ..frame };
     let mut untouched = Pyramid::default();
     renderer.base_level(&plain, &mut untouched).unwrap();
     let base = &pyramid.levels[0];
@@ -134,7 +134,8 @@ fn speckles_of_two_scans_go_and_the_texture_stays() {
     for (density, normals) in [(2.0, true), (2.0, false), (0.5, true), (0.25, false)] {
         let points = wall(&mut Dice(5), 0.0, density, mixed, |s, x, z| GAINS[s] * texture(x, z));
         let scene = scene(&points, density);
-        let [before, after] = [false, true].map(|evens| lights(&scene, evens, normals));
+        let [before, after] =
+            [false, true].map(|evens_exposure| lights(&scene, evens_exposure, normals));
         let [[one, two], [one_after, two_after]] = [&before, &after].map(|l| roughness(l));
         let contrasts = [&before, &after].map(|l| contrast(l, 0..SIDE as usize));
         let what = format!(
@@ -169,7 +170,7 @@ fn a_border_between_two_scans_becomes_a_slope() {
         let all: Vec<f64> = all.filter_map(|(_, l)| l.map(|(light, _)| light)).collect();
         all.iter().sum::<f64>() / all.len() as f64
     };
-    let [before, after] = [false, true].map(|evens| lights(&scene, evens, true));
+    let [before, after] = [false, true].map(|evens_exposure| lights(&scene, evens_exposure, true));
     let step = |lights: &[Option<(f64, usize)>]| mean(lights, 0) / mean(lights, -12);
     let (old, new) = (step(&before), step(&after));
     assert!(old > 1.8 && new < 1.25, "across the border {old:.2}, then {new:.2}");
@@ -195,7 +196,7 @@ fn nothing_is_evened_across_an_edge_of_depth_nor_within_a_scan() {
     points.retain(|p| p.at.x < 0.0);
     points.extend(wall(&mut dice, 0.0, 2.0, |_, _| 1, |_, x, z| 1.5 * texture(x, z)));
     let scene = scene(&points, 2.0);
-    let [before, after] = [false, true].map(|evens| lights(&scene, evens, true));
+    let [before, after] = [false, true].map(|evens_exposure| lights(&scene, evens_exposure, true));
     let mut seen = 0;
     for (old, new) in before.iter().zip(&after) {
         let (Some((old, _)), Some((new, _))) = (old, new) else { continue };

@@ -142,8 +142,9 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         (0..3).for_each(|i| colour[i] = (colour[i] / 4 + 150) / 2 * share);
     }
     let [scans_with, scans_without] = [true, false].map(|normals| scans.draws(true, true, normals));
-    let evened = Frame { evens: true, averages: false, ..scans.frame(&small, &scans_with) };
-    assert!(FramePlan::new(&evened).evens() && !FramePlan::new(&surface).evens());
+    let evened =
+        Frame { evens_exposure: true, averages: false, ..scans.frame(&small, &scans_with) };
+    assert!(FramePlan::new(&evened).evens_exposure() && !FramePlan::new(&surface).evens_exposure());
     let heights = ColourMap { low: 0.0, high: 2.0, palette: Palette::Viridis };
     let mut frames = vec![
         ("surface", surface),
@@ -158,7 +159,7 @@ fn pictures_are_those_of_the_cpu_by_every_path() {
         ("exposures of averages evened out", Frame { averages: true, ..evened }),
         (
             "exposures evened out without normals, another size",
-            Frame { evens: true, ..scans.frame(&wide, &scans_without) },
+            Frame { evens_exposure: true, ..scans.frame(&wide, &scans_without) },
         ),
         ("surface without highlights", Frame { shines: false, ..surface }),
         ("surface of a part of the points", filtered),

@@ -255,8 +255,8 @@ fn any_bits_are_a_harmless_picture() {
             skips_push: true,
             averages: true,
             smooths: true,
-            slants: true,
-            evens: false,
+            fits_planes: true,
+            evens_exposure: false,
             background: Background::default(),
         };
         for (gpu, renderer) in gpus.iter().zip(&mut renderers) {

@@ -21,7 +21,7 @@ use esker_render::passes::pull;
 use esker_render::passes::push;
 use esker_render::passes::shade;
 use esker_render::passes::silhouette;
-use esker_render::passes::smooth_depth::ReliefScratch;
+use esker_render::passes::smooth_depth::{SmoothDepthScratch, smooth_depth};
 use esker_render::passes::tangent::Lens;
 use esker_render::picture::edges;
 use esker_render::picture::pyramid::{INVALID, Level, Planes, Pyramid};
@@ -78,7 +78,7 @@ impl<'a> Input<'a> {
 struct Twins {
     pulled: Pyramid,
     pushed: Pyramid,
-    mended: Vec<f32>,
+    filled: Vec<f32>,
     picture: Picture,
 }
 
@@ -104,16 +104,19 @@ fn twins(input: &Input<'_>, smooths: bool) -> Twins {
     level.depth_image(&pulled.lens, depth);
     let level = &mut last.levels[0];
     let found = edges::edges(depth, level.width, STEP_PX / camera.focal_px);
-    fill_holes::mend(level, depth, camera.focal_px);
-    let mended = depth.clone();
+    fill_holes::fill_holes(level, depth, camera.focal_px);
+    let filled = depth.clone();
     let trimmed = silhouette::trim(level, depth, &found, camera.focal_px);
     let found = found.or(&trimmed);
-    let mut scratch = ReliefScratch::default();
-    let shaded =
-        shade::shade(&camera, &last, input.frame.background, true, &mut scratch, &mut picture);
+    let mut scratch = SmoothDepthScratch::default();
+    if input.planes != Planes::Normals {
+        smooth_depth(&camera, &last, &picture.depth, &mut scratch);
+    }
+    let background = input.frame.background;
+    let shaded = shade::shade(&camera, &last, background, true, &scratch, &mut picture);
     let (depth, rgba) = (&picture.depth, &mut picture.rgba);
-    antialias::soften(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
-    Twins { pulled, pushed, mended, picture }
+    antialias::antialias(depth, base.width, camera.focal_px, &found, &shaded.creases, rgba);
+    Twins { pulled, pushed, filled, picture }
 }
 
 /// The passes on one device, over one level 0.
@@ -195,7 +198,7 @@ impl<'a> Rig<'a> {
                 tint: self.vectors(&l.tint, count),
                 depth: self.floats(&l.depth, count),
                 normal: self.vectors(&l.plane, if planes == Planes::Normals { count } else { 0 }),
-                tilt: if planes == Planes::Told { self.pairs(&l.plane, count) } else { vec![] },
+                tilt: if planes == Planes::Fitted { self.pairs(&l.plane, count) } else { vec![] },
             }
         };
         self.pyramid.levels.iter().map(level).collect()
@@ -315,15 +318,15 @@ fn compare(gpu: &Gpu, surface: &mut Surface, input: &Input<'_>, twins: &Twins, s
                 rig.give(if name == "pull" { &cpu.levels } else { &cpu.levels[..1] });
                 (count, levels.iter().map(|l| l.front.len()).sum())
             }
-            "mend" => {
-                let depth = rig.floats(surface.mended().unwrap(), pixels);
-                (differing_depths(&twins.mended, &depth), pixels)
+            "fill_holes" => {
+                let depth = rig.floats(surface.filled().unwrap(), pixels);
+                (differing_depths(&twins.filled, &depth), pixels)
             }
-            "trim" => {
+            "silhouette" => {
                 let depth = rig.floats(&rig.picture.depth, pixels);
                 (differing_depths(&twins.picture.depth, &depth), pixels)
             }
-            "soften" => {
+            "antialias" => {
                 let bytes = pixels as u64 * 4;
                 let rgba = read(gpu, &[(&rig.picture.rgba, bytes)]).unwrap().remove(0);
                 assert_eq!(texture(&rig), rgba);
@@ -387,13 +390,13 @@ fn each_pass_comes_to_the_same_as_its_twin() {
         for has_normals in [false, true] {
             let draws = scene.draws(true, true, has_normals);
             let input = Input::of(&format!("{points} points"), scene.frame(&view, &draws));
-            assert_eq!(input.planes, if has_normals { Planes::Normals } else { Planes::Told });
+            assert_eq!(input.planes, if has_normals { Planes::Normals } else { Planes::Fitted });
             let twins = twins(&input, false);
             let differ = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
-            let mut pushed = twins.mended.clone();
+            let mut pushed = twins.filled.clone();
             twins.pushed.levels[0].depth_image(&twins.pushed.lens, &mut pushed);
             let (closed, gone) =
-                (differ(&pushed, &twins.mended), differ(&twins.mended, &twins.picture.depth));
+                (differ(&pushed, &twins.filled), differ(&twins.filled, &twins.picture.depth));
             assert!(points > 1000 || (closed > 0 && gone > 100), "{closed} closed, {gone} gone");
             same_as_twins(&[input]);
         }

@@ -94,8 +94,8 @@ proptest! {
             skips_push: true,
             averages: true,
             smooths: true,
-            slants: true,
-            evens: false,
+            fits_planes: true,
+            evens_exposure: false,
             background: Background::default(),
         };
         let mut renderer = Renderer::default();

@@ -120,7 +120,7 @@ fn random(dice: &mut Dice, width: usize, height: usize, planes: Planes) -> Pyram
         base.depth[i] = depth as f32;
         let [r, g, b] = [0; 3].map(|_| dice.unit() as f32);
         base.tint[i] = Vec4::new(r, g, b, (reach * (0.5 + dice.unit())) as f32);
-        if planes == Planes::Told {
+        if planes == Planes::Fitted {
             let steep = dice.unit() * dice.unit() * 0.2;
             let (s, c) = (dice.unit() * std::f64::consts::TAU).sin_cos();
             base.tilt[i] = Vec2::new((steep * c) as f32, (steep * s) as f32);
@@ -146,7 +146,7 @@ fn random_pixels_agree_with_the_reference() {
         (0..40).map(|_| (1 + (dice.unit() * 96.0) as usize, 1 + (dice.unit() * 96.0) as usize)),
     );
     for (i, (width, height)) in sizes.into_iter().enumerate() {
-        for planes in [Planes::Normals, Planes::Told, Planes::None] {
+        for planes in [Planes::Normals, Planes::Fitted, Planes::None] {
             let mut pyramid = random(&mut dice, width, height, planes);
             tally.compare(&format!("image {i}, {width} x {height}, {planes:?}"), &mut pyramid);
         }

@@ -340,8 +340,8 @@ fn radii_follow_the_finest_drawn_cell() {
         skips_push: true,
         averages: true,
         smooths: true,
-        slants: true,
-        evens: false,
+        fits_planes: true,
+        evens_exposure: false,
         background: Background::default(),
     };
     let mut pyramid = Pyramid::default();

@@ -81,7 +81,7 @@ impl App {
             colour_by: args.colour.clone(),
             filter: args.filter(),
             shines: !args.no_highlights,
-            evens: args.even_exposure,
+            evens_exposure: args.even_exposure,
             full: args.full,
             points_budget: args.budget_points.unwrap_or(Settings::default().points_budget),
             target_spacing_px: args.target_spacing,

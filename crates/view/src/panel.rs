@@ -220,8 +220,8 @@ fn drawing(ui: &mut Ui, facts: &Facts<'_>, wanted: &mut Settings, is_coarser_mov
     }
     filters::show(ui, wanted);
     ui.checkbox(&mut wanted.shines, "highlights");
-    if wanted.evens || facts.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
-        ui.checkbox(&mut wanted.evens, "even out exposures");
+    if wanted.evens_exposure || facts.sources.iter().any(|s| SCANS.contains(&s.as_str())) {
+        ui.checkbox(&mut wanted.evens_exposure, "even out exposures");
     }
     ui.checkbox(&mut wanted.occlusion, "leave out what is hidden");
     ui.checkbox(is_coarser_moving, "coarser while moving");

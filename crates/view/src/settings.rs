@@ -16,7 +16,7 @@ pub struct Settings {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
-    pub evens: bool,
+    pub evens_exposure: bool,
     /// Whether full planes are read where there are compact ones, too.
     pub full: bool,
     /// Points drawn at most.
@@ -39,7 +39,7 @@ impl Default for Settings {
             colour_by: options.colour_by,
             filter: options.filter,
             shines: options.shines,
-            evens: options.evens,
+            evens_exposure: options.evens_exposure,
             full: options.full,
             points_budget: options.points_budget,
             target_spacing_px: options.target_spacing_px,
@@ -61,7 +61,7 @@ impl Settings {
             colour_by: self.colour_by.clone(),
             filter: self.filter.clone(),
             shines: self.shines,
-            evens: self.evens,
+            evens_exposure: self.evens_exposure,
             full: self.full,
             points_budget: self.points_budget,
             target_spacing_px: self.target_spacing_px,

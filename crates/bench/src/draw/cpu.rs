@@ -116,8 +116,8 @@ pub fn frame_of<'a, P>(
         skips_push: true,
         averages: true,
         smooths: true,
-        slants: true,
-        evens: false,
+        fits_planes: true,
+        evens_exposure: false,
         background: Background::default(),
     }
 }

@@ -7,7 +7,6 @@ use crate::draw::cloud::Cloud;
 use crate::draw::cpu::{draw_of, frame_of};
 use esker_points::Node;
 use esker_points::quant::HOT_POSITION_BYTES;
-use esker_render::FramePlan;
 use esker_render::gpu::device::Counted;
 use esker_render::gpu::device::kernel::{Kernel, groups_of};
 use esker_render::gpu::device::readback;
@@ -21,6 +20,7 @@ use esker_render::gpu::passes::project::Project;
 use esker_render::gpu::wgpu::{BufferUsages, CommandEncoder, PollType};
 use esker_render::gpu::{Gpu, GpuError, NodePool, PlaneAt, ProjectPath};
 use esker_render::inputs::camera::Camera;
+use esker_render::{FramePlan, Pass};
 use std::time::Instant;
 
 /// Bytes of each of the two buffers of a copy: more than caches hold.
@@ -161,7 +161,7 @@ impl OnGpu {
         timing.submitted();
         wait(gpu)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(Times { wall_ms, gpu_ms: timing.newest().map(|stages| stages.project_ms) })
+        Ok(Times { wall_ms, gpu_ms: timing.newest().map(|stages| stages.ms(Pass::Project)) })
     }
 
     /// Pixels that the last frame drew points on; of no frame that has no pixels.

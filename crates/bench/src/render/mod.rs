@@ -20,7 +20,7 @@ use esker_engine::machine::pool;
 use esker_format::Forest;
 use esker_points::Task;
 use esker_render::gpu::Gpu;
-use esker_render::{Method, Stages};
+use esker_render::{Method, Pass, Stages};
 use models::{TABLE_1, write_pebble};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -209,9 +209,9 @@ fn rows_of(
             "height": size[1],
             "backend": backend,
             "method": method,
-            "project_ms": median(|s| s.project_ms + s.slant_ms + s.gather_ms + s.average_ms + s.even_ms + s.place_ms),
-            "pull_push_ms": median(|s| s.pull_ms + s.push_ms + s.mend_ms + s.blend_ms),
-            "shade_ms": median(|s| s.shade_ms + s.soften_ms),
+            "project_ms": median(|s| s.sum_ms(&FIRST_PASSES)),
+            "pull_push_ms": median(|s| s.sum_ms(&FILLING_PASSES)),
+            "shade_ms": median(|s| s.sum_ms(&SHADING_PASSES)),
             "total_ms": total_ms,
             "pixels_covered": pixels_covered,
             "copy_floor_ms": floor,
@@ -263,22 +263,21 @@ fn full_screen_ms(stand: &mut Stand<'_>, task: &dyn Task) -> Result<[Option<f64>
     }))
 }
 
-/// The least time of each pass among frames: what it takes where nothing else is running.
+/// Passes whose times are reported as `project_ms`.
+const FIRST_PASSES: [Pass; 6] =
+    [Pass::Project, Pass::FitPlanes, Pass::Gather, Pass::Average, Pass::Exposure, Pass::Place];
+/// Passes whose times are reported as `pull_push_ms`.
+const FILLING_PASSES: [Pass; 5] =
+    [Pass::Pull, Pass::Push, Pass::FillHoles, Pass::Silhouette, Pass::Blend];
+/// Passes whose times are reported as `shade_ms`.
+const SHADING_PASSES: [Pass; 3] = [Pass::SmoothDepth, Pass::Shade, Pass::Antialias];
+
+/// The least time of each pass among frames: its time where nothing else is running.
 fn least(frames: &[Stages]) -> Value {
-    let of = |of: fn(&Stages) -> f64| frames.iter().map(of).fold(f64::INFINITY, f64::min);
-    json!({
-        "project": of(|s| s.project_ms),
-        "slant": of(|s| s.slant_ms),
-        "gather": of(|s| s.gather_ms),
-        "pull": of(|s| s.pull_ms),
-        "push": of(|s| s.push_ms),
-        "mend": of(|s| s.mend_ms),
-        "shade": of(|s| s.shade_ms),
-        "soften": of(|s| s.soften_ms),
-        "place": of(|s| s.place_ms),
-        "blend": of(|s| s.blend_ms),
-        "total": of(|s| s.total_ms),
-    })
+    let least = |ms: &dyn Fn(&Stages) -> f64| frames.iter().map(ms).fold(f64::INFINITY, f64::min);
+    let passes = Pass::ALL.iter().map(|&pass| (pass.name(), least(&|s| s.ms(pass))));
+    let all = passes.chain([("total", least(&|s| s.total_ms))]);
+    Value::Object(all.map(|(name, ms)| (name.to_owned(), json!(ms))).collect())
 }
 
 /// Milliseconds in which all threads copy so many bytes in main memory: a median.

@@ -52,7 +52,7 @@ impl Changes {
         frame.skips_push &= !self.always_pushes;
         frame.averages &= !self.one_wins;
         frame.smooths &= !self.is_rough;
-        frame.slants &= !self.is_flat;
+        frame.fits_planes &= !self.is_flat;
         frame.cull_back_faces &= !self.keeps_back_faces;
         frame.shines &= !self.is_matt;
     }

@@ -2,13 +2,13 @@
 
 pub(crate) mod candidates;
 pub(crate) mod cell;
+pub(crate) mod choose;
 pub(crate) mod compact;
 pub(crate) mod contour;
 pub(crate) mod fringe;
 pub(crate) mod nearby;
 pub(crate) mod order;
 pub(crate) mod pending;
-pub(crate) mod sample;
 pub(crate) mod shape;
 pub(crate) mod spacing;
 pub(crate) mod thin;

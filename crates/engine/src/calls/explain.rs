@@ -67,21 +67,21 @@ pub(crate) fn explain(file: &Forest, request: &PictureRequest) -> Result<Value> 
 
 /// Why exposures that shall be evened out stay as they are.
 const ONLY_OWN_COLOURS: &str =
-    "evening of exposures: only surfaces in the scans' own colours are evened out";
+    "exposure compensation: only surfaces in the scans' own colours are evened out";
 
 /// What to say where evening out exposures was asked and changes nothing.
-pub(crate) fn not_evened(file: &Forest, scene: &PictureScene) -> Result<Option<&'static str>> {
-    if !scene.look.evens {
+pub(crate) fn exposure_note(file: &Forest, scene: &PictureScene) -> Result<Option<&'static str>> {
+    if !scene.look.evens_exposure {
         return Ok(None);
     }
-    if !scene.plan.evens() {
+    if !scene.plan.evens_exposure() {
         return Ok(Some(ONLY_OWN_COLOURS));
     }
     let (kind, _) = colour::scans(file)?;
     let whole = ranges::whole(file, usize::from(kind.attribute()))?;
     Ok(whole
         .is_none_or(|(least, greatest)| least >= greatest)
-        .then_some("evening of exposures: all points are of one scan"))
+        .then_some("exposure compensation: all points are of one scan"))
 }
 
 /// The name of a plane; that of its attribute, where it is one's.
@@ -103,7 +103,7 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<String> {
         }
     };
     let has_normals = file.has(PlaneKind::Normal);
-    let tells = plan.passes.contains(&Pass::Slant);
+    let tells = plan.passes.contains(&Pass::FitPlanes);
     say(!has_normals && !tells, "normal plane, normal target: the file has no normals");
     say(tells, "normal plane: the file has no normals; the target has planes told from depths");
     say(has_normals && !plan.reads_normals, "normal plane: points alone are not lit");
@@ -127,8 +127,8 @@ fn left_out(file: &Forest, scene: &PictureScene) -> Vec<String> {
     say(!plan.reads_colours, "colour plane: colours come from elsewhere");
     say(!plan.hides_points, "filter's test of points: no node lies across its border");
     say(!plan.shines && has_surface, "direction to the eye: no highlights");
-    say(!plan.evens() && !scene.look.evens, "evening of exposures: not asked");
-    say(!plan.evens() && scene.look.evens, ONLY_OWN_COLOURS);
+    say(!plan.evens_exposure() && !scene.look.evens_exposure, "exposure compensation: not asked");
+    say(!plan.evens_exposure() && scene.look.evens_exposure, ONLY_OWN_COLOURS);
     say(is_pulled && !plan.averages(), "means of the points that share a pixel: they do not crowd");
     say(
         is_pulled && plan.has_pyramid && !plan.smooths,

@@ -14,7 +14,7 @@ use anyhow::Result;
 use esker_format::{Forest, Planes};
 use esker_lod::CompactOctree;
 use esker_points::Task;
-use esker_render::{Picture, Renderer, Stages};
+use esker_render::{Pass, Picture, Renderer};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -100,7 +100,7 @@ fn notes(
     let is_empty = picture.stats.pixels_covered == 0;
     let nothing =
         is_empty.then(|| empty_picture::why_nothing(file, request.budget_points, counters));
-    Ok(nothing.into_iter().chain(explain::not_evened(file, scene)?).collect())
+    Ok(nothing.into_iter().chain(explain::exposure_note(file, scene)?).collect())
 }
 
 fn report(picture: &Picture, scene: &PictureScene) -> Value {
@@ -135,8 +135,8 @@ fn stages_ms(scene: &PictureScene, picture: &Picture) -> Value {
     let stages = &picture.stats.stages;
     let mut all =
         json!({ "select": scene.select_ms, "read": scene.read_ms, "draw": stages.total_ms });
-    for (name, ms) in Stages::NAMED {
-        all[name] = json!(ms(stages));
+    for pass in Pass::ALL {
+        all[pass.name()] = json!(stages.ms(pass));
     }
     all
 }

@@ -15,7 +15,7 @@ use esker_render::picture::margin::MARGIN_PX;
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
 const PIXEL_BYTES: u64 = 90;
 /// And of either renderer where exposures are evened out: slots of scans 4 at most, sums of cells 8.
-const EVEN_PIXEL_BYTES: u64 = 12;
+const EXPOSURE_PIXEL_BYTES: u64 = 12;
 /// Bytes a node beside its record: the cache's entry, and what a choice that visits it keeps of it.
 const NODE_BYTES: u64 = 512;
 /// Threads' stacks, channels, allocators' slack.
@@ -42,7 +42,7 @@ impl Shares {
     /// # Errors
     /// Where the budget is too small; the least that works is in the message.
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
-        let Options { budget_ram_bytes: budget_bytes, size, runs, evens, .. } = *options;
+        let Options { budget_ram_bytes: budget_bytes, size, runs, evens_exposure, .. } = *options;
         // Where there are several trees, their records are joined in one more table.
         let tables = 1 + u64::from(file.files().len() > 1);
         let of = |footer: &Footer| {
@@ -51,7 +51,7 @@ impl Shares {
                 + footer.statistics.bytes * 2
         };
         let tree_bytes = file.files().map(|file| of(file.footer())).sum::<u64>();
-        let pixel_bytes = PIXEL_BYTES + if evens { EVEN_PIXEL_BYTES } else { 0 };
+        let pixel_bytes = PIXEL_BYTES + if evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let picture_bytes = pixels_with_margin(size) * pixel_bytes;
         let run_bytes = RUN_BYTES as u64;
         let fixed = tree_bytes + picture_bytes + FIXED_BYTES;
@@ -114,7 +114,8 @@ impl GpuShares {
     pub fn of(file: &Forest, options: &Options) -> Result<Self> {
         let [width, height] = options.size.map(u64::from);
         let nodes = (file.table().nodes.len()).min(options.nodes_max) as u64;
-        let pixel_bytes = GPU_PIXEL_BYTES + if options.evens { EVEN_PIXEL_BYTES } else { 0 };
+        let pixel_bytes =
+            GPU_PIXEL_BYTES + if options.evens_exposure { EXPOSURE_PIXEL_BYTES } else { 0 };
         let picture_bytes = pixels_with_margin(options.size) * pixel_bytes
             + nodes * GPU_NODE_BYTES
             + GPU_FIXED_BYTES;

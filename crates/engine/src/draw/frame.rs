@@ -29,7 +29,7 @@ pub struct Look {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
-    pub evens: bool,
+    pub evens_exposure: bool,
 }
 
 impl Look {
@@ -50,24 +50,25 @@ impl Look {
         let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
-        Ok(Self { colouring, shown, method, shines, evens: false })
+        Ok(Self { colouring, shown, method, shines, evens_exposure: false })
     }
 
     /// The same with exposures evened out, where that is asked.
     ///
     /// # Errors
     /// Where no attribute of the file tells scans apart.
-    pub fn evened(mut self, file: &Forest, evens: bool) -> Result<Self> {
-        if evens {
+    pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
+        if evens_exposure {
             let scans = colour::scans(file)?;
             self.shown = Arc::new(Shown::clone(&self.shown).with_scans(Some(scans)));
         }
-        Ok(Self { evens, ..self })
+        Ok(Self { evens_exposure, ..self })
     }
 
     /// The same from compact planes, where all trees have them and nothing else is asked of the bytes that they save.
     pub fn compacted(mut self, file: &Forest) -> Self {
-        let asks = self.evens || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
+        let asks =
+            self.evens_exposure || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
         if let Some(palette) = file.palette().filter(|_| !asks) {
             self.colouring.by = ColourBy::Codes(Codebook::Own(palette.table()));
             self.colouring.plane = Some((PlaneKind::Compact, None));
@@ -101,9 +102,18 @@ impl Look {
             tangents: file.has(PlaneKind::Tangents),
         };
         let (method, colour) = (self.method, self.colouring.by);
-        let Self { shines, evens, .. } = *self;
-        let (smooths, slants) = (true, true);
-        let asked = Asked { method, colour, shines, is_dense, smooths, slants, is_crowded, evens };
+        let Self { shines, evens_exposure, .. } = *self;
+        let (smooths, fits_planes) = (true, true);
+        let asked = Asked {
+            method,
+            colour,
+            shines,
+            is_dense,
+            smooths,
+            fits_planes,
+            is_crowded,
+            evens_exposure,
+        };
         FramePlan::of(&has, &asked)
     }
 
@@ -135,9 +145,9 @@ impl Look {
         octree: &'a CompactOctree,
     ) -> Frame<'a, P> {
         let hides_points = self.shown.hides_any();
-        let Self { shines, evens, .. } = *self;
+        let Self { shines, evens_exposure, .. } = *self;
         let frame = frame(file, view, draws, octree, &self.colouring, self.method);
-        Frame { hides_points, shines, evens, ..frame }
+        Frame { hides_points, shines, evens_exposure, ..frame }
     }
 }
 
@@ -192,8 +202,8 @@ pub fn frame<'a, P>(
         skips_push: true,
         averages: true,
         smooths: true,
-        slants: true,
-        evens: false,
+        fits_planes: true,
+        evens_exposure: false,
         background: Background::default(),
     }
 }

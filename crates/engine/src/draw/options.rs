@@ -31,7 +31,7 @@ pub struct Options {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
-    pub evens: bool,
+    pub evens_exposure: bool,
     /// Whether full planes are read where there are compact ones, too.
     pub full: bool,
     /// Points drawn at most.
@@ -66,7 +66,7 @@ impl Default for Options {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
-            evens: false,
+            evens_exposure: false,
             full: false,
             points_budget: stream.points_budget,
             target_spacing_px: stream.target_spacing_px,

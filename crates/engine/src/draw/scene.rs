@@ -37,7 +37,7 @@ pub struct PictureRequest {
     /// Whether surfaces have highlights.
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
-    pub evens: bool,
+    pub evens_exposure: bool,
     /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
     pub keeps_values: bool,
     /// Whether full planes are drawn where there are compact ones, too.
@@ -62,7 +62,7 @@ impl Default for PictureRequest {
             colour_by: None,
             filter: Filter::default(),
             shines: true,
-            evens: false,
+            evens_exposure: false,
             keeps_values: false,
             full: false,
             with: DrawWith::default(),
@@ -150,10 +150,10 @@ impl PictureScene {
     pub fn choose(file: &Forest, request: &PictureRequest) -> Result<Self> {
         let start = Instant::now();
         let shown = request.camera.view(bounds_of(file, &request.filter), request.size);
-        let PictureRequest { colour_by, filter, method, shines, evens, .. } = request;
+        let PictureRequest { colour_by, filter, method, shines, evens_exposure, .. } = request;
         let before = file.read_bytes();
         let look = Look::new(file, colour_by.as_deref(), filter, *method, *shines)?;
-        let look = look.evened(file, *evens)?;
+        let look = look.evened(file, *evens_exposure)?;
         let look = if request.full { look } else { look.compacted(file) };
         let look = if request.keeps_values { look.with_values() } else { look };
         let view = look.with_margin(file, &shown);

@@ -93,9 +93,9 @@ impl Session {
     /// a thread cannot be started, a root cannot be read, or a GPU is asked for and cannot be had.
     pub fn open(file: Arc<Forest>, options: Options) -> Result<Self> {
         let shares = Shares::of(&file, &options)?;
-        let Options { colour_by, filter, method, shines, evens, full, .. } = &options;
+        let Options { colour_by, filter, method, shines, evens_exposure, full, .. } = &options;
         let look = Look::new(&file, colour_by.as_deref(), filter, *method, *shines)?;
-        let look = look.evened(&file, *evens)?;
+        let look = look.evened(&file, *evens_exposure)?;
         let look = if *full { look } else { look.compacted(&file) };
         let (gpu, drawer) = options.backend.choose(&options.gpu, options.device.as_ref())?;
         let mut session = Self {

@@ -1,12 +1,12 @@
 //! What the stages of a frame took, told to people.
 
-use esker_render::Stages;
+use esker_render::Pass;
 use serde_json::Value;
 
 /// Names and times of those stages that took a twentieth of a millisecond; others are most often left out. `times` are
 /// milliseconds by name; `before` what ran before the first stage, `all` what all of them are called together.
 pub fn taken(times: &Value, before: &[&str], all: &str) -> String {
-    let stages = Stages::NAMED.map(|(name, _)| name);
+    let stages = Pass::ALL.map(Pass::name);
     let names = before.iter().copied().chain(stages).chain([all]);
     let times = names.map(|name| (name, times[name].as_f64().unwrap_or(0.0)));
     let taken = times.filter(|(_, ms)| *ms >= 0.05).map(|(name, ms)| format!("{name} {ms:.1}"));
@@ -20,11 +20,10 @@ mod tests {
 
     #[test]
     fn people_are_told_the_stages_that_took_time_in_their_order() {
-        let times =
-            json!({ "soften": 0.1, "slant": 1.26, "blend": 0.0, "select": 0.2, "draw": 3.0 });
+        let times = json!({ "antialias": 0.1, "fit_planes": 1.26, "blend": 0.0, "select": 0.2, "draw": 3.0 });
         assert_eq!(
             taken(&times, &["select"], "draw"),
-            "select 0.2, slant 1.3, soften 0.1, draw 3.0"
+            "select 0.2, fit_planes 1.3, antialias 0.1, draw 3.0"
         );
     }
 }

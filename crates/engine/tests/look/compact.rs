@@ -91,7 +91,7 @@ fn other_colours_filters_and_evening_have_the_full_planes() {
     assert_eq!(kinds(by("rgb")), [false, false, true]);
     assert_eq!(kinds(by("intensity")), [true, false, false]);
     assert_eq!(kinds(by("elevation")), [true, false, false]);
-    assert_eq!(kinds(PictureRequest { evens: true, ..request() }), [true, true, false]);
+    assert_eq!(kinds(PictureRequest { evens_exposure: true, ..request() }), [true, true, false]);
     // A filter marks points in the byte that numbers take.
     let [low, high] = esker_engine::calls::info::bounds(&file);
     let middle = |axis: usize| (low[axis] + high[axis]) / 2.0;

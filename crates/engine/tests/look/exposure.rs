@@ -1,4 +1,4 @@
-//! Evening of exposures: what it takes beside colours is read where it is asked, and nowhere else.
+//! ExposureGrid of exposures: what it takes beside colours is read where it is asked, and nowhere else.
 
 use super::look::{camera_of, off, request, session, terrain};
 use esker_engine::calls::render::draw;
@@ -9,17 +9,17 @@ use esker_points::task::Silent;
 use std::sync::Arc;
 use std::time::Duration;
 
-fn asked(evens: bool) -> PictureRequest {
-    PictureRequest { colour_by: Some("rgb".into()), evens, ..request() }
+fn asked(evens_exposure: bool) -> PictureRequest {
+    PictureRequest { colour_by: Some("rgb".into()), evens_exposure, ..request() }
 }
 
 #[test]
 fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
     let file = Forest::open(terrain()).unwrap();
-    let [plain, evened] =
-        [false, true].map(|evens| PictureScene::read(&file, &asked(evens), &Silent));
+    let [plain, evened] = [false, true]
+        .map(|evens_exposure| PictureScene::read(&file, &asked(evens_exposure), &Silent));
     let (plain, evened) = (plain.unwrap(), evened.unwrap());
-    assert!(evened.plan.evens() && !plain.plan.evens());
+    assert!(evened.plan.evens_exposure() && !plain.plan.evens_exposure());
     assert!(evened.read_bytes > plain.read_bytes);
     let bytes = |scene: &PictureScene| scene.planes.iter().map(|p| p.bytes()).sum::<u64>();
     assert_eq!(bytes(&evened), bytes(&plain), "no byte more is kept");
@@ -40,7 +40,7 @@ fn colours_bring_their_points_scan_where_exposures_are_evened_out() {
     // Neither points alone nor other colours are evened out.
     let elevation = PictureRequest { colour_by: Some("elevation".into()), ..asked(true) };
     let scene = PictureScene::choose(&file, &elevation).unwrap();
-    assert!(!scene.plan.evens() && scene.look.evens);
+    assert!(!scene.plan.evens_exposure() && scene.look.evens_exposure);
 }
 
 #[test]
@@ -48,10 +48,12 @@ fn a_session_evens_out_what_a_picture_does() {
     let file = Arc::new(Forest::open(terrain()).unwrap());
     let scene = PictureScene::choose(&file, &asked(true)).unwrap();
     let camera = camera_of(&scene);
-    let [plain, expected] = [false, true]
-        .map(|evens| draw(&file, &PictureRequest { camera, ..asked(evens) }, &Silent).unwrap().0);
+    let [plain, expected] = [false, true].map(|evens_exposure| {
+        draw(&file, &PictureRequest { camera, ..asked(evens_exposure) }, &Silent).unwrap().0
+    });
     assert!(plain.rgba != expected.rgba);
-    let options = Options { colour_by: Some("rgb".into()), evens: true, ..Options::default() };
+    let options =
+        Options { colour_by: Some("rgb".into()), evens_exposure: true, ..Options::default() };
     let mut session = session(&file, options);
     session.settle(&scene.view, Duration::from_secs(60)).unwrap();
     assert!(session.frame(&scene.view).unwrap().cut.complete);

@@ -231,7 +231,10 @@ fn a_dense_view_needs_no_push() {
     let frame = scene.look.frame(&file, &scene.view, &draws, &octree);
     let without = Renderer::default().render(&frame).unwrap();
     let with = Renderer::default().render(&Frame { skips_push: false, ..frame }).unwrap();
-    assert_eq!((without.stats.stages.push_ms, without.stats.stages.pull_ms), (0.0, 0.0));
+    assert_eq!(
+        (without.stats.stages.ms(Pass::Push), without.stats.stages.ms(Pass::Pull)),
+        (0.0, 0.0)
+    );
     let flip = mean_flip(&without.rgba, &with.rgba, 40);
     assert!(flip <= 0.05, "FLIP {flip}");
     let near = PictureScene::choose(&file, &request()).unwrap();
@@ -272,7 +275,12 @@ fn every_option_of_surfaces_has_its_golden_picture() {
     build(Path::new("synthetic:csg:20000"), &csg, NormalsMode::Estimate);
     let csg = Forest::open(&csg).unwrap();
     for (file, asked, other, name) in [
-        (&hill, PictureRequest { evens: true, ..rgb.clone() }, &rgb, "surface-rgb-even.png"),
+        (
+            &hill,
+            PictureRequest { evens_exposure: true, ..rgb.clone() },
+            &rgb,
+            "surface-rgb-even.png",
+        ),
         (&csg, PictureRequest { shines: false, ..plain.clone() }, &plain, "surface-plain-matt.png"),
     ] {
         is_golden(file, &asked, name);

@@ -16,12 +16,12 @@ use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::memory::table::PlaneAt;
 use crate::gpu::passes::average::Average;
 use crate::gpu::passes::ewa::{self, GpuEwa, Room};
-use crate::gpu::passes::exposure::Even;
+use crate::gpu::passes::exposure::Exposure;
 use crate::gpu::passes::gather::Gather;
 use crate::gpu::passes::primitives::Primitives;
 use crate::gpu::passes::project::Project;
 use crate::gpu::passes::resolve::Resolve;
-use crate::gpu::passes::shade::Store;
+use crate::gpu::passes::store::Store;
 use crate::gpu::surface::Surface;
 use crate::inputs::camera::Camera;
 use crate::picture::margin::crop;
@@ -124,12 +124,12 @@ impl GpuRenderer {
         if !Average::fits(&self.gpu, pixels, &plan) {
             plan = plan.without_averages();
         }
-        if !Even::fits(&self.gpu, camera.size) {
-            plan = plan.without_evening();
+        if !Exposure::fits(&self.gpu, camera.size) {
+            plan = plan.without_exposure();
         }
         self.average.fit(&self.gpu, pixels, &plan)?;
-        self.gather.slant.fit(&self.gpu, camera.size, &plan)?;
-        self.gather.even.fit(&self.gpu, camera.size, &plan)?;
+        self.gather.fit_planes.fit(&self.gpu, camera.size, &plan)?;
+        self.gather.exposure.fit(&self.gpu, camera.size, &plan)?;
         self.fit(&camera, &plan)?;
         self.cut.fill(&self.gpu, frame, &camera, &plan, pool)?;
         self.lookup.set(&self.gpu, frame)?;
@@ -174,7 +174,7 @@ impl GpuRenderer {
         let has_surface = plan.passes.contains(&Pass::Shade);
         let planes = match (plan.planes(), self.pyramid.planes) {
             // Views that are dense now and then tell none, and keep their room.
-            (Planes::None, Planes::Told) if plan.passes.contains(&Pass::Gather) => Planes::Told,
+            (Planes::None, Planes::Fitted) if plan.passes.contains(&Pass::Gather) => Planes::Fitted,
             (planes, _) => planes,
         };
         if is_new || !has_surface || self.pyramid.planes != planes {
@@ -262,8 +262,8 @@ impl GpuRenderer {
             }
             Method::PullPush => {
                 let pyramid = &self.pyramid;
-                if plan.planes() == Planes::Told {
-                    self.gather.slant.encode(gpu, encoder, uniform, won.hits, plan, timing);
+                if plan.planes() == Planes::Fitted {
+                    self.gather.fit_planes.encode(gpu, encoder, uniform, won.hits, plan, timing);
                 }
                 let mut pass = timing.compute(encoder, Pass::Gather);
                 self.gather.encode(gpu, &mut pass, plan, lookup, &won, pyramid)?;
@@ -274,10 +274,10 @@ impl GpuRenderer {
                     self.average
                         .encode(gpu, encoder, uniform, plan, cut, pool, lookup, level, timing)?;
                 }
-                if plan.evens()
+                if plan.evens_exposure()
                     && let Some(level) = pyramid.levels.first()
                 {
-                    self.gather.even.encode(gpu, encoder, uniform, level, timing);
+                    self.gather.exposure.encode(gpu, encoder, uniform, level, timing);
                 }
                 self.surface.encode(gpu, encoder, plan, uniform, pyramid, picture, timing)?;
             }

@@ -1,4 +1,4 @@
-//! From a filled level 0 of the pyramid to the picture, on the GPU: pull, push, mend, trim, shade, soften. Kernels are
+//! From a filled level 0 of the pyramid to the picture, on the GPU: pull, push, fill_holes, silhouette, shade, antialias. Kernels are
 //! made when a scene first needs them, and bound once; a frame then only runs their dispatches.
 
 use crate::gpu::device::dispatch::{Dispatch, Groups};
@@ -9,12 +9,13 @@ use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::picture::GpuPicture;
 use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
-use crate::gpu::passes::fill_holes::Mend;
+use crate::gpu::passes::antialias::Antialias;
+use crate::gpu::passes::fill_holes::FillHoles;
 use crate::gpu::passes::pull::Pull;
 use crate::gpu::passes::push::Push;
-use crate::gpu::passes::shade::{Shade, Soften};
-use crate::gpu::passes::silhouette::{Trim, Turns};
-use crate::gpu::passes::smooth_depth::Relief;
+use crate::gpu::passes::shade::Shade;
+use crate::gpu::passes::silhouette::{Silhouette, Turns};
+use crate::gpu::passes::smooth_depth::SmoothDepth;
 use crate::picture::pyramid::Planes;
 use crate::plan::{FramePlan, Pass};
 use std::collections::HashMap;
@@ -35,11 +36,11 @@ struct Kernels {
     edges: Kernel,
     pull: Pull,
     push: Push,
-    mend: Mend,
-    trim: Trim,
-    relief: Option<Relief>,
+    fill_holes: FillHoles,
+    silhouette: Silhouette,
+    smooth_depth: Option<SmoothDepth>,
     shade: Shade,
-    soften: Soften,
+    antialias: Antialias,
 }
 
 /// What a frame's plan leaves open to the passes.
@@ -91,7 +92,7 @@ pub struct Target<'a> {
     pub picture: &'a GpuPicture,
     /// Bits of `shaders/common/marks.wgsl`, a word a pixel.
     pub marks: &'a Counted,
-    /// Depth after mend, `f32` a pixel; [`crate::gpu::passes::silhouette`] makes the picture's from it. Then it is free for depth
+    /// Depth after fill_holes, `f32` a pixel; [`crate::gpu::passes::silhouette`] makes the picture's from it. Then it is free for depth
     /// smoothed along rows, and then for [`Target::shaded`].
     pub depth: &'a Counted,
     /// Whose attributes each pixel shows, a word a pixel (`shaders/common/source.wgsl`).
@@ -100,10 +101,10 @@ pub struct Target<'a> {
     pub spare: &'a Counted,
     /// Colours before they are softened, sRGB bytes, a word a pixel.
     pub shaded: &'a Counted,
-    /// What the turns of trim keep.
+    /// What the turns of silhouette keep.
     pub turns: &'a Turns,
-    /// The structure `Relief` of `shaders/common/relief.wgsl`.
-    pub relief: &'a Counted,
+    /// The structure `SmoothDepth` of `shaders/common/smoothing.wgsl`.
+    pub smoothing: &'a Counted,
 }
 
 impl<'a> Target<'a> {
@@ -137,10 +138,10 @@ struct Scratch {
     marks: Counted,
     sources: Counted,
     spare: Counted,
-    /// Depth after mend, then rows, then colours.
+    /// Depth after fill_holes, then rows, then colours.
     work: Counted,
     turns: Turns,
-    relief: Counted,
+    smoothing: Counted,
 }
 
 impl Scratch {
@@ -154,7 +155,11 @@ impl Scratch {
             spare: plane("surface spare")?,
             work: plane("surface work")?,
             turns: Turns::new(gpu, size)?,
-            relief: gpu.buffer("relief", 16, BufferUsages::STORAGE | BufferUsages::UNIFORM)?,
+            smoothing: gpu.buffer(
+                "smoothing",
+                16,
+                BufferUsages::STORAGE | BufferUsages::UNIFORM,
+            )?,
         })
     }
 
@@ -164,9 +169,9 @@ impl Scratch {
         pyramid: &'a GpuPyramid,
         picture: &'a GpuPicture,
     ) -> Target<'a> {
-        let Self { marks, sources, spare, work, turns, relief } = self;
+        let Self { marks, sources, spare, work, turns, smoothing } = self;
         let (depth, shaded) = (work, work);
-        Target { uniform, pyramid, picture, marks, depth, sources, spare, shaded, turns, relief }
+        Target { uniform, pyramid, picture, marks, depth, sources, spare, shaded, turns, smoothing }
     }
 }
 
@@ -174,27 +179,27 @@ impl Kernels {
     fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let has_normals = planes == Planes::Normals;
         thread::scope(|scope| {
-            let trim = Beside::begin(scope, || Trim::new(gpu, has_normals))?;
-            let mend = Beside::begin(scope, || Mend::new(gpu, planes))?;
+            let silhouette = Beside::begin(scope, || Silhouette::new(gpu, has_normals))?;
+            let fill_holes = Beside::begin(scope, || FillHoles::new(gpu, planes))?;
             let push = Beside::begin(scope, || Push::new(gpu, planes))?;
             let shade = Beside::begin(scope, || {
-                Ok((Shade::new(gpu, has_normals)?, Soften::new(gpu, has_normals)?))
+                Ok((Shade::new(gpu, has_normals)?, Antialias::new(gpu, has_normals)?))
             })?;
-            let relief = Beside::begin(scope, || {
-                if has_normals { Ok(None) } else { Relief::new(gpu).map(Some) }
+            let smooth_depth = Beside::begin(scope, || {
+                if has_normals { Ok(None) } else { SmoothDepth::new(gpu).map(Some) }
             })?;
             let edges = Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?;
             let pull = Pull::new(gpu, planes)?;
-            let (shade, soften) = shade.get()?;
+            let (shade, antialias) = shade.get()?;
             Ok(Self {
                 edges,
                 pull,
                 push: push.get()?,
-                mend: mend.get()?,
-                trim: trim.get()?,
-                relief: relief.get()?,
+                fill_holes: fill_holes.get()?,
+                silhouette: silhouette.get()?,
+                smooth_depth: smooth_depth.get()?,
                 shade,
-                soften,
+                antialias,
             })
         })
     }
@@ -214,26 +219,30 @@ impl Kernels {
             stage("edges", Pass::Blend, vec![target.dispatch(gpu, &self.edges, &marks)]),
             stage("pull", Pass::Pull, self.pull.dispatches(gpu, uniform, target.pyramid)),
             stage("push", Pass::Push, push),
-            stage("mend", Pass::Mend, self.mend.dispatches(gpu, target)),
-            stage("trim", Pass::Mend, self.trim.dispatches(gpu, target)),
+            stage("fill_holes", Pass::FillHoles, self.fill_holes.dispatches(gpu, target)),
+            stage("silhouette", Pass::Silhouette, self.silhouette.dispatches(gpu, target)),
         ];
-        let relief = self.relief.iter();
-        stages.extend(relief.map(|r| stage("relief", Pass::Shade, r.dispatches(gpu, target))));
+        let smooth_depth = self.smooth_depth.iter();
+        stages.extend(
+            smooth_depth
+                .map(|r| stage("smooth_depth", Pass::SmoothDepth, r.dispatches(gpu, target))),
+        );
         stages.push(stage("shade", Pass::Shade, self.shade.dispatches(gpu, target, shines)?));
-        stages.push(stage("soften", Pass::Soften, self.soften.dispatches(gpu, target)));
+        stages.push(stage("antialias", Pass::Antialias, self.antialias.dispatches(gpu, target)));
         Ok(stages)
     }
 
     fn all(&mut self) -> impl Iterator<Item = &mut Kernel> {
-        let Self { edges, pull, push, mend, trim, relief, shade, soften } = self;
-        let some = [pull.kernels(), push.kernels(), mend.kernels(), trim.kernels()];
-        let relief = relief.iter_mut().flat_map(Relief::kernels);
+        let Self { edges, pull, push, fill_holes, silhouette, smooth_depth, shade, antialias } =
+            self;
+        let some = [pull.kernels(), push.kernels(), fill_holes.kernels(), silhouette.kernels()];
+        let smooth_depth = smooth_depth.iter_mut().flat_map(SmoothDepth::kernels);
         some.into_iter()
             .flatten()
             .chain([edges])
             .chain(shade.kernels())
-            .chain(soften.kernels())
-            .chain(relief)
+            .chain(antialias.kernels())
+            .chain(smooth_depth)
     }
 }
 
@@ -299,13 +308,13 @@ impl Surface {
         Ok(&stages[at].1)
     }
 
-    /// Whose attributes each pixel shows, as trim has found in the last frame (`shaders/common/source.wgsl`).
+    /// Whose attributes each pixel shows, as silhouette has found in the last frame (`shaders/common/source.wgsl`).
     pub fn sources(&self) -> Option<&wgpu::Buffer> {
         self.bound.as_ref().map(|b| &*b.scratch.sources)
     }
 
-    /// Depths after mend, while nothing that comes after it has run.
-    pub fn mended(&self) -> Option<&wgpu::Buffer> {
+    /// Depths after fill_holes, while nothing that comes after it has run.
+    pub fn filled(&self) -> Option<&wgpu::Buffer> {
         self.bound.as_ref().map(|b| &*b.scratch.work)
     }
 

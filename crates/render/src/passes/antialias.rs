@@ -50,7 +50,7 @@ pub fn are_creases<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
 
 /// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie at a step of
 /// `depth` (infinite where there is nothing), and those of `creases`.
-pub fn soften(
+pub fn antialias(
     depth: &[f32],
     width: usize,
     focal_px: f32,
@@ -60,15 +60,15 @@ pub fn soften(
 ) {
     let outlines = Outlines { depth, width, near: STEP_PX / focal_px, edges, creases };
     let shown = rgba.as_chunks().0;
-    let bands = edges.bands().map(|pixels| outlines.softened(shown, pixels));
-    let softened: Vec<Vec<_>> = bands.collect();
+    let bands = edges.bands().map(|pixels| outlines.antialiased(shown, pixels));
+    let antialiased: Vec<Vec<_>> = bands.collect();
     let pixels = rgba.as_chunks_mut::<4>().0;
-    for (pixel, colour) in softened.into_iter().flatten() {
+    for (pixel, colour) in antialiased.into_iter().flatten() {
         pixels[pixel as usize] = colour;
     }
 }
 
-/// Where a picture is softened.
+/// Where a picture is antialiased.
 struct Outlines<'a> {
     depth: &'a [f32],
     width: usize,
@@ -80,22 +80,22 @@ struct Outlines<'a> {
 
 impl Outlines<'_> {
     /// The pixels of a run of rows that change, with their new colours.
-    fn softened(&self, shown: &[[u8; 4]], pixels: Range<usize>) -> Vec<(u32, [u8; 4])> {
-        let mut softened = Vec::new();
+    fn antialiased(&self, shown: &[[u8; 4]], pixels: Range<usize>) -> Vec<(u32, [u8; 4])> {
+        let mut antialiased = Vec::new();
         for y in pixels.start / self.width..pixels.end / self.width {
-            dispatch!(Level::new(), simd => self.soften_row(simd, shown, y, &mut softened));
+            dispatch!(Level::new(), simd => self.antialias_row(simd, shown, y, &mut antialiased));
         }
-        softened
+        antialiased
     }
 
     /// Adds those of a row.
     #[inline(always)]
-    fn soften_row<S: Simd>(
+    fn antialias_row<S: Simd>(
         &self,
         simd: S,
         shown: &[[u8; 4]],
         y: usize,
-        softened: &mut Vec<(u32, [u8; 4])>,
+        antialiased: &mut Vec<(u32, [u8; 4])>,
     ) {
         let (depths, shown) =
             (rows_around(self.depth, self.width, y), rows_around(shown, self.width, y));
@@ -112,7 +112,7 @@ impl Outlines<'_> {
             let changing = creases | edges & u64::from(at_steps);
             if changing != 0 {
                 let colours = mixed(simd, depths, split, windows(shown, x, &mut none));
-                softened.extend(bits(changing).map(|k| ((pixel + k) as u32, colours[k])));
+                antialiased.extend(bits(changing).map(|k| ((pixel + k) as u32, colours[k])));
             }
         }
     }
@@ -237,18 +237,18 @@ mod tests {
 
     const SIDE: usize = 12;
 
-    fn softened(depth: impl Fn(usize) -> f32, rgba: &mut [u8]) {
+    fn antialiased(depth: impl Fn(usize) -> f32, rgba: &mut [u8]) {
         let depth: Vec<f32> = (0..SIDE * SIDE).map(depth).collect();
         let mut all = Marks::new(SIDE, SIDE);
         (0..SIDE * SIDE).for_each(|pixel| all.set(pixel));
-        soften(&depth, SIDE, 100.0, &all, &Marks::new(SIDE, SIDE), rgba);
+        antialias(&depth, SIDE, 100.0, &all, &Marks::new(SIDE, SIDE), rgba);
     }
 
     #[test]
     fn within_a_surface_nothing_changes_also_on_a_slope() {
         let texture: Vec<u8> = (0..SIDE * SIDE * 4).map(|i| (i * 37 % 251) as u8).collect();
         let mut rgba = texture.clone();
-        softened(|i| 2.0 + 0.1 * (i % SIDE) as f32, &mut rgba);
+        antialiased(|i| 2.0 + 0.1 * (i % SIDE) as f32, &mut rgba);
         assert_eq!(rgba, texture);
     }
 
@@ -257,7 +257,7 @@ mod tests {
         // Red from column 6 on, nothing to the left.
         let pixel = |i: usize| if i % SIDE < 6 { [0; 4] } else { [200, 0, 0, 255] };
         let mut rgba: Vec<u8> = (0..SIDE * SIDE).flat_map(pixel).collect();
-        softened(|i| if i % SIDE < 6 { f32::INFINITY } else { 1.0 }, &mut rgba);
+        antialiased(|i| if i % SIDE < 6 { f32::INFINITY } else { 1.0 }, &mut rgba);
         let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
         assert_eq!([row[4], row[7]], [[0; 4], [200, 0, 0, 255]]);
         // Of the pixel that the outline was beside, 0.44 are taken, and nothing is left of the one beyond.
@@ -272,7 +272,7 @@ mod tests {
             let is_line = |i: usize| line.contains(&(i % SIDE));
             let pixel = |i: usize| if is_line(i) { [200, 0, 0, 255] } else { [0; 4] };
             let mut rgba: Vec<u8> = (0..SIDE * SIDE).flat_map(pixel).collect();
-            softened(|i| if is_line(i) { 1.0 } else { f32::INFINITY }, &mut rgba);
+            antialiased(|i| if is_line(i) { 1.0 } else { f32::INFINITY }, &mut rgba);
             let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
             let alphas = row.iter().map(|p| f32::from(p[3]) / 255.0).sum::<f32>();
             // As much as there was without taking anything back: 0.56 and 1.81; of two pixels, what lies beyond them goes.

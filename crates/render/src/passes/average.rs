@@ -47,7 +47,7 @@ impl Averages {
         self.begin(lens, base);
         match base.planes() {
             Planes::Normals => self.add_all::<true>(lookup),
-            Planes::None | Planes::Told => self.add_all::<false>(lookup),
+            Planes::None | Planes::Fitted => self.add_all::<false>(lookup),
         }
         self.finish(lens, base);
     }

@@ -3,23 +3,15 @@
 //! is the major one times the normal's z, or a little more ([`crate::passes::gather`]).
 
 use crate::simd::values::Values;
-use glam::{Vec2, Vec4};
 
-/// Whether a place lies in the ellipse; `from_centre` and `radius` in pixels (y down), `normal` in view
-/// space (y up): its x and y, of any length, and in w the minor axis over the major one, at most 1.
+/// Whether places lie in the ellipse: offsets from its centre and `radius` in pixels (y down); of the
+/// normal in view space (y up), x and y, of any length, and the minor axis over the major one, at most 1.
 ///
-/// With offset v and m the normal's projection, the ellipse is
+/// With offset v, share w of the minor axis and m the normal's projection, the ellipse is
 /// `(v.m/|m|)^2 / (r w)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out that is
-/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: no division, and as m stands squared everywhere its length
-/// cancels. Edge on (w = 0) the inequality holds along a whole line, hence the circle as well; without
-/// a direction the circle alone is left.
-#[inline(always)]
-pub fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
-    let disc = [normal.x, normal.y, normal.w].map(Vec4::splat);
-    covers_at(from_centre.to_array().map(Vec4::splat), Vec4::splat(radius), disc).all()
-}
-
-/// The same of several; of normals x, y and w.
+/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: there is no division, and as m is squared everywhere,
+/// its length cancels. Edge on (w = 0) the inequality holds along a whole line, hence the circle as well;
+/// without a direction (m = 0) the circle alone is left.
 #[inline(always)]
 pub(crate) fn covers_at<V: Values>([x, y]: [V; 2], radius: V, [nx, ny, share]: [V; 3]) -> V::Mask {
     let beyond = x * x + y * y - radius * radius;
@@ -30,15 +22,20 @@ pub(crate) fn covers_at<V: Values>([x, y]: [V; 2], radius: V, [nx, ny, share]: [
     beyond.cmple(zero) & (tilt.cmpeq(zero) | form.cmple(zero))
 }
 
-/// The normal of a disc that faces the viewer: the ellipse is a circle.
-pub const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 1.0);
-
-/// A point without a normal among points that have one: a circle, and nothing to add to a mean.
-pub const UNKNOWN: Vec4 = Vec4::new(0.0, 0.0, 0.0, 1.0);
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{Vec2, Vec4};
+
+    /// A disc that faces the viewer: x, y and share of the minor axis.
+    const FACING: Vec4 = Vec4::new(0.0, 0.0, 1.0, 1.0);
+    /// A point without a normal.
+    const UNKNOWN: Vec4 = Vec4::new(0.0, 0.0, 0.0, 1.0);
+
+    fn covers(from_centre: Vec2, radius: f32, normal: Vec4) -> bool {
+        let disc = [normal.x, normal.y, normal.w].map(Vec4::splat);
+        covers_at(from_centre.to_array().map(Vec4::splat), Vec4::splat(radius), disc).all()
+    }
 
     #[test]
     fn a_disc_facing_the_viewer_is_a_circle() {

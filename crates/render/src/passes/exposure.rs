@@ -1,6 +1,6 @@
 //! Even: takes differences of exposure from scans that cover the same surface. One point wins a pixel, so that where two
 //! scans overlap, pixels of either lie side by side at random. Preiner et al. (Auto Splats, 2012), after whom kanzok2015
-//! (section 3.2.4) evens out illumination, blend all splats of a surface, and what is fine with them. Here a pixel is
+//! (section 3.2.4) evens_exposure out illumination, blend all splats of a surface, and what is fine with them. Here a pixel is
 //! multiplied by what its surroundings have in all scans over what they have in the pixel's own: scans meet in the middle,
 //! and the texture stays as fine as it is.
 //!
@@ -33,14 +33,14 @@ const DARK: f32 = 1e-3;
 
 /// What is added up for the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
-pub struct Evening {
+pub struct ExposureGrid {
     /// Red, green, blue and the number of pixels; slot by slot, slice by slice, cell by cell.
     cells: Vec<Vec4>,
     /// The slot of each pixel's scan.
     slots: Vec<u8>,
 }
 
-impl Evening {
+impl ExposureGrid {
     /// Evens the pixels of `base`, whose points `target` names.
     pub fn run(&mut self, lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) {
         let (width, columns) = (base.width, base.width.div_ceil(CELL_PX));

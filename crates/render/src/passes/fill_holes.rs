@@ -38,7 +38,7 @@ struct Patch {
 }
 
 /// Closes gaps of `base`; `depth` is its depth image (infinite where there is nothing).
-pub fn mend(base: &mut Level, depth: &mut [f32], focal_px: f32) {
+pub fn fill_holes(base: &mut Level, depth: &mut [f32], focal_px: f32) {
     let mut patched = close(base, depth, None, focal_px);
     for _ in 1..ROUNDS {
         // Only a gap that was closed, or another from which it is looked at, may be one still.
@@ -169,7 +169,7 @@ mod tests {
     const SIDE: usize = 24;
 
     /// A near surface of red points, with other depths where `depth` has them.
-    fn mended(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+    fn filled(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let mut pyramid = Pyramid::default();
         pyramid.fit(SIDE, SIDE, Planes::None);
         let base = &mut pyramid.levels[0];
@@ -179,7 +179,7 @@ mod tests {
             base.front[i] = if valid { Vec4::new(d, d + 0.1, 0.0, 0.0) } else { INVALID };
             (base.depth[i], base.tint[i]) = (d, Vec4::new(1.0 / d, 0.0, 0.0, 2.0));
         }
-        mend(base, &mut image, 100.0);
+        fill_holes(base, &mut image, 100.0);
         for (i, &d) in image.iter().enumerate() {
             assert!(
                 base.is_valid(i) == (d < f32::INFINITY) && (d == 1.0) == (base.tint[i].x == 1.0)
@@ -193,7 +193,7 @@ mod tests {
         for behind in [5.0, f32::INFINITY] {
             let gap =
                 |x, y| matches!((x, y), (5, 5) | (9, 9) | (9, 10) | (14, 4..20) | (18..20, 7..9));
-            assert_eq!(mended(|x, y| if gap(x, y) { behind } else { 1.0 }), [1.0; SIDE * SIDE]);
+            assert_eq!(filled(|x, y| if gap(x, y) { behind } else { 1.0 }), [1.0; SIDE * SIDE]);
         }
     }
 
@@ -207,6 +207,6 @@ mod tests {
             _ => 1.0,
         };
         let expected: Vec<f32> = (0..SIDE * SIDE).map(|i| scene(i % SIDE, i / SIDE)).collect();
-        assert_eq!(mended(scene), expected);
+        assert_eq!(filled(scene), expected);
     }
 }

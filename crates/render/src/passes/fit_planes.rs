@@ -1,4 +1,4 @@
-//! Slants: the planes of surfaces without normals, told from the depths around them, so that depths can be moved along
+//! FittedPlanes: the planes of surfaces without normals, told from the depths around them, so that depths can be moved along
 //! them ([`crate::passes::tangent`]) as along those of normals. Without, depth intervals of different places have to be long to
 //! meet on a slope, and what lies up to twice a radius behind a surface shows through it.
 //!
@@ -48,27 +48,27 @@ struct Trust {
 
 /// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
 const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
-/// Where they crowd, means of all that lies there are what evens them out: with short intervals a scan flickers by 4 % more. Trusted
+/// Where they crowd, means of all that lies there are what evens_exposure them out: with short intervals a scan flickers by 4 % more. Trusted
 /// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
 const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
 
 /// What is told of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slant {
+pub struct FittedPlane {
     /// What depth grows by a pixel right and down, over depth.
     pub growth: [f32; 2],
     /// Length of the depth interval across the plane, over the drawn radius.
     pub reach: f32,
 }
 
-impl Slant {
+impl FittedPlane {
     /// Where nothing is told.
     pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
 }
 
-/// Slants of a picture. Memory is kept from frame to frame. Planes have a square around them where nothing is.
+/// FittedPlanes of a picture. Memory is kept from frame to frame. Planes have a square around them where nothing is.
 #[derive(Clone, Debug, Default)]
-pub struct Slants {
+pub struct FittedPlanes {
     width: usize,
     height: usize,
     /// Squares from one row of the planes to the next.
@@ -79,10 +79,10 @@ pub struct Slants {
     x: Vec<f32>,
     y: Vec<f32>,
     /// Row by row, without the squares around.
-    slants: Vec<Slant>,
+    fitted: Vec<FittedPlane>,
 }
 
-impl Slants {
+impl FittedPlanes {
     /// Takes those of a frame buffer whose rows have so many pixels. Where points crowd, intervals stay long.
     pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
         let height = target.len() / width.max(1);
@@ -93,17 +93,17 @@ impl Slants {
         self.near.resize(squares, OUTSIDE);
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
-        self.slants.resize(self.width * self.height, Slant::NONE);
+        self.fitted.resize(self.width * self.height, FittedPlane::NONE);
         self.take(target, width, height);
         self.tell(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
     /// What the surface of a pixel is told to be, which shows a disc of this radius, pixels.
     #[inline(always)]
-    pub fn at(&self, x: usize, y: usize, radius_px: f32) -> Slant {
+    pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
         let is_told = radius_px <= SQUARE_PX as f32;
         let square = y / SQUARE_PX * self.width + x / SQUARE_PX;
-        if is_told { self.slants[square] } else { Slant::NONE }
+        if is_told { self.fitted[square] } else { FittedPlane::NONE }
     }
 
     /// Rows of the planes that have squares.
@@ -136,14 +136,14 @@ impl Slants {
         });
     }
 
-    /// Tells the slants.
+    /// Tells the fitted.
     fn tell(&mut self, focal_px: f32, trust: Trust) {
-        let mut slants = std::mem::take(&mut self.slants);
-        let rows = slants.par_chunks_mut(self.width).enumerate().with_min_len(4);
-        rows.for_each(|(row, slants)| {
-            dispatch!(Simd::new(), simd => self.tell_row(simd, focal_px, trust, row, slants));
+        let mut fitted = std::mem::take(&mut self.fitted);
+        let rows = fitted.par_chunks_mut(self.width).enumerate().with_min_len(4);
+        rows.for_each(|(row, fitted)| {
+            dispatch!(Simd::new(), simd => self.tell_row(simd, focal_px, trust, row, fitted));
         });
-        self.slants = slants;
+        self.fitted = fitted;
     }
 
     #[inline(always)]
@@ -153,9 +153,9 @@ impl Slants {
         focal_px: f32,
         trust: Trust,
         row: usize,
-        slants: &mut [Slant],
+        fitted: &mut [FittedPlane],
     ) {
-        for (block, slants) in slants.chunks_mut(EIGHT).enumerate() {
+        for (block, fitted) in fitted.chunks_mut(EIGHT).enumerate() {
             let middle = (row + 1) * self.stride + block * EIGHT + 1;
             let eight = |plane: &[f32], at: usize| match plane[at..].first_chunk() {
                 Some(values) => load(simd, values),
@@ -188,8 +188,8 @@ impl Slants {
             let (growth, reach) = tell(&around, focal_px, trust);
             let [right, down] = growth.map(<[f32; EIGHT]>::from);
             let reach = <[f32; EIGHT]>::from(reach);
-            for (k, slant) in slants.iter_mut().enumerate() {
-                *slant = Slant { growth: [right[k], down[k]], reach: reach[k] };
+            for (k, plane) in fitted.iter_mut().enumerate() {
+                *plane = FittedPlane { growth: [right[k], down[k]], reach: reach[k] };
             }
         }
     }
@@ -273,12 +273,12 @@ mod tests {
         all.collect()
     }
 
-    fn told(target: &[AtomicU64]) -> Slants {
-        let mut slants = Slants::default();
+    fn told(target: &[AtomicU64]) -> FittedPlanes {
+        let mut fitted = FittedPlanes::default();
         // What was there before means nothing.
-        slants.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
-        slants.fill(target, WIDTH, FOCAL_PX, false);
-        slants
+        fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
+        fitted.fill(target, WIDTH, FOCAL_PX, false);
+        fitted
     }
 
     /// Pixels that points won, at least `margin` from the border.
@@ -300,21 +300,21 @@ mod tests {
             let near =
                 |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
             let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
-            let slants = told(&target);
+            let fitted = told(&target);
             for radius_px in [1.0, 4.0] {
                 let mut count = 0;
                 for (x, y, _) in won(&target, 32) {
-                    let slant = slants.at(x, y, radius_px);
-                    let at = (y / SQUARE_PX + 1) * slants.stride + x / SQUARE_PX + 1;
-                    let own = near(slants.x[at] as usize, slants.y[at] as usize);
+                    let plane = fitted.at(x, y, radius_px);
+                    let at = (y / SQUARE_PX + 1) * fitted.stride + x / SQUARE_PX + 1;
+                    let own = near(fitted.x[at] as usize, fitted.y[at] as usize);
                     let truth = [right, down].map(|steeper| (-steeper / own) as f32);
-                    for (told, truth) in slant.growth.into_iter().zip(truth) {
+                    for (told, truth) in plane.growth.into_iter().zip(truth) {
                         assert!(
                             (told - truth).abs() < 2e-5,
-                            "{slant:?}, {truth:?}, {radius_px} px"
+                            "{plane:?}, {truth:?}, {radius_px} px"
                         );
                     }
-                    assert!((slant.reach - APART.reach).abs() < 0.01, "{slant:?}");
+                    assert!((plane.reach - APART.reach).abs() < 0.01, "{plane:?}");
                     count += 1;
                 }
                 assert!(count > 500);
@@ -326,8 +326,8 @@ mod tests {
     fn what_is_no_surface_keeps_long_intervals() {
         // Leaves: depths that have nothing to do with each other.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
-        let slants = told(&leaves);
-        let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| slants.at(x, y, 2.0).reach).collect();
+        let fitted = told(&leaves);
+        let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| fitted.at(x, y, 2.0).reach).collect();
         let long = reaches.iter().filter(|reach| **reach > 1.6).count();
         assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
         // One point by itself, and discs wider than a square.
@@ -337,18 +337,18 @@ mod tests {
                 value.store(EMPTY, Relaxed);
             }
         });
-        assert_eq!(told(&alone).at(9, 5, 2.0), Slant::NONE);
-        assert_eq!(told(&leaves).at(9, 5, 4.1), Slant::NONE);
-        assert_eq!(told(&leaves).at(9, 5, f32::NAN), Slant::NONE);
+        assert_eq!(told(&alone).at(9, 5, 2.0), FittedPlane::NONE);
+        assert_eq!(told(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
+        assert_eq!(told(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
     }
 
     #[test]
     fn a_wall_beside_another_is_told_by_its_own_points() {
         let target = target(50, |x, _| if x < 100 { 1.0 } else { 1.4 });
-        let slants = told(&target);
+        let fitted = told(&target);
         for (x, y, _) in won(&target, 8) {
-            let slant = slants.at(x, y, 3.0);
-            assert!(slant.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {slant:?}");
+            let plane = fitted.at(x, y, 3.0);
+            assert!(plane.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {plane:?}");
         }
     }
 
@@ -356,10 +356,10 @@ mod tests {
     fn any_depths_tell_finite_slants() {
         const DEPTHS: [f32; 6] = [1e-30, 1e30, 1.0, 1.0, 3e38, 1e-38];
         let target = target(70, |x, y| DEPTHS[(x * 31 + y * 17 + x * y) % 6]);
-        let slants = told(&target);
+        let fitted = told(&target);
         for (x, y, _) in won(&target, 0) {
             for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
-                let Slant { growth, reach } = slants.at(x, y, radius_px);
+                let FittedPlane { growth, reach } = fitted.at(x, y, radius_px);
                 assert!(growth.iter().all(|g| g.is_finite()), "{growth:?}");
                 assert!((APART.reach..=BARE_REACH).contains(&reach), "{reach}");
             }

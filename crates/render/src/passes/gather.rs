@@ -7,11 +7,11 @@
 use crate::frame::{ColourPlane, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions};
 use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
-use crate::passes::fit_planes::{BARE_REACH, Slant, Slants};
+use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
 use crate::picture::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
-use crate::simd::lanes::{FLAT, LANES, Lane, NORMALS, Pixels, TOLD, moved, only};
+use crate::simd::lanes::{FITTED, FLAT, LANES, Lane, NORMALS, Pixels, moved, only};
 use crate::simd::values::directions;
 use esker_points::Node;
 use esker_points::fetch::fetch;
@@ -222,18 +222,18 @@ fn spacing_or(drawn: f32, node: &Node) -> f32 {
     if drawn > 0.0 { drawn } else { node.spacing }
 }
 
-/// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `slants`. Returns the number of
+/// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `fitted`. Returns the number of
 /// valid pixels.
 pub fn gather(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
-    slants: Option<&Slants>,
+    fitted: Option<&FittedPlanes>,
     base: &mut Level,
 ) -> u64 {
-    let pass = Gather { lookup, target, slants };
+    let pass = Gather { lookup, target, fitted };
     match base.planes() {
         Planes::None => pass.level::<FLAT>(base),
-        Planes::Told => pass.level::<TOLD>(base),
+        Planes::Fitted => pass.level::<FITTED>(base),
         Planes::Normals => pass.level::<NORMALS>(base),
     }
 }
@@ -243,7 +243,7 @@ pub fn gather(
 struct Gather<'a> {
     lookup: &'a Lookup<'a>,
     target: &'a [AtomicU64],
-    slants: Option<&'a Slants>,
+    fitted: Option<&'a FittedPlanes>,
 }
 
 impl Gather<'_> {
@@ -419,8 +419,8 @@ impl Hits {
             // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
             out.front[2] = within_half(centre[0] - place[0]);
             out.front[3] = within_half(centre[1] - place[1]);
-            if let (TOLD, Some(slants)) = (PLANE, pass.slants) {
-                let [growth @ .., across] = four_slants(slants, to, row.y, in_middle + margin);
+            if let (FITTED, Some(fitted)) = (PLANE, pass.fitted) {
+                let [growth @ .., across] = four_planes(fitted, to, row.y, in_middle + margin);
                 let (tilt, plate, normal) = plane_of(camera, place, growth);
                 let is_told = (growth[0].abs() + growth[1].abs()).cmpgt(Vec4::ZERO);
                 let [_, major] = of_disc(normal, seen);
@@ -469,12 +469,12 @@ impl Hits {
 
 /// What is told of four pixels of row `y`: the growth of depth right and down, and the reach.
 #[inline(always)]
-fn four_slants(slants: &Slants, to: &[usize; LANES], y: usize, radius_px: Lane) -> [Lane; 3] {
+fn four_planes(fitted: &FittedPlanes, to: &[usize; LANES], y: usize, radius_px: Lane) -> [Lane; 3] {
     let radii = radius_px.to_array();
     let mut all = [[0.0; LANES]; 3];
     for k in 0..LANES {
         let is_there = to[k] != usize::MAX;
-        let told = if is_there { slants.at(to[k], y, radii[k]) } else { Slant::NONE };
+        let told = if is_there { fitted.at(to[k], y, radii[k]) } else { FittedPlane::NONE };
         (all[0][k], all[1][k], all[2][k]) = (told.growth[0], told.growth[1], told.reach);
     }
     all.map(Vec4::from_array)

@@ -12,7 +12,7 @@
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, for_each_row};
 use crate::simd::lanes::{
-    FLAT, LANES, Lane, Mask, NORMALS, Pixels, TOLD, counting, halves, halves_of_planes,
+    FITTED, FLAT, LANES, Lane, Mask, NORMALS, Pixels, counting, halves, halves_of_planes,
     halves_of_values, is_empty, moved, only, valid,
 };
 use fearless_simd::{Level as Simd, dispatch};
@@ -27,7 +27,7 @@ pub fn pull(pyramid: &mut Pyramid) {
         let (finer, coarser) = (&finer[i - 1], &mut coarser[0]);
         match planes {
             Planes::None => pull_level::<FLAT>(&lens, finer, coarser),
-            Planes::Told => pull_level::<TOLD>(&lens, finer, coarser),
+            Planes::Fitted => pull_level::<FITTED>(&lens, finer, coarser),
             Planes::Normals => pull_level::<NORMALS>(&lens, finer, coarser),
         }
     }

@@ -27,7 +27,7 @@ use crate::passes::ellipse::covers_at;
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
 use crate::simd::lanes::{
-    FLAT, LANES, Line, NORMALS, Pixels, Run, TOLD, halves, has_pixels, is_empty, moved, turned,
+    FITTED, FLAT, LANES, Line, NORMALS, Pixels, Run, halves, has_pixels, is_empty, moved, turned,
 };
 use crate::simd::values::{Values, bits, dot, join, only};
 use fearless_simd::{
@@ -76,7 +76,7 @@ pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
         let smooths = smooths && i == 1;
         match planes {
             Planes::None => push_level::<FLAT>(&lens, coarser, finer, smooths, image),
-            Planes::Told => push_level::<TOLD>(&lens, coarser, finer, smooths, image),
+            Planes::Fitted => push_level::<FITTED>(&lens, coarser, finer, smooths, image),
             Planes::Normals => push_level::<NORMALS>(&lens, coarser, finer, smooths, image),
         }
     }

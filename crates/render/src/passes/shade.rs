@@ -11,7 +11,7 @@ use crate::inputs::camera::Camera;
 use crate::inputs::colour::words;
 use crate::passes::antialias::{are_creases, is_crease};
 use crate::passes::resolve::backdrop;
-use crate::passes::smooth_depth::{DepthImage, ReliefScratch, Surroundings};
+use crate::passes::smooth_depth::{DepthImage, SmoothDepthScratch, Surroundings};
 use crate::picture::marks::Marks;
 use crate::picture::surface::{Surface, SurfaceRow};
 use crate::simd::values::{EIGHT, Values, bits, dot, load, only};
@@ -42,19 +42,20 @@ pub struct Shaded {
     pub creases: Marks,
 }
 
-/// Lights a surface, whose depth image the picture has already, and writes its colours.
+/// Lights a surface, whose depth image the picture has already, and writes its colours. Normals of a
+/// surface that has none come from `smooth`, which [`crate::passes::smooth_depth::smooth_depth`] filled.
 pub fn shade(
     camera: &Camera,
     surface: &impl Surface,
     background: Background,
     shines: bool,
-    scratch: &mut ReliefScratch,
+    smooth: &SmoothDepthScratch,
     picture: &mut Picture,
 ) -> Shaded {
     if shines {
-        shade_as::<true, _>(camera, surface, background, scratch, picture)
+        shade_as::<true, _>(camera, surface, background, smooth, picture)
     } else {
-        shade_as::<false, _>(camera, surface, background, scratch, picture)
+        shade_as::<false, _>(camera, surface, background, smooth, picture)
     }
 }
 
@@ -63,26 +64,18 @@ fn shade_as<const SHINES: bool, S: Surface>(
     camera: &Camera,
     surface: &S,
     background: Background,
-    scratch: &mut ReliefScratch,
+    smooth: &SmoothDepthScratch,
     picture: &mut Picture,
 ) -> Shaded {
     let [width, height] = surface.size();
     let margin = camera.margin_px as usize;
     let last = height - margin - 1;
-    let is_bare = !surface.has_normals();
-    let raw = DepthImage {
-        width,
-        depth: &picture.depth,
-        focal_px: camera.focal_px,
-        centre_px: camera.centre_px,
-        // What smooths and tells slopes.
-        radius_px: if is_bare { mean_radius_px(surface, &picture.depth) } else { 0.0 },
-    };
-    let relief = if is_bare { raw.smoothed(scratch) } else { raw };
+    let raw = DepthImage::new(camera, &picture.depth, 0.0);
+    let shape = if surface.has_normals() { raw } else { smooth.image(camera) };
     let nothing = vec![f32::INFINITY; width];
     let rows = picture.rgba.par_chunks_mut(width * 4).with_min_len(4).enumerate();
     let found = rows.map(|(y, row)| {
-        let around = relief.surroundings(y, &nothing);
+        let around = shape.surroundings(y, &nothing);
         let mut row = Row {
             camera,
             surface,
@@ -307,18 +300,6 @@ fn filled(depth: &[f32]) -> [f32; EIGHT] {
 #[inline(always)]
 fn lanes_of<S: Simd>(mask: mask32x8<S>) -> impl Iterator<Item = usize> {
     (0..EIGHT).filter(move |&k| mask.test(k))
-}
-
-/// Mean radius over a sample of the pixels covered.
-fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
-    /// A prime, so that the sample runs across columns.
-    const EVERY: usize = 61;
-    let [width, _] = surface.size();
-    let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
-    let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
-        (sum + surface.radius_px(i % width, i / width).min(width as f32), count + 1.0)
-    });
-    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// About `exp(-x)` for x from 0; several times as fast.

@@ -7,6 +7,8 @@
 //! patterns that wide ones leave where their taps are now on the surface and now on another. Loops over rows are
 //! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
 
+use crate::inputs::camera::Camera;
+use crate::picture::surface::Surface;
 use crate::simd::values::{EIGHT, Values, dot, load, only};
 use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
@@ -43,23 +45,62 @@ pub struct DepthImage<'a> {
 
 /// Memory kept from frame to frame.
 #[derive(Clone, Debug, Default)]
-pub struct ReliefScratch {
+pub struct SmoothDepthScratch {
     rows: Vec<f32>,
     smooth: Vec<f32>,
     nothing: Vec<f32>,
+    /// Mean radius of the discs of the last image that [`smooth_depth`] smoothed, pixels.
+    radius_px: f32,
+}
+
+impl SmoothDepthScratch {
+    /// The depth image that [`smooth_depth`] left, for the same camera.
+    pub fn image(&self, camera: &Camera) -> DepthImage<'_> {
+        DepthImage::new(camera, &self.smooth, self.radius_px)
+    }
+}
+
+/// Smooths the depth image of a surface without normals into `scratch`, as wide as its discs are.
+pub fn smooth_depth(
+    camera: &Camera,
+    surface: &impl Surface,
+    depth: &[f32],
+    scratch: &mut SmoothDepthScratch,
+) {
+    scratch.radius_px = mean_radius_px(surface, depth);
+    DepthImage::new(camera, depth, scratch.radius_px).smoothed(scratch);
+}
+
+/// Mean radius over a sample of the pixels covered.
+fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
+    /// A prime, so that the sample runs across columns.
+    const EVERY: usize = 61;
+    let [width, _] = surface.size();
+    let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
+    let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
+        (sum + surface.radius_px(i % width, i / width).min(width as f32), count + 1.0)
+    });
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 impl<'a> DepthImage<'a> {
+    /// The depth image of a camera's picture, with its margin.
+    pub fn new(camera: &Camera, depth: &'a [f32], radius_px: f32) -> Self {
+        let width = camera.size[0] as usize;
+        let Camera { focal_px, centre_px, .. } = *camera;
+        Self { width, depth, focal_px, centre_px, radius_px }
+    }
+
     fn row(&self, y: usize) -> &'a [f32] {
         &self.depth[y * self.width..][..self.width]
     }
 
     /// The image smoothed along both axes.
-    pub fn smoothed<'b>(self, scratch: &'b mut ReliefScratch) -> DepthImage<'b>
+    pub fn smoothed<'b>(self, scratch: &'b mut SmoothDepthScratch) -> DepthImage<'b>
     where
         'a: 'b,
     {
-        let ReliefScratch { rows, smooth, nothing } = scratch;
+        let SmoothDepthScratch { rows, smooth, nothing, .. } = scratch;
         rows.resize(self.depth.len(), 0.0);
         smooth.resize(self.depth.len(), 0.0);
         nothing.clear();
@@ -341,7 +382,7 @@ mod tests {
                 centre_px: [20.0; 2],
                 radius_px: 0.0,
             };
-            let mut scratch = ReliefScratch::default();
+            let mut scratch = SmoothDepthScratch::default();
             let nothing = [f32::INFINITY; 40];
             for image in [image, image.smoothed(&mut scratch)] {
                 for (x, y) in [(20, 20), (8, 30), (0, 0), (39, 10)] {
@@ -366,7 +407,7 @@ mod tests {
             centre_px: [SIDE as f32 / 2.0; 2],
             radius_px: 16.0,
         };
-        let mut scratch = ReliefScratch::default();
+        let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch).depth;
         // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by some 20 degrees.
         let limit = 0.3 * 5.0 / image.focal_px;
@@ -393,7 +434,7 @@ mod tests {
                 centre_px: [SIDE as f32 / 2.0; 2],
                 radius_px,
             };
-            image.smoothed(&mut ReliefScratch::default()).depth.to_vec()
+            image.smoothed(&mut SmoothDepthScratch::default()).depth.to_vec()
         };
         let differ =
             |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
@@ -413,7 +454,7 @@ mod tests {
             centre_px: [10.0; 2],
             radius_px: 0.0,
         };
-        let mut scratch = ReliefScratch::default();
+        let mut scratch = SmoothDepthScratch::default();
         assert!(image.smoothed(&mut scratch).depth == depth);
         let row = image.surroundings(10, &depth[..20]);
         let (normal, behind) = shape(&row, 9);

@@ -7,7 +7,7 @@
 
 use crate::passes::tangent::Lens;
 use crate::simd::lanes::{
-    FLAT, LANES, NORMALS, TOLD, counting, four, four_planes, four_values, to_centres, valid,
+    FITTED, FLAT, LANES, NORMALS, counting, four, four_planes, four_values, to_centres, valid,
 };
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec2, Vec4};
@@ -20,7 +20,7 @@ pub enum Planes {
     #[default]
     None,
     /// Those told from depths ([`crate::passes::fit_planes`]).
-    Told,
+    Fitted,
     /// Those of the points' normals.
     Normals,
 }
@@ -30,7 +30,7 @@ impl Planes {
     pub fn values(self) -> usize {
         match self {
             Self::None => FLAT,
-            Self::Told => TOLD,
+            Self::Fitted => FITTED,
             Self::Normals => NORMALS,
         }
     }
@@ -74,7 +74,7 @@ impl Level {
         self.depth.resize(pixels, 0.0);
         let where_carried = |of: Planes| if planes == of { pixels } else { 0 };
         self.normal.resize(where_carried(Planes::Normals), Vec4::ZERO);
-        self.tilt.resize(where_carried(Planes::Told), Vec2::ZERO);
+        self.tilt.resize(where_carried(Planes::Fitted), Vec2::ZERO);
     }
 
     /// Whether a pixel holds a surface.
@@ -86,7 +86,7 @@ impl Level {
     pub fn planes(&self) -> Planes {
         match (self.normal.is_empty(), self.tilt.is_empty()) {
             (false, _) => Planes::Normals,
-            (true, false) => Planes::Told,
+            (true, false) => Planes::Fitted,
             (true, true) => Planes::None,
         }
     }
@@ -95,7 +95,7 @@ impl Level {
     pub fn depth_image(&self, lens: &Lens, depth: &mut [f32]) {
         match self.planes() {
             Planes::None => self.depth_image_of::<FLAT>(lens, depth),
-            Planes::Told => self.depth_image_of::<TOLD>(lens, depth),
+            Planes::Fitted => self.depth_image_of::<FITTED>(lens, depth),
             Planes::Normals => self.depth_image_of::<NORMALS>(lens, depth),
         }
     }

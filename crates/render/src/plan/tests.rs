@@ -17,9 +17,9 @@ const ASKED: Asked = Asked {
     shines: true,
     is_dense: false,
     smooths: true,
-    slants: true,
+    fits_planes: true,
     is_crowded: false,
-    evens: false,
+    evens_exposure: false,
 };
 
 #[test]
@@ -125,11 +125,11 @@ fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
     let plan = |has, asked| FramePlan::of(&has, &asked);
     let shaders = |plan: &FramePlan| {
         let variants = plan.variants().into_iter();
-        variants.filter(|v| v.shader.starts_with("slant/")).count()
+        variants.filter(|v| v.shader.starts_with("fit_planes/")).count()
     };
     let told = plan(bare, ASKED);
-    assert!(told.planes() == Planes::Told && shaders(&told) == 3);
-    assert_eq!(told.passes[..3], [Pass::Project, Pass::Slant, Pass::Gather]);
+    assert!(told.planes() == Planes::Fitted && shaders(&told) == 3);
+    assert_eq!(told.passes[..3], [Pass::Project, Pass::FitPlanes, Pass::Gather]);
     assert_eq!(plan(ALL, ASKED).planes(), Planes::Normals);
     let [dense, crowded] = [Asked { is_dense: true, ..ASKED }, Asked { is_crowded: true, ..ASKED }];
     // Where points crowd, their intervals stay long.
@@ -137,9 +137,9 @@ fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
         plan.variants().into_iter().filter(|v| v.constants.contains(&("CROWDED", 1))).count()
     };
     assert_eq!([plan(bare, ASKED), plan(bare, crowded)].map(|plan| long(&plan)), [0, 1]);
-    assert_eq!(plan(bare, crowded).planes(), Planes::Told);
+    assert_eq!(plan(bare, crowded).planes(), Planes::Fitted);
     let [points, ewa] = [Method::Points, Method::Ewa].map(|method| Asked { method, ..ASKED });
-    for asked in [dense, points, ewa, Asked { slants: false, ..ASKED }] {
+    for asked in [dense, points, ewa, Asked { fits_planes: false, ..ASKED }] {
         let plan = plan(bare, asked);
         assert!(plan.planes() == Planes::None && shaders(&plan) == 0, "{plan:?}");
     }
@@ -148,18 +148,18 @@ fn planes_are_told_where_there_are_no_normals_and_depths_are_compared() {
 
 #[test]
 fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
-    let asked = Asked { evens: true, ..ASKED };
+    let asked = Asked { evens_exposure: true, ..ASKED };
     let plan = FramePlan::of(&ALL, &asked);
     let shaders = |plan: &FramePlan| {
         let variants = plan.variants().into_iter().map(|v| v.shader);
-        variants.filter(|s| s.starts_with("even/")).count()
+        variants.filter(|s| s.starts_with("exposure/")).count()
     };
-    assert!(plan.evens() && shaders(&plan) == 3);
+    assert!(plan.evens_exposure() && shaders(&plan) == 3);
     let crowded = FramePlan::of(&ALL, &Asked { is_crowded: true, ..asked });
-    assert!(crowded.averages() && crowded.evens());
+    assert!(crowded.averages() && crowded.evens_exposure());
     assert_eq!(crowded.without_averages(), FramePlan { smooths: false, ..plan });
     assert_eq!(
-        crowded.without_evening(),
+        crowded.without_exposure(),
         FramePlan::of(&ALL, &Asked { is_crowded: true, ..ASKED })
     );
     let others = [
@@ -168,10 +168,10 @@ fn exposures_are_evened_where_that_is_asked_and_colours_are_the_scans_own() {
         FramePlan::of(&SceneHas { colour_plane: false, ..ALL }, &asked),
         FramePlan::of(&ALL, &Asked { method: Method::Points, ..asked }),
         FramePlan::of(&ALL, &Asked { method: Method::Ewa, ..asked }),
-        plan.without_evening(),
+        plan.without_exposure(),
     ];
     for plan in others {
-        assert!(!plan.evens() && shaders(&plan) == 0, "{plan:?}");
+        assert!(!plan.evens_exposure() && shaders(&plan) == 0, "{plan:?}");
     }
 }
 

@@ -17,7 +17,7 @@ pub type Mask = BVec4A;
 /// Values of a pixel's plane ([`crate::picture::pyramid::Planes`]), which kernels are compiled for: there is none.
 pub const FLAT: usize = 0;
 /// Those of a plane told from depths.
-pub const TOLD: usize = 2;
+pub const FITTED: usize = 2;
 /// Those of a normal.
 pub const NORMALS: usize = 4;
 
@@ -82,7 +82,7 @@ impl Pixels {
         for (k, to) in row.depth[run.clone()].chunks_exact_mut(2).enumerate() {
             to[right & 1] = self.depth[k];
         }
-        if PLANE == TOLD {
+        if PLANE == FITTED {
             for (k, to) in row.tilt[run].chunks_exact_mut(2).enumerate() {
                 to[right & 1] = self.tilt(k);
             }
@@ -101,7 +101,7 @@ impl Pixels {
                 row.depth[at] = self.depth[k];
                 match PLANE {
                     NORMALS => row.normal[at] = normal[k],
-                    TOLD => row.tilt[at] = self.tilt(k),
+                    FITTED => row.tilt[at] = self.tilt(k),
                     _ => {}
                 }
             }
@@ -169,7 +169,7 @@ pub fn four_values(run: &[f32]) -> Lane {
 pub fn four_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [Lane; 4] {
     match PLANE {
         NORMALS => four(normal, Vec4::ZERO),
-        TOLD => {
+        FITTED => {
             let [a, b, c, d] = match tilt.first_chunk() {
                 Some(four) => *four,
                 None => filled(tilt, Vec2::ZERO),
@@ -186,7 +186,7 @@ pub fn four_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [Lane;
 pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [[Lane; 4]; 2] {
     match PLANE {
         NORMALS => halves(normal, Vec4::ZERO),
-        TOLD => {
+        FITTED => {
             let [a, b, c, d, e, f, g, h] = match tilt.first_chunk() {
                 Some(eight) => *eight,
                 None => filled(tilt, Vec2::ZERO),
@@ -207,7 +207,7 @@ pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [
 pub fn moved<const PLANE: usize, V: Values>(tilt: [V; 2], facing: V, by: [V; 2]) -> V {
     match PLANE {
         NORMALS => factor(facing, turn(tilt, by)),
-        TOLD => factor(facing.like(-1.0), turn(tilt, by)),
+        FITTED => factor(facing.like(-1.0), turn(tilt, by)),
         _ => facing.like(1.0),
     }
 }
@@ -321,7 +321,7 @@ impl Line {
             let plane =
                 four_planes::<PLANE>(normals.unwrap_or_default(), tilts.unwrap_or_default());
             let [right, up, back, share] = plane;
-            if PLANE == TOLD {
+            if PLANE == FITTED {
                 self.put(Self::PLANE, i, [right, up]);
             }
             if PLANE == NORMALS {

@@ -109,8 +109,8 @@ pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> 
         skips_push: frame.skips_push,
         averages: frame.averages,
         smooths: frame.smooths,
-        slants: frame.slants,
-        evens: frame.evens,
+        fits_planes: frame.fits_planes,
+        evens_exposure: frame.evens_exposure,
         background: frame.background,
     }
 }

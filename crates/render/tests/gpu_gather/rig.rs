@@ -17,7 +17,7 @@ use esker_render::gpu::passes::resolve::Resolve;
 use esker_render::gpu::passes::tiles::{TILES_BYTES, Tiles, tiles_from};
 use esker_render::gpu::{Gpu, NodePool, PlaneAt, Request, wgpu};
 use esker_render::inputs::camera::Camera;
-use esker_render::passes::fit_planes::Slants;
+use esker_render::passes::fit_planes::FittedPlanes;
 use esker_render::passes::gather::{Lookup, gather};
 use esker_render::passes::project::{DrawList, EMPTY, project, unpack};
 use esker_render::passes::resolve::resolve;
@@ -95,11 +95,11 @@ impl Cpu<'_> {
         let mut pyramid = esker_render::picture::pyramid::Pyramid::default();
         pyramid.fit(width, height, planes);
         let mut base = pyramid.levels.swap_remove(0);
-        let mut slants = Slants::default();
+        let mut fitted = FittedPlanes::default();
         let is_crowded = FramePlan::new(self.frame).averages();
-        slants.fill(&self.target, width, self.camera.focal_px, is_crowded);
-        let slants = (planes == Planes::Told).then_some(&slants);
-        (gather(&lookup, &self.target, slants, &mut base), base)
+        fitted.fill(&self.target, width, self.camera.focal_px, is_crowded);
+        let fitted = (planes == Planes::Fitted).then_some(&fitted);
+        (gather(&lookup, &self.target, fitted, &mut base), base)
     }
 
     /// Covered pixels and the picture without surfaces.
@@ -226,9 +226,9 @@ impl Rig {
         let plan = FramePlan::new(&Frame { method: Method::PullPush, ..*frame });
         let (gpu, lookup, gather) = (&self.gpu, &mut self.lookup, &mut self.gather);
         let size = [frame.view.width, frame.view.height];
-        gather.slant.fit(gpu, size, &plan).unwrap();
+        gather.fit_planes.fit(gpu, size, &plan).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gather.slant.encode(
+        gather.fit_planes.encode(
             gpu,
             &mut encoder,
             won.uniform,
@@ -256,7 +256,7 @@ impl Rig {
             depth: bytemuck::pod_collect_to_vec(&depth[..pixels * 4]),
             normal: if pyramid.planes == Planes::Normals { wide(&plane) } else { Vec::new() },
             tilt: match pyramid.planes {
-                Planes::Told => {
+                Planes::Fitted => {
                     let pairs: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&plane[..pixels * 8]);
                     pairs.into_iter().map(Vec2::from_array).collect()
                 }

@@ -108,8 +108,8 @@ impl Scene {
             skips_push: true,
             averages: true,
             smooths: true,
-            slants: true,
-            evens: false,
+            fits_planes: true,
+            evens_exposure: false,
             background: Background::default(),
         }
     }

@@ -12,7 +12,7 @@ use esker_render::passes::fill_holes;
 use esker_render::passes::pull;
 use esker_render::passes::push;
 use esker_render::passes::silhouette;
-use esker_render::passes::smooth_depth::{DepthImage, ReliefScratch};
+use esker_render::passes::smooth_depth::{DepthImage, SmoothDepthScratch};
 use esker_render::passes::tangent::Lens;
 use esker_render::picture::edges;
 use esker_render::picture::margin::MARGIN_PX;
@@ -151,7 +151,7 @@ impl Cloud {
         &self,
         view: &View,
         has_normals: bool,
-        slants: bool,
+        fits_planes: bool,
         fill: impl Fn(&mut Pyramid, bool),
     ) -> Drawn {
         let draws: Vec<_> =
@@ -159,7 +159,8 @@ impl Cloud {
         let wide = view.with_margin(MARGIN_PX);
         let mut frame = self.scenes[0].frame(&wide, &draws);
         frame.background = Background::Plain([0; 4]);
-        (frame.averages, frame.smooths, frame.slants) = (self.averages, self.averages, slants);
+        (frame.averages, frame.smooths, frame.fits_planes) =
+            (self.averages, self.averages, fits_planes);
         let picture = Renderer::default().render(&frame).unwrap();
         let smooths = FramePlan::new(&frame).smooths;
         let (level, depth) = last_level(&frame, |pyramid| fill(pyramid, smooths));
@@ -200,7 +201,7 @@ pub fn last_level(frame: &Frame<'_>, fill: impl Fn(&mut Pyramid)) -> (Level, Vec
     let mut depth = vec![0.0; base.front.len()];
     base.depth_image(&Lens::new(&camera), &mut depth);
     let found = edges::edges(&depth, base.width, 2.0 / camera.focal_px);
-    fill_holes::mend(&mut base, &mut depth, camera.focal_px);
+    fill_holes::fill_holes(&mut base, &mut depth, camera.focal_px);
     silhouette::trim(&mut base, &mut depth, &found, camera.focal_px);
     (base, depth)
 }
@@ -247,7 +248,7 @@ impl Drawn {
         let radius_px = radii.iter().sum::<f32>() / radii.len().max(1) as f32;
         let (depth, focal_px) = (&self.depth[..], self.view.focal_px() as f32);
         let image = DepthImage { width, depth, focal_px, centre_px: middle, radius_px };
-        let mut scratch = ReliefScratch::default();
+        let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch);
         let nothing = vec![f32::INFINITY; width];
         let mut normals = Vec::with_capacity(count);

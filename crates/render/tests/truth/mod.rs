@@ -224,7 +224,7 @@ pub fn walls_view(side: u32, degrees: f64, across: f64) -> View {
     View::look_at(DVec3::new(s, -c, 0.0) * distance, DVec3::ZERO, DVec3::Z, fov, side, side)
 }
 
-/// Wires of 0.5 to 4 pixels' width, at slants.
+/// Wires of 0.5 to 4 pixels' width, at fits_planes.
 fn wires(side: u32) -> Truth {
     let pixel = 2.0 * 10.0 * 0.1f64.tan() / f64::from(side);
     let wire = |i: u32| {

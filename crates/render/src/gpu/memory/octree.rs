@@ -60,11 +60,6 @@ impl GpuOctree {
         self.cells.len()
     }
 
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
-    }
-
     /// The cells, for a storage binding.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer

@@ -1,4 +1,4 @@
-//! Even on the GPU: exposures of scans are evened out ([`crate::passes::exposure`] is the twin). The slots of scans are read while the
+//! Exposure on the GPU: exposures of scans are evened out ([`crate::passes::exposure`] is the twin). The slots of scans are read while the
 //! points' own bytes are at hand, before gather turns them into colours.
 
 use crate::gpu::device::error::GpuError;
@@ -14,7 +14,7 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
 /// The pass, made when it is first asked for.
 #[derive(Default)]
-pub struct Even {
+pub struct Exposure {
     kernels: Option<Kernels>,
     memory: Option<Memory>,
 }
@@ -28,11 +28,11 @@ struct Kernels {
 struct Memory {
     /// The slot of each pixel's scan, a word each.
     slots: Counted,
-    /// Sums of the cells (`shaders/common/even.wgsl`).
+    /// Sums of the cells (`shaders/common/exposure.wgsl`).
     sums: Counted,
 }
 
-impl Even {
+impl Exposure {
     /// Bytes of the cells of a picture.
     fn bytes(size: [u32; 2]) -> u64 {
         let cells = size.map(|side| u64::from(side).div_ceil(CELL_PX as u64));
@@ -49,7 +49,7 @@ impl Even {
     /// # Errors
     /// Where memory or a shader is refused.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
-        if !plan.evens() {
+        if !plan.evens_exposure() {
             *self = Self::default();
             return Ok(());
         }
@@ -66,9 +66,9 @@ impl Even {
         if self.kernels.is_none() {
             let kernel = |source| Kernel::new(gpu, source, "main", &[]);
             self.kernels = Some(Kernels {
-                slot: kernel(sources::EVEN_SLOT)?,
-                add: kernel(sources::EVEN_ADD)?,
-                apply: kernel(sources::EVEN_APPLY)?,
+                slot: kernel(sources::EXPOSURE_SLOT)?,
+                add: kernel(sources::EXPOSURE_ADD)?,
+                apply: kernel(sources::EXPOSURE_APPLY)?,
             });
         }
         Ok(())
@@ -102,7 +102,7 @@ impl Even {
             return;
         };
         encoder.clear_buffer(sums, 0, None);
-        let mut pass = timing.compute(encoder, Pass::Even);
+        let mut pass = timing.compute(encoder, Pass::Exposure);
         let pixels = groups_of(u64::from(level.width) * u64::from(level.height));
         let buffers = [
             (0, uniform),

@@ -1,4 +1,4 @@
-//! Mend on the GPU ([`crate::passes::fill_holes`] and [`crate::picture::edges`] are the twins): the depth image, its edges, and two rounds of
+//! FillHoles on the GPU ([`crate::passes::fill_holes`] and [`crate::picture::edges`] are the twins): the depth image, its edges, and two rounds of
 //! finding gaps and closing them.
 
 use crate::gpu::device::Gpu;
@@ -13,14 +13,14 @@ use crate::picture::pyramid::Planes;
 const ROUNDS: usize = 2;
 
 /// The pass.
-pub struct Mend {
+pub struct FillHoles {
     depth: Kernel,
     /// In the first round, and later.
     find: [Kernel; 2],
     fill: Kernel,
 }
 
-impl Mend {
+impl FillHoles {
     /// For pyramids whose pixels carry these planes.
     ///
     /// # Errors
@@ -29,12 +29,12 @@ impl Mend {
         let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
         let moved = [("PLANE", planes.values() as f64)];
         let find = |first: f64| {
-            Kernel::new(gpu, sources::MEND_FIND, "main", &[("FIRST", first), constants[0]])
+            Kernel::new(gpu, sources::FILL_HOLES_FIND, "main", &[("FIRST", first), constants[0]])
         };
         Ok(Self {
-            depth: Kernel::new(gpu, sources::MEND_DEPTH, "main", &moved)?,
+            depth: Kernel::new(gpu, sources::FILL_HOLES_DEPTH, "main", &moved)?,
             find: [find(1.0)?, find(0.0)?],
-            fill: Kernel::new(gpu, sources::MEND_FILL, "main", &constants)?,
+            fill: Kernel::new(gpu, sources::FILL_HOLES_FILL, "main", &constants)?,
         })
     }
 

@@ -1,4 +1,4 @@
-//! Slants on the GPU: planes of surfaces without normals ([`crate::passes::fit_planes`] is the twin). They are told before gather, and
+//! FittedPlanes on the GPU: planes of surfaces without normals ([`crate::passes::fit_planes`] is the twin). They are told before gather, and
 //! given to the pixels after it: gather itself binds as many buffers as WebGPU's default limits allow.
 
 use crate::gpu::device::error::GpuError;
@@ -14,7 +14,7 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
 /// The pass, made when it is first asked for.
 #[derive(Default)]
-pub struct Slant {
+pub struct FitPlanes {
     kernels: Option<Kernels>,
     memory: Option<Memory>,
 }
@@ -28,9 +28,9 @@ struct Kernels {
 
 struct Memory {
     size: [u32; 2],
-    /// Nearest points and slants of the squares (`shaders/slant/tell.wgsl`).
+    /// Nearest points and fitted of the squares (`shaders/fit_planes/fit.wgsl`).
     nears: Counted,
-    slants: Counted,
+    fitted: Counted,
 }
 
 /// Squares of a picture.
@@ -38,13 +38,13 @@ fn squares(size: [u32; 2]) -> u64 {
     size.into_iter().map(|side| u64::from(side).div_ceil(SQUARE_PX as u64)).product()
 }
 
-impl Slant {
+impl FitPlanes {
     /// Takes what a plan needs, and gives back what it does not.
     ///
     /// # Errors
     /// Where memory or a shader is refused.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
-        if plan.planes() != Planes::Told {
+        if plan.planes() != Planes::Fitted {
             self.memory = None;
             return Ok(());
         }
@@ -52,23 +52,24 @@ impl Slant {
             self.memory = None;
             let plane =
                 |name, bytes| gpu.buffer(name, squares(size) * bytes, BufferUsages::STORAGE);
-            let (nears, slants) = (plane("nearest points", 8)?, plane("slants", 16)?);
-            self.memory = Some(Memory { size, nears, slants });
+            let (nears, fitted) = (plane("nearest points", 8)?, plane("fitted", 16)?);
+            self.memory = Some(Memory { size, nears, fitted });
         }
         if self.kernels.is_none() {
             let kernel = |source| Kernel::new(gpu, source, "main", &[]);
-            let tell =
-                |crowded| Kernel::new(gpu, sources::SLANT_TELL, "main", &[("CROWDED", crowded)]);
+            let tell = |crowded| {
+                Kernel::new(gpu, sources::FIT_PLANES_FIT, "main", &[("CROWDED", crowded)])
+            };
             self.kernels = Some(Kernels {
-                nearest: kernel(sources::SLANT_NEAREST)?,
+                nearest: kernel(sources::FIT_PLANES_NEAREST)?,
                 tell: [tell(0.0)?, tell(1.0)?],
-                tilt: kernel(sources::SLANT_TILT)?,
+                tilt: kernel(sources::FIT_PLANES_TILT)?,
             });
         }
         Ok(())
     }
 
-    /// Tells the slants of a frame buffer.
+    /// Tells the fitted of a frame buffer.
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -81,12 +82,12 @@ impl Slant {
         let (Some(kernels), Some(memory)) = (&self.kernels, &self.memory) else { return };
         let Kernels { nearest, tell, .. } = kernels;
         let tell = &tell[usize::from(plan.averages())];
-        let Memory { size, nears, slants } = memory;
+        let Memory { size, nears, fitted } = memory;
         let groups = groups_of(squares(*size));
-        let mut pass = timing.compute(encoder, Pass::Slant);
+        let mut pass = timing.compute(encoder, Pass::FitPlanes);
         let bind = nearest.bind(gpu, &[(0, uniform), (1, hits), (2, nears)]);
         nearest.dispatch(&mut pass, &bind, groups);
-        let bind = tell.bind(gpu, &[(0, uniform), (1, nears), (2, slants)]);
+        let bind = tell.bind(gpu, &[(0, uniform), (1, nears), (2, fitted)]);
         tell.dispatch(&mut pass, &bind, groups);
     }
 
@@ -103,7 +104,7 @@ impl Slant {
         };
         let buffers = [
             (0, uniform),
-            (1, &*memory.slants),
+            (1, &*memory.fitted),
             (2, &*level.front),
             (3, &*level.tint),
             (4, &*level.plane),

@@ -7,8 +7,8 @@ use crate::gpu::device::shader::sources;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::lookup::{GpuLookup, Won};
 use crate::gpu::memory::pyramid::GpuPyramid;
-use crate::gpu::passes::exposure::Even;
-use crate::gpu::passes::fit_planes::Slant;
+use crate::gpu::passes::exposure::Exposure;
+use crate::gpu::passes::fit_planes::FitPlanes;
 use crate::picture::pyramid::Planes;
 use crate::plan::FramePlan;
 use wgpu::ComputePass;
@@ -18,17 +18,17 @@ pub struct Gather {
     /// By whether pixels carry normals and planes, and what gives them their colour.
     kernels: Variants<3>,
     /// The planes that are told where there are no normals.
-    pub slant: Slant,
+    pub fit_planes: FitPlanes,
     /// What is told of the points' scans, where that is asked.
-    pub even: Even,
+    pub exposure: Exposure,
 }
 
 impl Default for Gather {
     fn default() -> Self {
         Self {
             kernels: Variants::new(sources::GATHER_GATHER, ["NORMALS", "PLANES", "COLOUR"]),
-            slant: Slant::default(),
-            even: Even::default(),
+            fit_planes: FitPlanes::default(),
+            exposure: Exposure::default(),
         }
     }
 }
@@ -49,7 +49,7 @@ impl Gather {
     ) -> Result<(), GpuError> {
         let Some(level) = pyramid.levels.first() else { return Ok(()) };
         lookup.fetch(gpu, pass, won, plan, [&level.front, &level.tint])?;
-        self.even.take(gpu, pass, won, &level.tint);
+        self.exposure.take(gpu, pass, won, &level.tint);
         let kernel = self.kernels.get(gpu, plan.gather_constants().map(|(_, value)| value))?;
         let buffers = [
             (0, won.uniform),
@@ -64,8 +64,8 @@ impl Gather {
             (9, won.counts),
         ];
         kernel.dispatch(pass, &kernel.bind(gpu, &buffers), won.groups());
-        if plan.planes() == Planes::Told {
-            self.slant.tilt(gpu, pass, won.uniform, level);
+        if plan.planes() == Planes::Fitted {
+            self.fit_planes.tilt(gpu, pass, won.uniform, level);
         }
         Ok(())
     }
@@ -75,6 +75,6 @@ impl Gather {
     /// # Errors
     /// Where a changed shader does not build; its kernel is as it was.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
-        Ok(self.kernels.reload(gpu)? | self.slant.reload(gpu)? | self.even.reload(gpu)?)
+        Ok(self.kernels.reload(gpu)? | self.fit_planes.reload(gpu)? | self.exposure.reload(gpu)?)
     }
 }

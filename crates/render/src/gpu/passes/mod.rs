@@ -1,5 +1,6 @@
 //! The passes on the GPU, a file a pass: pipelines, bindings and dispatches of the shaders of the same name.
 
+pub(crate) mod antialias;
 pub(crate) mod average;
 pub mod ewa;
 pub(crate) mod exposure;
@@ -14,4 +15,5 @@ pub mod resolve;
 pub(crate) mod shade;
 pub(crate) mod silhouette;
 pub(crate) mod smooth_depth;
+pub(crate) mod store;
 pub mod tiles;

@@ -30,7 +30,7 @@ impl Push {
         kernels.get(gpu, [planes.values() as u32, 0])?;
         let inherit = match planes {
             Planes::Normals => Some(Kernel::new(gpu, sources::PUSH_INHERIT, "main", &[])?),
-            Planes::None | Planes::Told => None,
+            Planes::None | Planes::Fitted => None,
         };
         Ok(Self { kernels, planes, inherit })
     }

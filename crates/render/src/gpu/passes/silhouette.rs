@@ -1,4 +1,4 @@
-//! Trim on the GPU ([`crate::passes::silhouette`] is the twin): the rims, waves inwards from them in turns, pixels left alone, and the
+//! Silhouette on the GPU ([`crate::passes::silhouette`] is the twin): the rims, waves inwards from them in turns, pixels left alone, and the
 //! depth image that they leave. Only the tiles of the picture that waves can reach are worked on. Attributes stay where they are: a plane of sources says whose each pixel shows.
 
 use crate::gpu::device::dispatch::{Dispatch, Groups, fixed_uniform};
@@ -21,7 +21,7 @@ const TILE: u32 = 16;
 /// Bytes from one uniform in a buffer to the next: what WebGPU promises.
 const UNIFORM_STRIDE: usize = 256;
 
-/// Half a turn, as the shader reads it (`shaders/trim/waves.wgsl`).
+/// Half a turn, as the shader reads it (`shaders/silhouette/waves.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Half {
@@ -31,7 +31,7 @@ struct Half {
 
 same_layout!(Half { turn, waves });
 
-/// What the turns keep, as `shaders/trim/start.wgsl` says.
+/// What the turns keep, as `shaders/silhouette/start.wgsl` says.
 pub struct Turns {
     turns: Counted,
     groups: Counted,
@@ -43,7 +43,7 @@ impl Turns {
     pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
         let [across, down] = size.map(|n| u64::from(n.div_ceil(TILE)));
         let buffer = |words: u64, usage| {
-            gpu.buffer("turns of trim", words * 4, BufferUsages::STORAGE | usage)
+            gpu.buffer("turns of silhouette", words * 4, BufferUsages::STORAGE | usage)
         };
         Ok(Self {
             turns: buffer(u64::from(TURNS) * 2, BufferUsages::empty())?,
@@ -55,7 +55,7 @@ impl Turns {
 }
 
 /// The pass.
-pub struct Trim {
+pub struct Silhouette {
     start: Kernel,
     rims: Kernel,
     tiles: Kernel,
@@ -65,7 +65,7 @@ pub struct Trim {
     halves: Counted,
 }
 
-impl Trim {
+impl Silhouette {
     /// For pyramids with normals or without.
     ///
     /// # Errors
@@ -75,16 +75,21 @@ impl Trim {
         thread::scope(|scope| {
             let [rims, waves] = [
                 Beside::begin(scope, || {
-                    Kernel::new(gpu, sources::TRIM_RIMS, "main", &[("NORMALS", normals)])
+                    Kernel::new(gpu, sources::SILHOUETTE_RIMS, "main", &[("NORMALS", normals)])
                 })?,
                 Beside::begin(scope, || {
-                    Kernel::unzeroed(gpu, sources::TRIM_WAVES, "main", &[("NORMALS", normals)])
+                    Kernel::unzeroed(
+                        gpu,
+                        sources::SILHOUETTE_WAVES,
+                        "main",
+                        &[("NORMALS", normals)],
+                    )
                 })?,
             ];
             Ok(Self {
-                start: Kernel::new(gpu, sources::TRIM_START, "main", &[])?,
-                tiles: Kernel::new(gpu, sources::TRIM_TILES, "main", &[])?,
-                settle: Kernel::new(gpu, sources::TRIM_SETTLE, "main", &[])?,
+                start: Kernel::new(gpu, sources::SILHOUETTE_START, "main", &[])?,
+                tiles: Kernel::new(gpu, sources::SILHOUETTE_TILES, "main", &[])?,
+                settle: Kernel::new(gpu, sources::SILHOUETTE_SETTLE, "main", &[])?,
                 rims: rims.get()?,
                 waves: waves.get()?,
                 halves: halves(gpu)?,
@@ -164,5 +169,5 @@ fn halves(gpu: &Gpu) -> Result<Counted, GpuError> {
         let half = Half { turn: i / 2, waves: i * HALF_WAVES };
         place[..size_of::<Half>()].copy_from_slice(bytemuck::bytes_of(&half));
     }
-    fixed_uniform(gpu, "turns of trim", &bytes)
+    fixed_uniform(gpu, "turns of silhouette", &bytes)
 }

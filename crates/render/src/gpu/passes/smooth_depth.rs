@@ -12,13 +12,13 @@ use crate::gpu::surface::Target;
 const STEPS: [u32; 4] = [8, 4, 2, 1];
 
 /// The pass.
-pub struct Relief {
+pub struct SmoothDepth {
     radius: Kernel,
     /// Along rows and columns, a round each.
     smooth: Vec<[Kernel; 2]>,
 }
 
-impl Relief {
+impl SmoothDepth {
     /// For a device.
     ///
     /// # Errors
@@ -26,11 +26,11 @@ impl Relief {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let smooth = |step: u32, down: f64| {
             let constants = [("STEP", f64::from(step)), ("DOWN", down)];
-            Kernel::new(gpu, sources::RELIEF_SMOOTH, "main", &constants)
+            Kernel::new(gpu, sources::SMOOTH_DEPTH_SMOOTH, "main", &constants)
         };
         let rounds = STEPS.iter().map(|&step| Ok([smooth(step, 0.0)?, smooth(step, 1.0)?]));
         Ok(Self {
-            radius: Kernel::unzeroed(gpu, sources::RELIEF_RADIUS, "main", &[])?,
+            radius: Kernel::unzeroed(gpu, sources::SMOOTH_DEPTH_RADIUS, "main", &[])?,
             smooth: rounds.collect::<Result<_, GpuError>>()?,
         })
     }
@@ -38,12 +38,12 @@ impl Relief {
     /// What finds the mean radius and smooths the picture's depth into [`Target::spare`].
     pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
         let depth = &target.picture.depth;
-        let radius = [depth, &target.base().tint, target.sources, target.relief];
+        let radius = [depth, &target.base().tint, target.sources, target.smoothing];
         let mut all = vec![target.one_group(gpu, &self.radius, &radius)];
         let (rows, smooth) = (target.depth, target.spare);
         for [along, down] in &self.smooth {
-            all.push(target.dispatch(gpu, along, &[target.relief, depth, rows, smooth]));
-            all.push(target.dispatch(gpu, down, &[target.relief, rows, smooth, rows]));
+            all.push(target.dispatch(gpu, along, &[target.smoothing, depth, rows, smooth]));
+            all.push(target.dispatch(gpu, down, &[target.smoothing, rows, smooth, rows]));
         }
         all
     }

@@ -1,5 +1,5 @@
 // Gives the pixels of level 0 the planes that are told of their surfaces, and depth intervals as long as these take.
-// Twin: crates/render/src/gather.rs.
+// Twin: crates/render/src/passes/gather.rs.
 
 // include common/frame.wgsl
 // include common/tangent.wgsl
@@ -7,14 +7,14 @@
 // include common/seen.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// As `slant/tell` has them.
+// As `fit_planes/fit` has them.
 @group(0) @binding(1) var<storage, read> slants: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> front: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> tint: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> tilts: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> depths: array<f32>;
 
-// As in crates/render/src/gather.rs, where they are explained.
+// As in crates/render/src/passes/gather.rs, where they are explained.
 const BARE_REACH: f32 = 2.0;
 const SLANT_REACH_MAX: f32 = 3.0;
 const RADIUS_MARGIN_PX: f32 = 0.5;
@@ -42,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         told = slants[square.y * squares().x + square.x].xyz;
     }
     let place = centre - own.zw;
-    // The normal that is so long that q is -1 at the place (crates/render/src/tangent.rs), not steeper than can be followed.
+    // The normal that is so long that q is -1 at the place (crates/render/src/passes/tangent.rs), not steeper than can be followed.
     let back = (dot(told.xy, place - frame.centre_px) + 1.0) / frame.focal_px;
     let steepness = (abs(told.x) + abs(told.y)) * (frame.focal_px / SLOPE_MAX);
     let followed = 1.0 / max(steepness, 1.0);

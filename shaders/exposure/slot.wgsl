@@ -1,11 +1,11 @@
 // The slot of the scan of each point that won a pixel, from its words (gather/fetch.wgsl) before gather turns them into
-// colours. Twin: crates/render/src/even.rs.
+// colours. Twin: crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
 // include common/draws.wgsl
 // include common/place.wgsl
 // include common/lookup.wgsl
-// include common/even.wgsl
+// include common/exposure.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> hits: array<vec2<u32>>;

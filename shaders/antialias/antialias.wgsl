@@ -1,5 +1,5 @@
 // Soften: antialiasing where a surface ends before another or before the background, and at creases; and the last
-// step of the picture. Twin: crates/render/src/soften.rs, which says how.
+// step of the picture. Twin: crates/render/src/passes/antialias.rs, which says how.
 
 // include common/frame.wgsl
 // include common/marks.wgsl
@@ -122,7 +122,7 @@ fn inwards(slope: vec2<f32>) -> vec2<i32> {
 }
 
 // The surroundings before `split` and behind it, mixed: sRGB bytes.
-fn softened(at: vec2<u32>, split: f32) -> u32 {
+fn antialiased(at: vec2<u32>, split: f32) -> u32 {
     // Without a split all of it is before.
     let is_whole = is_infinite(split);
     var across = COVERAGE;
@@ -188,7 +188,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if is_soft || is_outline(id.xy, pixel) {
         let split = split_at(id.xy, pixel);
         if is_soft || !is_infinite(split) {
-            colour = softened(id.xy, split);
+            colour = antialiased(id.xy, split);
         }
     }
     rgba[pixel] = colour;

@@ -1,4 +1,4 @@
-// Finds edges of the depth image, and gaps: pixels that lie behind nearly all of their neighbours. Twins: crates/render/src/edges.rs, mend.rs.
+// Finds edges of the depth image, and gaps: pixels that lie behind nearly all of their neighbours. Twins: crates/render/src/picture/edges.rs, mend.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

@@ -1,5 +1,5 @@
 // The depth image of the filled level: depths at the pixels' centres, infinite where there is nothing. Twin:
-// `Level::depth_image` in crates/render/src/pyramid.rs.
+// `Level::depth_image` in crates/render/src/picture/pyramid.rs.
 
 // include common/frame.wgsl
 // include common/level.wgsl

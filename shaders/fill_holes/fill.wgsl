@@ -1,5 +1,5 @@
 // Closes the gaps found: each takes the mean of those in front of it around it that are no gaps themselves. These
-// alone are read and gaps alone are written, so the order does not matter. Twin: crates/render/src/mend.rs.
+// alone are read and gaps alone are written, so the order does not matter. Twin: crates/render/src/passes/fill_holes.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

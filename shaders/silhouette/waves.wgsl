@@ -1,6 +1,6 @@
 // Half a turn of waves inwards from the rims. A group keeps a tile in its memory with as many pixels around it as
 // there are waves, so that nothing from beyond reaches the tile. As on a chessboard a wave is for the pixels of
-// one colour. Twin: `Waves::inwards` in crates/render/src/trim.rs.
+// one colour. Twin: `Waves::inwards` in crates/render/src/passes/silhouette/mod.rs.
 
 // include common/frame.wgsl
 // include common/limit.wgsl

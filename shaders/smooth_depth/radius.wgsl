@@ -1,8 +1,8 @@
 // The mean radius over a sample of the pixels covered: how far apart the steps of the depth image lie. One group.
-// Twin: `mean_radius_px` in crates/render/src/shade.rs.
+// Twin: `mean_radius_px` in crates/render/src/passes/shade.rs.
 
 // include common/frame.wgsl
-// include common/relief.wgsl
+// include common/smoothing.wgsl
 
 // A prime, so that the sample runs across columns.
 const EVERY: u32 = 61u;
@@ -12,7 +12,7 @@ const LANES: u32 = 256u;
 @group(0) @binding(1) var<storage, read> depth: array<f32>;
 @group(0) @binding(2) var<storage, read> tint: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> sources: array<u32>;
-@group(0) @binding(4) var<storage, read_write> relief: Relief;
+@group(0) @binding(4) var<storage, read_write> smoothing: Smoothing;
 
 // include common/source.wgsl
 
@@ -35,6 +35,6 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         }
     }
     if lane == 0u {
-        relief.radius_px = select(0.0, sums[0].x / sums[0].y, sums[0].y > 0.0);
+        smoothing.radius_px = select(0.0, sums[0].x / sums[0].y, sums[0].y > 0.0);
     }
 }

@@ -1,7 +1,7 @@
-// A bilateral mean of the depth image along an axis, five taps `STEP` pixels apart. Twin: crates/render/src/relief.rs.
+// A bilateral mean of the depth image along an axis, five taps `STEP` pixels apart. Twin: crates/render/src/passes/smooth_depth.rs.
 
 // include common/frame.wgsl
-// include common/relief.wgsl
+// include common/smoothing.wgsl
 
 // Distance of the taps, pixels.
 override STEP: u32;
@@ -13,7 +13,7 @@ const TAPS: vec3<f32> = vec3<f32>(6.0, 4.0, 1.0);
 const RADIUS_PER_STEP: vec2<f32> = vec2<f32>(1.7, 2.5);
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<uniform> relief: Relief;
+@group(0) @binding(1) var<uniform> smoothing: Smoothing;
 @group(0) @binding(2) var<storage, read> rough: array<f32>;
 @group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
 // What wider rounds have left; it stands for the rough image once there was one.
@@ -34,7 +34,7 @@ fn share(step: u32) -> f32 {
     if step <= 2u {
         return 1.0;
     }
-    let part = relief.radius_px / f32(step) - RADIUS_PER_STEP.x;
+    let part = smoothing.radius_px / f32(step) - RADIUS_PER_STEP.x;
     return clamp(part / (RADIUS_PER_STEP.y - RADIUS_PER_STEP.x), 0.0, 1.0);
 }
 
@@ -69,7 +69,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let stride = select(1u, frame.width, DOWN);
-    let limit = near_share(f32(STEP), relief.radius_px) * here;
+    let limit = near_share(f32(STEP), smoothing.radius_px) * here;
     let inner = pair(pixel, at, count, stride, STEP, limit) * (TAPS.y * weight);
     let outer = pair(pixel, at, count, stride, 2u * STEP, limit) * (TAPS.z * weight);
     smoothed[pixel] = (here * TAPS.x + inner.x + outer.x) / (TAPS.x + 2.0 * (inner.y + outer.y));

@@ -1,5 +1,5 @@
 // Tells the slant of each square from its nearest point and those of the squares around. Twin:
-// crates/render/src/slant.rs, which says how.
+// crates/render/src/passes/fit_planes.rs, which says how.
 
 // include common/frame.wgsl
 // include common/squares.wgsl
@@ -8,12 +8,12 @@
 override CROWDED: bool = false;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-// As `slant/nearest` has them.
+// As `fit_planes/nearest` has them.
 @group(0) @binding(1) var<storage, read> nears: array<vec2<u32>>;
 // What depth grows by a pixel right and down, over depth; the reach of depth intervals; and nothing.
 @group(0) @binding(2) var<storage, read_write> slants: array<vec4<f32>>;
 
-// As in crates/render/src/slant.rs, where they are explained.
+// As in crates/render/src/passes/fit_planes.rs, where they are explained.
 const BARE_REACH: f32 = 2.0;
 const OFF_MAX: f32 = 1.0;
 // The reach, then the distances from which on planes are trusted less, and not at all.

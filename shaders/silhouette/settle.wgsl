@@ -1,5 +1,5 @@
 // Lets go of pixels that trimming has left alone, and makes the picture's depth: that of what each pixel shows. Twin:
-// `Waves::left_alone` in crates/render/src/trim.rs.
+// `Waves::left_alone` in crates/render/src/passes/silhouette/mod.rs.
 
 // include common/frame.wgsl
 // include common/limit.wgsl

@@ -1,6 +1,6 @@
-// What the shape of a depth image is told with. Needs a variable `frame`. Twin: crates/render/src/relief.rs.
+// What the shape of a depth image is told with. Needs a variable `frame`. Twin: crates/render/src/passes/smooth_depth.rs.
 
-struct Relief {
+struct Smoothing {
     // Typical radius of the discs that the surface was filled from, pixels.
     radius_px: f32,
 }

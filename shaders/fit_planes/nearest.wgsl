@@ -1,4 +1,4 @@
-// Takes the nearest point of each square from the frame buffer. Twin: crates/render/src/slant.rs.
+// Takes the nearest point of each square from the frame buffer. Twin: crates/render/src/passes/fit_planes.rs.
 
 // include common/frame.wgsl
 // include common/hits.wgsl

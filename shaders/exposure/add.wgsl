@@ -1,8 +1,8 @@
 // Adds each pixel's colour to its cell: to what all scans have there, and to what its own has. Twin:
-// crates/render/src/even.rs.
+// crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
-// include common/even.wgsl
+// include common/exposure.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;

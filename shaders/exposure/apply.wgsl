@@ -1,8 +1,8 @@
 // Multiplies each pixel by what its surroundings have in all scans over what they have in its own. Twin:
-// crates/render/src/even.rs.
+// crates/render/src/passes/exposure.rs.
 
 // include common/frame.wgsl
-// include common/even.wgsl
+// include common/exposure.wgsl
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> front: array<vec4<f32>>;

@@ -1,4 +1,4 @@
-// Cells of the picture and of depth in which exposures are told (crates/render/src/even.rs says why). A cell has slots of
+// Cells of the picture and of depth in which exposures are told (crates/render/src/passes/exposure.rs says why). A cell has slots of
 // four words: red, green, blue in steps, and the number of pixels. Needs a variable `frame`.
 
 const CELL_PX: u32 = 32u;

@@ -1,5 +1,5 @@
 // The rims of surfaces that stick out: for each pixel at one the pixel beyond. Twin: `Rims::beyond` in
-// crates/render/src/rim.rs.
+// crates/render/src/passes/silhouette/rim.rs.
 
 // include common/frame.wgsl
 // include common/marks.wgsl

@@ -1,0 +1,40 @@
+//! Antialiasing on the GPU ([`crate::passes::antialias`] is the twin), which writes the picture.
+
+use crate::gpu::device::Gpu;
+use crate::gpu::device::dispatch::Dispatch;
+use crate::gpu::device::error::GpuError;
+use crate::gpu::device::kernel::Kernel;
+use crate::gpu::device::shader::sources;
+use crate::gpu::surface::Target;
+use wgpu::BindingResource;
+
+/// Antialiasing, and the picture.
+pub struct Antialias {
+    kernel: Kernel,
+}
+
+impl Antialias {
+    /// For pyramids with normals or without.
+    ///
+    /// # Errors
+    /// Where the shader is refused.
+    pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
+        let constants = [("NORMALS", f64::from(has_normals))];
+        Ok(Self { kernel: Kernel::new(gpu, sources::ANTIALIAS_ANTIALIAS, "main", &constants)? })
+    }
+
+    /// What makes the picture of [`Target::shaded`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+        let (picture, base) = (target.picture, target.base());
+        let view = picture.texture.create_view(&Default::default());
+        let &Target { marks, sources, shaded, .. } = target;
+        let planes = [&picture.depth, marks, &base.plane, sources, shaded, &picture.rgba];
+        let mut resources = target.resources(&planes);
+        resources.push((7, BindingResource::TextureView(&view)));
+        vec![Dispatch::over(gpu, &self.kernel, [picture.width, picture.height], &resources)]
+    }
+
+    pub(crate) fn kernels(&mut self) -> Vec<&mut Kernel> {
+        vec![&mut self.kernel]
+    }
+}
