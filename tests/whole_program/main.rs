@@ -10,6 +10,7 @@
 mod arguments;
 mod bad;
 mod bench_build;
+mod commands;
 mod contract;
 mod data;
 mod devices;
@@ -48,6 +49,7 @@ fn main() {
     bench_build::trials(&mut trials);
     contract::trials(&mut trials);
     arguments::trials(&mut trials);
+    commands::trials(&mut trials);
     inputs::trials(&mut trials);
     proof::trials(&mut trials);
     pictures::trials(&mut trials);
