@@ -1,5 +1,5 @@
 //! The README's table of figures: `cargo xtask figures` writes it from the results under
-//! `bench/results`, and the step `house` fails where the two differ. `bench/figures.json` lists the
+//! `bench/results`, and the step `house` fails if the two differ. `bench/figures.json` lists the
 //! rows: the label, and for each column the result file, the JSON pointer of the number, its unit,
 //! its digits after the point and, optionally, a factor (`scale`); `null` stands for "-".
 
@@ -38,7 +38,7 @@ pub fn write() -> Result<()> {
 /// Compares the README's table with the results.
 ///
 /// # Errors
-/// As [`write`], and if the two differ.
+/// If the two differ, or for the reasons of [`write`].
 pub fn check() -> Result<()> {
     let readme = std::fs::read_to_string(README).context(README)?;
     ensure!(

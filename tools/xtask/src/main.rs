@@ -1,5 +1,5 @@
-//! Developers' tasks: `cargo xtask ci` is the one gate of the project, and what CI runs; each of its
-//! steps can be run alone. A step that fails does not keep the others from being run.
+//! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of its
+//! steps can be run alone. After a failed step the others are still run.
 
 mod deps;
 mod figures;
@@ -18,7 +18,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tally::Tally;
 
-/// A step: its name, what it does in a few words, and how. Tests add to the tally.
+/// A step: its name, a description in a few words, and its function. Tests add to the tally.
 struct Step {
     name: &'static str,
     about: &'static str,
