@@ -1,4 +1,5 @@
-//! Invalid command lines are refused with an error that says what is wrong, and leave no file behind.
+//! Invalid command lines are refused with an error that says what is wrong, and leave no file
+//! behind.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, sample};
@@ -20,8 +21,8 @@ fn nonsense() {
     let jpeg = folder.file("out.jpg").display().to_string();
     let nowhere = folder.file("nowhere/out").display().to_string();
     let folder_name = folder.file("").display().to_string();
-    // Command line, and a word of the error. `S` is the scan, `B` the built file, `O` a new file, `N` a
-    // file in a folder that does not exist, `F` a folder.
+    // Command line, and a word of the error. `S` is the scan, `B` the built file, `O` a new file,
+    // `N` a file in a folder that does not exist, `F` a folder.
     for (typed, word) in [
         ("frobnicate", "frobnicate"),
         ("build", "required"),

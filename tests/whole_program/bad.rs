@@ -1,6 +1,6 @@
-//! Every damaged or hostile file of the data folder gives a one-line error that names the file, or a
-//! success that verifies; never a panic, a hang, an allocation of a size that a header claims, or a
-//! file left behind.
+//! Every damaged or hostile file of the data folder gives a one-line error that names the file, or
+//! a success that verifies; never a panic, a hang, an allocation of a size that a header claims, or
+//! a file left behind.
 
 use crate::data::root;
 use crate::folder::Folder;

@@ -79,8 +79,8 @@ mod unix {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A rival that takes time, uses scratch space and leaves a folder. It fails in a second run if the
-    /// files of the first were not deleted.
+    /// A rival that takes time, uses scratch space and leaves a folder. It fails in a second run if
+    /// the files of the first were not deleted.
     const RIVAL: &str = r#"#!/bin/sh
 test "$2" = -o || exit 7
 mkdir "$3" "$3/chunks" || exit 8

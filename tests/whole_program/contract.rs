@@ -1,5 +1,5 @@
-//! The interface that scripts rely on: the fields of each `--json` object, which is the last line of
-//! standard output; exit codes; progress as JSON lines; and the demonstration.
+//! The interface that scripts rely on: the fields of each `--json` object, which is the last line
+//! of standard output; exit codes; progress as JSON lines; and the demonstration.
 
 use crate::folder::Folder;
 use crate::program::{ESKER, build, esker, run, sample, verify};

@@ -1,5 +1,5 @@
-//! Every good scan of the data folder is built, verified against itself and exported again. The number
-//! of points is that of an independent reader (`manifest.csv`).
+//! Every good scan of the data folder is built, verified against itself and exported again. The
+//! number of points is that of an independent reader (`manifest.csv`).
 
 use crate::folder::Folder;
 use crate::program::{build, esker, verify};
@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Folders whose files are read, apart from [`REFUSED`].
 const READ: [&str; 10] = ["las", "laz", "copc", "ply", "models", "xyz", "pts", "ptx", "pcd", "e57"];
-/// Files of those folders that cannot be read whole: two whose compression drops fields of their point
-/// format, and one that holds waveforms, no points.
+/// Files of those folders that cannot be read whole: two whose compression drops fields of their
+/// point format, and one that holds waveforms, no points.
 const REFUSED: [&str; 3] =
     ["las/pdrf/10pts-pdrf9.laz", "las/pdrf/10pts-pdrf10.laz", "laz/fullwaveform.wdz"];
 /// The largest scan, which is built within a limit of memory.
@@ -26,7 +26,8 @@ pub fn root() -> Option<PathBuf> {
 fn manifest(root: &Path) -> Vec<(String, Option<u64>)> {
     let text = std::fs::read_to_string(root.join("manifest.csv")).unwrap();
     let rows = text.lines().skip(1).map(|line| {
-        // The first columns are file, format and points; only the format may be quoted, with commas.
+        // The first columns are file, format and points; only the format may be quoted, with
+        // commas.
         let (file, rest) = line.split_once(',').unwrap();
         let rest = match rest.strip_prefix('"') {
             Some(quoted) => quoted.split_once("\",").unwrap().1,
@@ -147,8 +148,8 @@ fn have_the_same_hash(folder: &Path) {
     }
 }
 
-/// The bound is 1.05 times `--memory` plus the memory of the empty program, which is measured as the
-/// least limit under which a tiny scan is built.
+/// The bound is 1.05 times `--memory` plus the memory of the empty program, which is measured as
+/// the least limit under which a tiny scan is built.
 #[cfg(unix)]
 fn within_memory(scan: &Path, points: u64) {
     use crate::program::{empty_kib, esker_within};

@@ -1,5 +1,6 @@
-//! `esker bench draw` as scripts use it: a row for every path, order, number of points and size, with
-//! and without a GPU (a software driver counts as one here), over generated points and over a file.
+//! `esker bench draw` as scripts use it: a row for every path, order, number of points and size,
+//! with and without a GPU (a software driver counts as one here), over generated points and over a
+//! file.
 
 use crate::folder::Folder;
 use crate::program::{build, esker, sample};

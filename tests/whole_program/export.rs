@@ -1,5 +1,6 @@
 //! Exports give the multiset of input points; exports of LAS give the same records to the bit, with
-//! header, VLRs and EVLRs of the source. Filters keep the points that a plain reader of the scan keeps.
+//! header, VLRs and EVLRs of the source. Filters keep the points that a plain reader of the scan
+//! keeps.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, sample, verify};
@@ -128,7 +129,8 @@ pub mod las {
             records
         }
 
-        /// VLRs and EVLRs that stay valid: neither the compression of points nor indices into their order.
+        /// VLRs and EVLRs that stay valid: neither the compression of points nor indices into their
+        /// order.
         fn records(&self) -> [Vec<Record>; 2] {
             let mut at = self.number(94, 2);
             let mut walk = |number: usize, start: Option<usize>, head: usize, length: usize| {
@@ -156,14 +158,14 @@ pub mod las {
             [before, behind]
         }
 
-        /// Asserts that `other` has all header fields of this file that do not depend on the order of
-        /// points.
+        /// Asserts that `other` has all header fields of this file that do not depend on the order
+        /// of points.
         pub fn same_head(&self, other: &Self, shown: &Path) {
             let shown = shown.display();
             assert_eq!(self.number(94, 2), other.number(94, 2), "{shown}: bytes of the header");
             assert_eq!(self.bytes[104] & 0x3f, other.bytes[104] & 0x3f, "{shown}: point format");
-            // Source id, global encoding, GUID, version, system, program, date; record; scale and offset;
-            // and the fields of newer versions behind the counts.
+            // Source id, global encoding, GUID, version, system, program, date; record; scale and
+            // offset; and the fields of newer versions behind the counts.
             for range in [4..94, 105..107, 131..179, 375..self.number(94, 2).max(375)] {
                 assert_eq!(
                     self.bytes[range.clone()],

@@ -1,4 +1,5 @@
-//! Every command sees appended scans and the older ones as one cloud; merging makes one tree of them.
+//! Every command sees appended scans and the older ones as one cloud; merging makes one tree of
+//! them.
 
 use crate::export::{export, las};
 use crate::folder::Folder;
@@ -78,7 +79,8 @@ fn one_cloud() {
 
 fn exported() {
     let folder = Folder::new();
-    // Text with attributes that LAS records have not, so that each tree lacks attributes of the other.
+    // Text with attributes that LAS records have not, so that each tree lacks attributes of the
+    // other.
     let at = |i: u32| format!("{}.25 {}.5 {}", 691_000 + i % 40, 5_334_995 + i % 11, 521 + i % 7);
     let line = |i: u32| format!("{} {} {}\n", at(i), i, 255 - i % 200);
     let text: String =

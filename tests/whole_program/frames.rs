@@ -137,7 +137,8 @@ fn omissions() {
     saves("colour plane", "bytes_resident");
     saves("values beyond a byte of code", "bytes_resident");
     saves("what lies outside a box", "bytes_resident");
-    // The two frames of each row differ; omissions of dense views are measured at a small enough size.
+    // The two frames of each row differ; omissions of dense views are measured at a small enough
+    // size.
     assert!(rows.iter().all(|row| row["applies"] == true), "{report}");
     let row = |name: &str| rows.iter().find(|row| row["left_out"] == name).unwrap();
     let side = |name: &str| row(name)["width"].as_u64().unwrap();

@@ -1,6 +1,6 @@
-//! Hostile clouds and machines. Whatever the shape of a cloud, a build keeps within its memory under a
-//! limit that the system enforces (`RLIMIT_DATA`); it works with more inputs than may be open, and
-//! leaves no file on a full disk. Wrong or contradictory inputs are reported.
+//! Hostile clouds and machines. Whatever the shape of a cloud, a build keeps within its memory
+//! under a limit that the system enforces (`RLIMIT_DATA`); it works with more inputs than may be
+//! open, and leaves no file on a full disk. Wrong or contradictory inputs are reported.
 
 use crate::export::export;
 use crate::folder::Folder;
@@ -209,7 +209,8 @@ mod unix {
         let scratch = folder.file("scratch");
         std::fs::create_dir(&scratch).unwrap();
         let fails = |kib: u64| -> Outcome {
-            // The limit counts blocks of 512 bytes; without the trap a signal would end the program.
+            // The limit counts blocks of 512 bytes; without the trap a signal would end the
+            // program.
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
             let outcome = esker_under(&limit, words(std::slice::from_ref(&scan), &out, &scratch));
             outcome.error();
@@ -221,8 +222,8 @@ mod unix {
             let left = std::fs::read_dir(&scratch).unwrap().count();
             assert_eq!(left, 0, "scratch is left after {kib} KiB");
         };
-        // Only the output file is on the disk; limits from its first page to its footer. Printed text
-        // goes to files too.
+        // Only the output file is on the disk; limits from its first page to its footer. Printed
+        // text goes to files too.
         las::write(&scan, "", false, 100_000, scattered);
         let bytes = build(&[&scan], &out, &[])["bytes_out"].as_u64().unwrap();
         std::fs::remove_file(&out).unwrap();

@@ -1,5 +1,5 @@
-//! Inputs and outputs that are named by mistake: scans without a usable point, outputs that are other
-//! files. Each gives a clear error and leaves all files as they were.
+//! Inputs and outputs that are named by mistake: scans without a usable point, outputs that are
+//! other files. Each gives a clear error and leaves all files as they were.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, verify};
@@ -102,7 +102,8 @@ fn others_stay() {
     std::fs::write(&b, &bytes[..100]).unwrap();
     run("build", &[&scan], &b).worked();
     merge(&b).worked();
-    // An export never replaces a file that it reads: neither the input nor one that the input names.
+    // An export never replaces a file that it reads: neither the input nor one that the input
+    // names.
     let [old, new] = ["old.las", "new.las"].map(|name| folder.file(name));
     std::fs::rename(&a, &old).unwrap();
     std::fs::remove_file(&b).unwrap();

@@ -1,5 +1,5 @@
-//! Ctrl-C while a build runs gives an exit code other than 0, a message, and leaves no file: neither
-//! under the final name nor beside it nor in the scratch folder.
+//! Ctrl-C while a build runs gives an exit code other than 0, a message, and leaves no file:
+//! neither under the final name nor beside it nor in the scratch folder.
 
 use libtest_mimic::Trial;
 

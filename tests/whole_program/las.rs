@@ -1,5 +1,5 @@
-//! Writes LAS 1.4 files of point format 7 and of any size for the trials: plain, or compressed as one
-//! chunk.
+//! Writes LAS 1.4 files of point format 7 and of any size for the trials: plain, or compressed as
+//! one chunk.
 
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use std::fs::File;

@@ -37,7 +37,8 @@ impl Outcome {
         self
     }
 
-    /// Asserts a clean failure: an exit code and one line that begins with `error:`. Returns that line.
+    /// Asserts a clean failure: an exit code and one line that begins with `error:`. Returns that
+    /// line.
     pub fn error(&self) -> &str {
         let shown = &self.shown;
         let code = self.code.unwrap_or_else(|| panic!("{shown}: ended by a signal"));

@@ -1,5 +1,5 @@
-//! Verification finds one flipped bit, a truncated file and another scan. The bytes of a file depend
-//! on the input alone, not on the number of threads.
+//! Verification finds one flipped bit, a truncated file and another scan. The bytes of a file
+//! depend on the input alone, not on the number of threads.
 
 use crate::folder::Folder;
 use crate::program::{build, sample, verify};
@@ -19,8 +19,8 @@ fn flipped_bits() {
     let out = folder.file("out.esker");
     build(&[sample()], &out, &[]);
     let whole = std::fs::read(&out).unwrap();
-    // Places in header, pages, table, statistics, metadata and footer. Gaps between pages hold zeros,
-    // which are checked too.
+    // Places in header, pages, table, statistics, metadata and footer. Gaps between pages hold
+    // zeros, which are checked too.
     let count = 23;
     let last = whole.len() - 1;
     for i in 0..=count {

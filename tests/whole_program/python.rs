@@ -1,5 +1,5 @@
-//! The independent Python reader, written from the specification alone, agrees with the program on the
-//! sample's file.
+//! The independent Python reader, written from the specification alone, agrees with the program on
+//! the sample's file.
 
 use crate::folder::Folder;
 use crate::program::{Outcome, build, esker, run, sample, verify};

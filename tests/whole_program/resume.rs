@@ -1,5 +1,5 @@
-//! Builds that are ended by `kill -9`, by Ctrl-C or by a full disk continue with `--resume`: the file
-//! is byte-identical, and no other file is left.
+//! Builds that are ended by `kill -9`, by Ctrl-C or by a full disk continue with `--resume`: the
+//! file is byte-identical, and no other file is left.
 
 use libtest_mimic::Trial;
 
@@ -134,8 +134,8 @@ mod unix {
             if !place.out().exists() {
                 esker(place.words(&["--resume"])).json();
             }
-            // If it was killed after the file got its name, hidden files may be left; the next build
-            // deletes them.
+            // If it was killed after the file got its name, hidden files may be left; the next
+            // build deletes them.
             if place.folder.names().len() > 3 {
                 esker(place.words(&[])).json();
             }
@@ -185,10 +185,11 @@ mod unix {
         let place = Place::new();
         esker(place.words(&[])).json();
         let whole = place.take();
-        // Limits of the size of a file, KiB: scratch files need more on few cores, the output on any
-        // number.
+        // Limits of the size of a file, KiB: scratch files need more on few cores, the output on
+        // any number.
         for kib in [20 << 10, 40 << 10] {
-            // The limit counts blocks of 512 bytes; without the trap a signal would end the program.
+            // The limit counts blocks of 512 bytes; without the trap a signal would end the
+            // program.
             let limit = format!("trap '' XFSZ && ulimit -f {}", kib * 2);
             let outcome = esker_under(&limit, place.words(&["--resume"]));
             assert!(outcome.error().contains("--resume"), "{}", outcome.stderr);

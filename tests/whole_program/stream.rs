@@ -1,5 +1,5 @@
-//! `esker bench stream` as scripts use it: the fields of its report, budgets that are kept or refused,
-//! several files, scans in place of files, and the resident set as the system counts it.
+//! `esker bench stream` as scripts use it: the fields of its report, budgets that are kept or
+//! refused, several files, scans in place of files, and the resident set as the system counts it.
 
 use crate::folder::Folder;
 use crate::program::{ESKER, Outcome, build, esker, finish, sample, start};

@@ -1,5 +1,5 @@
-//! Presents a generated scan as the source of a LAS 1.4 file of point format 7, with header and WKT, so
-//! that the LAS writer treats it as any other scan.
+//! Presents a generated scan as the source of a LAS 1.4 file of point format 7, with header and
+//! WKT, so that the LAS writer treats it as any other scan.
 
 use esker_scan::SourceInfo;
 use esker_scan::write::Origin;

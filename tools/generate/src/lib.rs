@@ -1,5 +1,6 @@
-//! Writes a generated scan as LAS or LAZ, for programs that read only these and for measuring how fast
-//! LAZ is decoded. Without a file the points are generated and dropped, to measure the generator.
+//! Writes a generated scan as LAS or LAZ, for programs that read only these and for measuring how
+//! fast LAZ is decoded. Without a file the points are generated and dropped, to measure the
+//! generator.
 
 mod las;
 
@@ -31,8 +32,8 @@ pub fn generate(source: &dyn Source, task: &dyn Task) -> Result<u64> {
     read(source, task, &mut |_| Ok(()))
 }
 
-/// Writes all points to `out`, which appears once it is complete: LAZ or LAS, by its extension. Returns
-/// the bytes of the file.
+/// Writes all points to `out`, which appears once it is complete: LAZ or LAS, by its extension.
+/// Returns the bytes of the file.
 ///
 /// # Errors
 /// If the extension is neither, or the file cannot be written.
@@ -55,7 +56,8 @@ pub fn write(source: &dyn Source, out: &Path, task: &dyn Task) -> Result<u64> {
     Ok(export.output.finish()?)
 }
 
-/// Reads the scan on the lattice of its own grid: lattice coordinates are the grid's integers plus 2^31.
+/// Reads the scan on the lattice of its own grid: lattice coordinates are the grid's integers plus
+/// 2^31.
 fn read(
     source: &dyn Source,
     task: &dyn Task,

@@ -1,13 +1,13 @@
 //! Checks the directions of dependencies: which crate of the project may depend on which, and which
-//! outside crates some must never link. Reads the output of `cargo metadata` and `cargo tree`, not the
-//! manifests.
+//! outside crates some must never link. Reads the output of `cargo metadata` and `cargo tree`, not
+//! the manifests.
 
 use crate::shell::{cargo, output};
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-/// Crates of the project that each crate may depend on, its tests included. A crate missing from this
-/// table fails the check.
+/// Crates of the project that each crate may depend on, its tests included. A crate missing from
+/// this table fails the check.
 const ALLOWED: [(&str, &[&str]); 13] = [
     ("esker-points", &[]),
     ("esker-scan", &["points"]),

@@ -1,7 +1,7 @@
-//! Draws the gallery anew: `cargo xtask gallery`. `docs/gallery/pictures.json` lists the pictures with
-//! their scans and cameras; scans are in `ESKER_DATA`, or are generated. Each scan is built once, and
-//! drawn on the CPU by the program as users run it, so that pictures are the same on every machine. The
-//! captions in `docs/gallery/README.md` are written by a person.
+//! Draws the gallery anew: `cargo xtask gallery`. `docs/gallery/pictures.json` lists the pictures
+//! with their scans and cameras; scans are in `ESKER_DATA`, or are generated. Each scan is built
+//! once, and drawn on the CPU by the program as users run it, so that pictures are the same on
+//! every machine. The captions in `docs/gallery/README.md` are written by a person.
 
 use crate::shell::{Scratch, build_esker, run};
 use anyhow::{Context, Result};

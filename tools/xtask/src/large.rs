@@ -1,8 +1,8 @@
-//! Builds that take too long for the gate: `cargo xtask large`. `ESKER_LARGE=stack` runs only those that
-//! have this word in their names; 1,000 million points are built with `ESKER_LARGE=1G` only. Each is
-//! built by the program as users run it, under a limit of anonymous memory that the system enforces
-//! where it can, and verified. Prints a table; fails if a bound is exceeded. Files go to the system's
-//! temporary folder (`TMPDIR`): 60 bytes a point at most.
+//! Builds that take too long for the gate: `cargo xtask large`. `ESKER_LARGE=stack` runs only those
+//! that have this word in their names; 1,000 million points are built with `ESKER_LARGE=1G` only.
+//! Each is built by the program as users run it, under a limit of anonymous memory that the system
+//! enforces where it can, and verified. Prints a table; fails if a bound is exceeded. Files go to
+//! the system's temporary folder (`TMPDIR`): 60 bytes a point at most.
 
 use crate::shell::{Scratch, build_esker};
 use anyhow::{Context, Result, ensure};
@@ -18,8 +18,8 @@ use std::time::Instant;
 const BYTES_A_POINT_MAX: f64 = 60.0;
 /// Factor by which anonymous memory may exceed `--memory`.
 const MARGIN: f64 = 1.05;
-/// Lattice step of the generated files, metres, and places of their points: one point is so far away
-/// that the rest of the scan is within one cell.
+/// Lattice step of the generated files, metres, and places of their points: one point is so far
+/// away that the rest of the scan is within one cell.
 const SCALE: f64 = 0.001;
 const NEAR: [i32; 3] = [123_456, -5, 99];
 const FAR: [i32; 3] = [2_000_000_000, 2_000_000_000, 99];

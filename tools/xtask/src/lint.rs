@@ -1,5 +1,5 @@
-//! Runs clippy with the lints of the workspace over all crates, the window and the tools included, and
-//! checks the links in the documentation. A warning is an error.
+//! Runs clippy with the lints of the workspace over all crates, the window and the tools included,
+//! and checks the links in the documentation. A warning is an error.
 
 use crate::shell::run_cargo;
 

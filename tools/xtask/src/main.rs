@@ -1,5 +1,5 @@
-//! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of its
-//! steps can be run alone. After a failed step the others are still run.
+//! Tasks for developers: `cargo xtask ci` is the one gate of the project, and CI runs it; each of
+//! its steps can be run alone. After a failed step the others are still run.
 
 mod deps;
 mod figures;

@@ -1,4 +1,5 @@
-//! Runs the test command and the run command of the README, word for word, so that they keep working.
+//! Runs the test command and the run command of the README, word for word, so that they keep
+//! working.
 
 use crate::shell::follow;
 use crate::tally::Tally;

@@ -1,5 +1,5 @@
-//! Runs other programs from the root of the workspace, without a standard input, so that nothing waits
-//! for a person. Output that is read is also passed on, line by line.
+//! Runs other programs from the root of the workspace, without a standard input, so that nothing
+//! waits for a person. Output that is read is also passed on, line by line.
 
 use anyhow::{Context, Result, bail, ensure};
 use std::ffi::{OsStr, OsString};
