@@ -35,7 +35,7 @@ fn three() -> Vec<Given> {
 }
 
 #[test]
-fn inputs_of_different_attributes_make_a_union_whose_points_keep_their_own() {
+fn inputs_of_different_attributes_make_a_union_and_points_keep_their_own() {
     let (_, file) = whole(&three(), &options());
     let metadata = file.metadata();
     let names: Vec<_> = metadata.schema.attributes.iter().map(|a| a.key()).collect();
@@ -65,7 +65,7 @@ fn differs(file: &EskerFile, sources: &[Given]) -> String {
 }
 
 #[test]
-fn any_change_of_an_input_is_found() {
+fn any_change_of_an_input_is_detected() {
     let (_, file) = whole(&three(), &options());
     let changed = |change: fn(&mut Vec<Given>)| {
         let mut sources = three();
@@ -104,7 +104,7 @@ fn any_change_of_an_input_is_found() {
 }
 
 #[test]
-fn bounds_that_lie_start_the_build_again_on_a_lattice_that_fits() {
+fn wrong_bounds_restart_the_build_on_a_lattice_that_fits() {
     let far = |i: u64| [below(2 * i, 1000) + 2_000_000_000, below(2 * i + 1, 1000), 5];
     let a = given("a", [0.001; 3], points(3000)).with("user_data", AttrType::U8, |i| i);
     let b = given("b", [0.1; 3], (0..3000).map(far).collect());
@@ -138,7 +138,7 @@ fn coloured(name: &str, value: fn(u64) -> u64, depth: ColourDepth) -> Given {
 }
 
 #[test]
-fn colours_of_another_depth_than_thought_are_put_right() {
+fn wrong_colour_depths_are_corrected() {
     use ColourDepth::{Eight, Sixteen};
     let dark = |name, depth| coloured(name, |i| i % 256, depth);
     let bright = |name, depth| coloured(name, |i| i * 32, depth);
@@ -163,7 +163,7 @@ fn colours_of_another_depth_than_thought_are_put_right() {
 }
 
 #[test]
-fn a_depth_that_the_user_names_stays() {
+fn a_colour_depth_that_the_user_names_is_kept() {
     let dark = coloured("a", |i| i % 256, ColourDepth::Sixteen);
     let options = Options { colour_depth: Some(ColourDepth::Sixteen), ..options() };
     let (_, file) = whole(&[dark], &options);

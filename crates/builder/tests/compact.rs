@@ -89,17 +89,17 @@ fn the_palette_is_the_same_under_another_memory_bound_and_near_its_colours() {
     assert!(misfit.mean < misfit.most && misfit.most <= misfit.worst, "{misfit:?}");
 }
 
-/// Stops after so many questions whether to stop; keeps what is noted.
+/// Stops after so many checks whether to stop; keeps what is noted.
 #[derive(Default)]
 struct Stops {
-    asked: AtomicU64,
+    checks: AtomicU64,
     after: u64,
     notes: Mutex<String>,
 }
 
 impl Task for Stops {
     fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Relaxed) >= self.after
+        self.checks.fetch_add(1, Relaxed) >= self.after
     }
 
     fn note(&self, line: &str) {
@@ -108,7 +108,7 @@ impl Task for Stops {
 }
 
 #[test]
-fn a_build_that_goes_on_has_the_same_palette() {
+fn a_resumed_build_has_the_same_palette() {
     let sources = coloured();
     let expected = bytes_of(&sources, LITTLE, 2);
     let mut kept = 0;
@@ -124,14 +124,14 @@ fn a_build_that_goes_on_has_the_same_palette() {
         let cut = run(Resume::Later, after);
         kept += u32::from(matches!(cut, Err(BuildError::Kept(_))));
         let report = cut.or_else(|_| run(Resume::Now, u64::MAX)).unwrap();
-        assert!(std::fs::read(&out).unwrap() == expected, "other bytes after {after} questions");
+        assert!(std::fs::read(&out).unwrap() == expected, "other bytes after {after} checks");
         assert!(report.palette_misfit.is_some_and(|m| m.mean > 5.0), "{report:?}");
     }
     assert!(kept > 3, "{kept} builds were cut short");
 }
 
 #[test]
-fn without_colours_there_is_nothing_to_do() {
+fn without_colours_there_is_no_compact_plane() {
     let black = |given: Given| {
         ["red", "green", "blue"].iter().fold(given, |g, name| g.with(name, AttrType::U8, |_| 0))
     };
@@ -148,7 +148,7 @@ fn without_colours_there_is_nothing_to_do() {
 }
 
 #[test]
-fn what_is_appended_has_the_same_palette_and_merging_trains_one() {
+fn appending_keeps_the_palette_and_merging_trains_a_new_one() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b, c] = ["a.esker", "b.esker", "c.esker"].map(|name| folder.path().join(name));
     let sources = coloured();

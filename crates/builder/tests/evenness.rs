@@ -193,7 +193,7 @@ fn radii_of_a_strip_are_those_of_a_square_as_dense() {
 /// A floor whose noise reaches over a border of cells now and then: what lies beyond it is few points far apart, but part of
 /// the floor.
 #[test]
-fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
+fn points_scattered_beyond_a_cell_border_have_no_wide_radii() {
     let position = |i: u64| {
         let (x, y) = ((i / 400) as i32, (i % 400) as i32);
         let up = if below(i, 500) == 0 { 3 } else { -3 };
@@ -221,7 +221,7 @@ fn what_is_scattered_beyond_a_border_of_cells_makes_no_blobs() {
 /// A floor that reaches over a border of cells by a hand's breadth: no node holds what lies there but the root, whose points
 /// are six times as far apart as the floor's.
 #[test]
-fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
+fn a_floor_that_reaches_over_a_cell_border_is_as_fine_there() {
     let position = |i: u64| [below(2 * i, 20_020) - 20_000, below(2 * i + 1, 20_000), 0];
     let options = esker_builder::Options { node_capacity: 4096, ..Default::default() };
     let (_, file, _folder) = built(vec![cloud("floor", 0.001, 160_000, position)], &options);
@@ -245,7 +245,7 @@ fn what_reaches_over_a_border_of_cells_is_as_fine_as_what_it_belongs_to() {
 /// A sphere that is sampled as evenly as can be, and grazes cells: no point of the sample that no other is above is much wider
 /// than any.
 #[test]
-fn what_grazes_a_cell_makes_no_blobs_in_the_uppermost_sample() {
+fn a_surface_that_grazes_cells_has_no_wide_radii_in_the_root() {
     const POINTS: u64 = 100_000;
     let position = |i: u64| {
         let (z, turn) =

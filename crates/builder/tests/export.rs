@@ -56,7 +56,7 @@ fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
 }
 
 #[test]
-fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
+fn different_sources_are_exported_together_with_zeros_for_missing_attributes() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let report =
@@ -74,7 +74,7 @@ fn sources_that_differ_come_out_together_with_zeros_for_what_they_lack() {
 }
 
 #[test]
-fn classes_are_only_of_points_that_have_one() {
+fn class_filters_match_only_points_that_have_a_class() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     // The bare points have zeros there, and no class; also where all classes that there are are wanted.
@@ -94,7 +94,7 @@ fn classes_are_only_of_points_that_have_one() {
 }
 
 #[test]
-fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
+fn attributes_converted_from_others_are_not_reported_as_zero() {
     let folder = tempfile::tempdir().unwrap();
     let place = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), 0];
     let scan = |name| given(name, [0.001; 3], (0..500).map(place).collect());
@@ -117,7 +117,7 @@ fn what_is_made_of_another_attribute_is_not_said_to_be_zero() {
 }
 
 #[test]
-fn what_is_not_wanted_is_not_read() {
+fn nodes_that_a_filter_excludes_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let out = folder.path().join("out.ply");
@@ -152,34 +152,34 @@ fn a_spacing_gives_an_even_sample_that_grows_with_it() {
     assert_eq!(at(1e-6), 32_000);
 }
 
-/// Stops after so many questions whether to stop.
+/// Stops after so many checks whether to stop.
 struct Stops {
-    asked: AtomicU64,
+    checks: AtomicU64,
     after: u64,
 }
 
 impl Task for Stops {
     fn is_cancelled(&self) -> bool {
-        self.asked.fetch_add(1, Ordering::Relaxed) >= self.after
+        self.checks.fetch_add(1, Ordering::Relaxed) >= self.after
     }
 }
 
 #[test]
-fn an_export_stops_wherever_it_is_asked_to() {
+fn an_export_can_be_cancelled_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     for ending in ["las", "laz", "ply", "xyz"] {
         let out = folder.path().join(format!("out.{ending}"));
         let run = |after| {
-            let task = Stops { asked: AtomicU64::new(0), after };
+            let task = Stops { checks: AtomicU64::new(0), after };
             let result = export(&file, &out, &Filter::default(), &task);
-            (result, task.asked.into_inner())
+            (result, task.checks.into_inner())
         };
-        let (result, questions) = run(u64::MAX);
+        let (result, checks) = run(u64::MAX);
         result.unwrap();
         std::fs::remove_file(&out).unwrap();
-        assert!(questions > 100, "{questions}");
-        for after in (0..6).map(|i| i * (questions - 1) / 5) {
+        assert!(checks > 100, "{checks}");
+        for after in (0..6).map(|i| i * (checks - 1) / 5) {
             let (result, _) = run(after);
             assert!(matches!(result, Err(BuildError::Cancelled(_))), "{after}: {result:?}");
             assert_eq!(names_in(folder.path()), ["in.esker"]);
@@ -188,7 +188,7 @@ fn an_export_stops_wherever_it_is_asked_to() {
 }
 
 #[test]
-fn damage_is_told_and_an_earlier_file_survives() {
+fn damage_is_reported_and_an_earlier_file_survives() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
     let out = folder.path().join("out.las");

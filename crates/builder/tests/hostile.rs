@@ -159,7 +159,7 @@ fn degrees_beside_metres() {
 }
 
 #[test]
-fn scales_that_no_length_has() {
+fn extreme_scales_are_built_or_refused() {
     let point = |i: u64| [below(3 * i, 5000), below(3 * i + 1, 5000), below(3 * i + 2, 200)];
     let cloud = |scale| given("cloud", [scale; 3], (0..3000).map(point).collect());
     for scale in [1e-300, 1e-170, 1e-40, 1e-12, 1e6, 1e25] {
@@ -176,7 +176,7 @@ fn scales_that_no_length_has() {
 }
 
 #[test]
-fn many_wide_points_for_which_little_memory_has_no_room_are_refused() {
+fn wide_points_that_do_not_fit_the_memory_bound_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.esker");
     let options = Options { memory_bytes: 256 << 20, ..Default::default() };
@@ -226,7 +226,7 @@ proptest! {
 
 /// A file that nobody could open is not found out at its end.
 #[test]
-fn nodes_too_wide_to_be_read_are_refused_before_anything_is() {
+fn nodes_too_wide_to_be_read_are_refused_before_the_inputs_are_read() {
     let mut wide = given("wide", MM, vec![[0; 3]; 10_000]);
     let attribute = |i| Attribute::new(format!("a{i}"), AttrType::F64);
     wide.info.schema = Arc::new(Schema::new((0..60_000).map(attribute).collect()));

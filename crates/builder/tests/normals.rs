@@ -129,7 +129,7 @@ fn any_memory_bound_and_any_number_of_threads_give_the_same_normals() {
 }
 
 #[test]
-fn normals_look_to_the_tripod_that_saw_the_point() {
+fn normals_face_the_scanner_that_recorded_the_point() {
     let open = || {
         let path = Path::new("synthetic:office:60000:5");
         esker_scan::open(path, &Default::default(), &Silent as &dyn Task).unwrap()

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 const CELLS_MAX: usize = 1 << 14;
 
 /// Points of a cell that tell a density.
-const TELLING_POINTS: u64 = 8;
+const POINTS_MIN: u64 = 8;
 
 /// Points by cell.
 #[derive(Default)]
@@ -56,7 +56,7 @@ impl Density {
             let mut counts: Vec<u64> = self.cells.values().copied().collect();
             counts.sort_unstable();
             let middle = counts.get(counts.len() / 2).copied().unwrap_or(1);
-            if middle >= TELLING_POINTS || self.log2 == 32 {
+            if middle >= POINTS_MIN || self.log2 == 32 {
                 return (1u64 << self.log2) as f64 / (middle as f64).sqrt();
             }
             self.coarsen();
@@ -95,7 +95,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_does_not_depend_on_how_points_are_cut(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
+        fn density_does_not_depend_on_how_points_are_split(points in prop::collection::vec(any::<[u32; 3]>(), 0..300), shift in 0u32..28, cut in 0usize..300) {
             let points: Vec<_> = points.into_iter().map(|p| p.map(|c| c >> shift)).collect();
             let whole = Density::of(points.iter().copied());
             let (a, b) = points.split_at(cut.min(points.len()));

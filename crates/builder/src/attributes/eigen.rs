@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_or_nothing_has_no_direction() {
+    fn zero_and_non_finite_matrices_have_no_direction() {
         for m in [[0.0; 6], [f64::NAN; 6], [f64::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0]] {
             assert_eq!(Eigen::of(m), Eigen::NONE);
         }

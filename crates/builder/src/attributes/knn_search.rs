@@ -2,7 +2,7 @@
 //! near theirs; a point that does not find enough there looks alone, from the nearest box on. Points equally
 //! far, to the bits of an `f32`, are taken in Morton order.
 
-use crate::attributes::knn::{Box3, FAN, Neighbours};
+use crate::attributes::knn_index::{Box3, FAN, KnnIndex};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -12,7 +12,7 @@ const CANDIDATES_EACH: usize = 64;
 
 /// The nearest neighbours of a point, along the Morton curve.
 #[derive(Clone, Copy, Debug)]
-pub struct Found<'a> {
+pub struct Neighbourhood<'a> {
     /// The steps to them.
     pub steps: &'a [[f64; 3]],
     /// Their places.
@@ -21,7 +21,7 @@ pub struct Found<'a> {
 
 /// One task's search. What it carries over from run to run saves work and changes no result.
 pub struct Search<'a> {
-    index: &'a Neighbours,
+    index: &'a KnnIndex,
     reach: f64,
     /// Squares of the aspect.
     weights: [f64; 3],
@@ -49,7 +49,7 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// Of neighbours at most `reach` steps of the first axis away.
-    pub fn new(index: &'a Neighbours, reach: f64) -> Self {
+    pub fn new(index: &'a KnnIndex, reach: f64) -> Self {
         Self {
             weights: index.aspect.map(|a| a * a),
             index,
@@ -119,7 +119,7 @@ impl<'a> Search<'a> {
         self.candidates.iter_mut().for_each(|c| c.truncate(n));
     }
 
-    /// How far to look: by the run's own density where it has points enough to tell, as far as the last run
+    /// How far to look: by the run's own density where it has points enough to estimate, as far as the last run
     /// had to where not.
     fn guess(&self, own: &Box3, points: usize, count: usize) -> f64 {
         let mut square = 0.0;
@@ -134,7 +134,7 @@ impl<'a> Search<'a> {
 
     /// The steps from a point of the run to its nearest neighbours, `count` or all within the reach; and the places of
     /// these.
-    pub fn nearest(&mut self, place: usize, count: usize) -> Found<'_> {
+    pub fn nearest(&mut self, place: usize, count: usize) -> Neighbourhood<'_> {
         let p = self.index.point(place);
         if self.radius == 0.0 || !self.among_candidates(p, count) {
             self.alone(p, count);
@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
         let far = self.steps.iter().map(|s| self.square(*s)).fold(0.0, f64::max).sqrt();
         self.farthest = self.farthest.max(far);
         self.last = (self.steps.len() == count).then_some((p, far));
-        Found { steps: &self.steps, places: &self.found }
+        Neighbourhood { steps: &self.steps, places: &self.found }
     }
 
     fn square(&self, step: [f64; 3]) -> f64 {
@@ -231,102 +231,5 @@ impl<'a> Search<'a> {
             let q = self.index.point(place as usize);
             self.steps.push([q[0] - p[0], q[1] - p[1], q[2] - p[2]]);
         }
-    }
-}
-
-impl Box3 {
-    fn meets(&self, other: &Self) -> bool {
-        (0..3).fold(true, |all, i| {
-            all & (self.low[i] <= other.high[i]) & (other.low[i] <= self.high[i])
-        })
-    }
-
-    /// From a point to the nearest place of the box.
-    fn from(&self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2]
-            .map(|i| (f64::from(self.low[i]) - p[i]).max(p[i] - f64::from(self.high[i])).max(0.0))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
-    use esker_points::morton;
-    use proptest::prelude::*;
-
-    fn distinct(points: &[[u32; 3]]) -> Vec<[u32; 3]> {
-        sorted_codes(points).into_iter().map(morton::decode3).collect()
-    }
-
-    /// What is nearest by looking at all points.
-    fn plain(points: &[[u32; 3]], i: usize, scale: [f64; 3], ask: &Ask) -> Vec<[f64; 3]> {
-        let aspect = scale.map(|s| s / scale[0]);
-        let mut all: Vec<(u32, usize, [f64; 3])> = Vec::new();
-        for (j, q) in points.iter().enumerate().filter(|&(j, _)| j != i) {
-            let step = [0, 1, 2].map(|a| f64::from(q[a]) - f64::from(points[i][a]));
-            let square: f64 = (0..3).map(|a| aspect[a] * aspect[a] * (step[a] * step[a])).sum();
-            if square <= ask.reach * ask.reach {
-                all.push(((square as f32).to_bits(), j, step));
-            }
-        }
-        all.sort_by_key(|n| (n.0, n.1));
-        all.truncate(ask.count);
-        all.sort_by_key(|n| n.1);
-        all.into_iter().map(|n| n.2).collect()
-    }
-
-    fn agree(points: &[[u32; 3]], scale: [f64; 3], count: usize, reach: f64) {
-        let points = distinct(points);
-        let ask = Ask { count, count_max: count, reach };
-        let found = std::sync::Mutex::new(Vec::new());
-        let index = Neighbours::new(&points, scale);
-        let places = index.map(
-            &ask,
-            |_| true,
-            |steps| {
-                let mut found = found.lock().unwrap();
-                found.push(steps.to_vec());
-                Some(found.len() - 1)
-            },
-            usize::MAX,
-        );
-        let found = found.into_inner().unwrap();
-        for (i, &place) in places.iter().enumerate() {
-            assert_eq!(found[place], plain(&points, i, scale, &ask), "{i}: {:?}", points[i]);
-        }
-    }
-
-    /// Points of several densities: a cube, a sheet, a line, a few strays anywhere.
-    fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
-        let at = |c: u32| (c..c + 40).prop_map(move |x| x);
-        let cube = prop::collection::vec((at(1000), at(1000), at(1000)), 0..300);
-        let sheet = prop::collection::vec((0u32..2000, 0u32..2000, Just(1u32 << 31)), 0..200);
-        let line = prop::collection::vec((0u32..100_000, Just(7u32), Just(9u32)), 0..60);
-        let stray = prop::collection::vec(any::<(u32, u32, u32)>(), 0..20);
-        (cube, sheet, line, stray).prop_map(|(a, b, c, d)| {
-            [a, b, c, d].concat().into_iter().map(|(x, y, z)| [x, y, z]).collect()
-        })
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
-        #[test]
-        fn the_nearest_are_those_that_looking_at_all_points_finds(points in clouds(), count in 1usize..20, reach in prop::sample::select(vec![3.0, 50.0, 1e4, 1e10]), flat: bool) {
-            agree(&points, if flat { [0.001, 0.001, 0.01] } else { [0.5; 3] }, count, reach);
-        }
-    }
-
-    #[test]
-    fn nothing_and_one_point_have_no_neighbours() {
-        agree(&[], [1.0; 3], 12, 1e10);
-        agree(&[[5, 6, 7]], [1.0; 3], 12, 1e10);
-        agree(&[[0; 3], [u32::MAX; 3]], [1.0; 3], 12, 1e10);
-    }
-
-    #[test]
-    fn neighbours_at_the_other_end_of_the_lattice_are_found() {
-        let near = (0..8).map(|i| [0, 5, i]);
-        let points: Vec<_> = near.chain([[u32::MAX, 5, 9], [u32::MAX - 90, 7, 7]]).collect();
-        (1..10).for_each(|count| agree(&points, [0.5; 3], count, 1e10));
     }
 }

@@ -4,6 +4,7 @@ pub(crate) mod clips;
 pub mod density;
 pub(crate) mod eigen;
 pub(crate) mod knn;
+pub(crate) mod knn_index;
 pub(crate) mod knn_search;
 pub mod normals;
 pub(crate) mod palette;

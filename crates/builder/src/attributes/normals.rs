@@ -3,7 +3,8 @@
 //! within the reach alone, so it is the same however a cloud is cut into chunks.
 
 use crate::attributes::eigen::Eigen;
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
 use esker_points::{morton, quant};
 
 /// Neighbours that a plane is laid through; where these lie along a line, two and four times as many.
@@ -59,9 +60,9 @@ pub fn estimate(own: &[[u32; 3]], halo: &[[u32; 3]], bounds: &Bounds) -> Vec<[i1
     let (points, place_of) = joined(own, &sorted_codes(halo));
     let mut wanted = vec![false; points.len()];
     place_of.iter().for_each(|&place| wanted[place as usize] = true);
-    let ask = Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
-    let tell = |steps: &[[f64; 3]]| normal(steps, bounds.scale);
-    let found = Neighbours::new(&points, bounds.scale).map(&ask, |p| wanted[p], tell, UNKNOWN);
+    let query = Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
+    let fit = |steps: &[[f64; 3]]| normal(steps, bounds.scale);
+    let found = KnnIndex::new(&points, bounds.scale).map(&query, |p| wanted[p], fit, UNKNOWN);
     place_of.into_iter().map(|place| found[place as usize]).collect()
 }
 
@@ -191,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_has_its_radii() {
+    fn a_sphere_has_radial_normals() {
         let mut r = Random(2);
         let mut point = || loop {
             let v = [0; 3].map(|_| r.unit() * 2.0 - 1.0);
@@ -224,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_tells_no_direction_is_unknown_and_what_is_flat_is_not() {
+    fn neighbours_along_a_line_give_no_normal_and_flat_ones_do() {
         let bounds = Bounds { scale: [SCALE; 3], reach: 1e6 };
         let codes = |points: Vec<[u32; 3]>| estimate(&along_the_curve(points), &[], &bounds);
         assert!(codes(vec![]).is_empty());

@@ -6,8 +6,9 @@
 //! within the reach of normals alone, in three steps that share it: so it is the same however a cloud is cut into
 //! chunks.
 
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
-use crate::attributes::knn_search::Found;
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
+use crate::attributes::knn_search::Neighbourhood;
 use crate::attributes::normals::{
     Bounds, NEIGHBOURS, NEIGHBOURS_MAX, UNKNOWN, code_of, flattest, joined,
 };
@@ -45,7 +46,7 @@ type Vec3 = [f64; 3];
 pub struct Edge {
     /// The code of its own side's normal.
     pub normal: [i16; 2],
-    /// Its lines, whose sides are told as that normal sees them.
+    /// Its lines, whose sides are fits as that normal sees them.
     pub clip: Clip,
 }
 
@@ -61,23 +62,23 @@ struct Plane {
 
 /// A line in which two points' planes meet.
 #[derive(Clone, Copy, Debug)]
-struct Meeting {
+struct Crease {
     /// A place of it, against the point.
     at: Vec3,
     along: Vec3,
     /// Across it in the point's plane, away from what is kept.
     out: Vec3,
     /// Whose plane it meets.
-    mate: Mate,
+    neighbour: Neighbour,
 }
 
 /// A point near another one.
 #[derive(Clone, Copy, Debug)]
-struct Mate {
+struct Neighbour {
     place: usize,
     plane: Plane,
-    /// The way to it.
-    way: Vec3,
+    /// The offset to it.
+    offset: Vec3,
 }
 
 fn dot(a: Vec3, b: Vec3) -> f64 {
@@ -100,49 +101,49 @@ pub fn detect(
     bounds: &Bounds,
 ) -> (Vec<[i16; 2]>, Vec<Option<Edge>>) {
     let (points, place_of) = joined(own, &sorted_codes(halo));
-    let index = Neighbours::new(&points, bounds.scale);
-    let ask = |count, share: f64| Ask { count, count_max: count, reach: bounds.reach * share };
+    let index = KnnIndex::new(&points, bounds.scale);
+    let query = |count, share: f64| Query { count, count_max: count, reach: bounds.reach * share };
     // The nearest tell both the normal and the plane.
-    let told = index.map_placed(
-        &Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
+    let fits = index.map_placed(
+        &Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
         |_| true,
-        |_, found| Some(Told::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
-        Told { normal: UNKNOWN, plane: None },
+        |_, found| Some(PointFit::of(found.steps, bounds)).filter(|t| t.normal != UNKNOWN),
+        PointFit { normal: UNKNOWN, plane: None },
     );
     let cloud = Cloud { points: &points, scale: bounds.scale };
     let mut wanted = vec![false; points.len()];
     place_of.iter().for_each(|&place| wanted[place as usize] = true);
-    let mut flat: Vec<Option<Plane>> = told.iter().map(|t| t.plane).collect();
+    let mut flat: Vec<Option<Plane>> = fits.iter().map(|t| t.plane).collect();
     // The others are flat enough.
-    let is_rough = |place: usize| told[place].plane.is_some_and(|p| p.roughness >= FLAT);
+    let is_rough = |place: usize| fits[place].plane.is_some_and(|p| p.roughness >= FLAT);
     let flatter = index.map_placed(
-        &ask(AROUND_FLAT, FLAT_SHARE),
+        &query(AROUND_FLAT, FLAT_SHARE),
         is_rough,
-        |place, found| Some(cloud.flattest(place, found, &told)),
+        |place, found| Some(cloud.flattest(place, found, &fits)),
         None,
     );
     let rough = (0..).zip(flat.iter_mut().zip(flatter)).filter(|(place, _)| is_rough(*place));
     rough.for_each(|(_, (flat, flatter))| *flat = flatter);
     let found = index.map_placed(
-        &ask(AROUND, EDGE_SHARE),
+        &query(AROUND, EDGE_SHARE),
         |place| wanted[place],
         |place, found| Some(cloud.edge(place, found, &flat)),
         None,
     );
-    let codes = place_of.iter().map(|&place| told[place as usize].normal).collect();
+    let codes = place_of.iter().map(|&place| fits[place as usize].normal).collect();
     (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
 }
 
 /// What the nearest neighbours of a point tell.
 #[derive(Clone, Copy, Debug)]
-struct Told {
+struct PointFit {
     /// The code of its normal.
     normal: [i16; 2],
     /// Its plane.
     plane: Option<Plane>,
 }
 
-impl Told {
+impl PointFit {
     /// Of neighbours so many steps away: the normal of all of them, the plane of the nearest.
     fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
         let scale = bounds.scale;
@@ -187,20 +188,23 @@ struct Cloud<'a> {
 
 impl Cloud<'_> {
     /// Neighbours' places, and the ways to them in the file's unit.
-    fn ways<'f>(&self, found: Found<'f>) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
+    fn offsets<'f>(
+        &self,
+        found: Neighbourhood<'f>,
+    ) -> impl Iterator<Item = (usize, Vec3)> + use<'f> {
         let scale = self.scale;
-        let way = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
-        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(way))
+        let offset = move |s: &Vec3| [0, 1, 2].map(|i| s[i] * scale[i]);
+        found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(offset))
     }
 
     /// The flattest plane of a point's own and of those around that go through it.
-    fn flattest(&self, place: usize, found: Found<'_>, told: &[Told]) -> Option<Plane> {
-        let own = told[place].plane?;
+    fn flattest(&self, place: usize, found: Neighbourhood<'_>, fits: &[PointFit]) -> Option<Plane> {
+        let own = fits[place].plane?;
         let (mut best, mut least) = (own, own.roughness * FLATTER);
-        for (other, way) in self.ways(found) {
-            let Some(plane) = told[other].plane else { continue };
+        for (other, offset) in self.offsets(found) {
+            let Some(plane) = fits[other].plane else { continue };
             // On an edge the planes of both sides are flat: the one that the point is on counts.
-            let off = dot(plane.normal, way).abs() / own.spacing;
+            let off = dot(plane.normal, offset).abs() / own.spacing;
             let score = plane.roughness + OFF * off * off;
             if off <= THROUGH && score < least {
                 (best, least) = (Plane { spacing: own.spacing, ..plane }, score);
@@ -210,34 +214,41 @@ impl Cloud<'_> {
     }
 
     /// The edge of a point, where it has one.
-    fn edge(&self, place: usize, found: Found<'_>, planes: &[Option<Plane>]) -> Option<Edge> {
+    fn edge(
+        &self,
+        place: usize,
+        found: Neighbourhood<'_>,
+        planes: &[Option<Plane>],
+    ) -> Option<Edge> {
         let own = planes[place]?;
         // Most points have none.
         let meets = |plane: &Plane| dot(plane.normal, own.normal).abs() < EDGE;
         if !found.places.iter().any(|&p| planes[p as usize].as_ref().is_some_and(meets)) {
             return None;
         }
-        let around: Vec<Mate> = self
-            .ways(found)
-            .filter_map(|(place, way)| Some(Mate { place, plane: planes[place]?, way }))
+        let around: Vec<Neighbour> = self
+            .offsets(found)
+            .filter_map(|(place, offset)| Some(Neighbour { place, plane: planes[place]?, offset }))
             .collect();
-        let cosine = |m: &Mate| dot(m.plane.normal, own.normal).abs();
-        let is_same =
-            |m: &&Mate| cosine(m) > SAME && dot(own.normal, m.way).abs() < BEYOND * own.spacing;
-        let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.way).collect();
-        let mut mates: Vec<&Mate> = around.iter().filter(|m| meets(&m.plane)).collect();
-        mates.sort_by(|a, b| dot(a.way, a.way).total_cmp(&dot(b.way, b.way)));
-        let meetings: Vec<Meeting> =
-            mates.into_iter().filter_map(|mate| meeting(&own, mate, &same)).collect();
-        let beyond =
-            |m: &Meeting, way: &Vec3| dot(m.out, plus(*way, m.at, -1.0)) > BEYOND * own.spacing;
+        let cosine = |m: &Neighbour| dot(m.plane.normal, own.normal).abs();
+        let is_same = |m: &&Neighbour| {
+            cosine(m) > SAME && dot(own.normal, m.offset).abs() < BEYOND * own.spacing
+        };
+        let same: Vec<Vec3> = around.iter().filter(is_same).map(|m| m.offset).collect();
+        let mut neighbours: Vec<&Neighbour> = around.iter().filter(|m| meets(&m.plane)).collect();
+        neighbours.sort_by(|a, b| dot(a.offset, a.offset).total_cmp(&dot(b.offset, b.offset)));
+        let creases: Vec<Crease> =
+            neighbours.into_iter().filter_map(|neighbour| crease(&own, neighbour, &same)).collect();
+        let beyond = |m: &Crease, offset: &Vec3| {
+            dot(m.out, plus(*offset, m.at, -1.0)) > BEYOND * own.spacing
+        };
         let holds = |is_beyond: &dyn Fn(&Vec3) -> bool| {
             let count = same.iter().filter(|w| is_beyond(w)).count();
             count as f64 <= BEYOND_SHARE * (same.len() + 1) as f64
         };
-        let is_end = |m: &&Meeting| holds(&|way| beyond(m, way));
-        let (ends, others): (Vec<&Meeting>, Vec<&Meeting>) = meetings.iter().partition(is_end);
-        let is_other = |a: &Meeting, b: &Meeting| {
+        let is_end = |m: &&Crease| holds(&|offset| beyond(m, offset));
+        let (ends, others): (Vec<&Crease>, Vec<&Crease>) = creases.iter().partition(is_end);
+        let is_other = |a: &Crease, b: &Crease| {
             dot(a.along, b.along).abs() < EDGE || dot(a.out, b.out) < -EDGE
         };
         let (mut lines, mut either) = ([None; 2], false);
@@ -247,10 +258,10 @@ impl Cloud<'_> {
         } else {
             // A corner that goes in: some of the plane lies beyond each line, none beyond both.
             let pair = others.iter().enumerate().find_map(|(i, a)| {
-                let fits = |b: &&&Meeting| {
-                    is_other(a, b) && holds(&|way| beyond(a, way) && beyond(b, way))
+                let is_pair = |b: &&&Crease| {
+                    is_other(a, b) && holds(&|offset| beyond(a, offset) && beyond(b, offset))
                 };
-                others[i + 1..].iter().find(fits).map(|b| [*a, *b])
+                others[i + 1..].iter().find(is_pair).map(|b| [*a, *b])
             });
             if let Some(pair) = pair {
                 lines = pair.map(|m| self.line(place, &own, m));
@@ -266,19 +277,19 @@ impl Cloud<'_> {
     }
 
     /// The line as it is stored: worked out from the pair's first point, whichever of both asks.
-    fn line(&self, place: usize, own: &Plane, m: &Meeting) -> Option<ClipLine> {
-        let mate = &m.mate;
-        let (first, (at, along)) = if place < mate.place {
-            (place, crossing(own, &mate.plane, mate.way))
+    fn line(&self, place: usize, own: &Plane, m: &Crease) -> Option<ClipLine> {
+        let neighbour = &m.neighbour;
+        let (first, (at, along)) = if place < neighbour.place {
+            (place, intersect(own, &neighbour.plane, neighbour.offset))
         } else {
-            (mate.place, crossing(&mate.plane, own, mate.way.map(|w| -w)))
+            (neighbour.place, intersect(&neighbour.plane, own, neighbour.offset.map(|w| -w)))
         };
         // What is kept lies to the left, seen from where the normal points to.
         let turn = dot(cross(own.normal, along), m.out);
-        let half = dot(mate.way, mate.way).sqrt();
+        let half = dot(neighbour.offset, neighbour.offset).sqrt();
         let half = if turn < 0.0 { half } else { -half };
-        let end = |way: f64| {
-            let at = plus(at, along, way);
+        let end = |t: f64| {
+            let at = plus(at, along, t);
             [0, 1, 2].map(|i| f64::from(self.points[first][i]) + at[i] / self.scale[i])
         };
         ClipLine::through(end(-half), end(half), Grain::new(self.scale))
@@ -287,33 +298,33 @@ impl Cloud<'_> {
 
 /// Where two planes meet, of points that far apart: the place nearest to the middle between both, against the first, and
 /// the line's direction.
-fn crossing(a: &Plane, b: &Plane, way: Vec3) -> (Vec3, Vec3) {
+fn intersect(a: &Plane, b: &Plane, offset: Vec3) -> (Vec3, Vec3) {
     let (a, b) = (a.normal, b.normal);
     let c = dot(a, b);
     let squared = 1.0 - c * c;
-    let middle = way.map(|w| 0.5 * w);
+    let middle = offset.map(|w| 0.5 * w);
     let (f, g) = (dot(a, middle), -dot(b, middle));
     let at = plus(plus(middle, a, (c * g - f) / squared), b, (c * f - g) / squared);
     (at, cross(a, b).map(|v| v / squared.sqrt()))
 }
 
-/// Where the plane of a point meets that of a mate; `None` where that is too far away.
-fn meeting(own: &Plane, mate: &Mate, same: &[Vec3]) -> Option<Meeting> {
-    let (at, along) = crossing(own, &mate.plane, mate.way);
+/// Where the plane of a point meets that of a neighbour; `None` where that is too far away.
+fn crease(own: &Plane, neighbour: &Neighbour, same: &[Vec3]) -> Option<Crease> {
+    let (at, along) = intersect(own, &neighbour.plane, neighbour.offset);
     let far = |from: Vec3| {
         let off = plus(from, along, -dot(from, along));
         dot(off, off).sqrt()
     };
-    let from_mate = plus(at, mate.way, -1.0);
-    if far(at) > NEAR * own.spacing || far(from_mate) > NEAR * mate.plane.spacing {
+    let from_neighbour = plus(at, neighbour.offset, -1.0);
+    if far(at) > NEAR * own.spacing || far(from_neighbour) > NEAR * neighbour.plane.spacing {
         return None;
     }
     let across = cross(along, own.normal);
     // What is kept is where the points of the plane are.
-    let from_line = |way: &Vec3| dot(across, plus(*way, at, -1.0));
+    let from_line = |offset: &Vec3| dot(across, plus(*offset, at, -1.0));
     let side = same.iter().map(from_line).sum::<f64>() + from_line(&[0.0; 3]);
     let out = if side > 0.0 { across.map(|v| -v) } else { across };
-    Some(Meeting { at, along, out, mate: *mate })
+    Some(Crease { at, along, out, neighbour: *neighbour })
 }
 
 #[cfg(test)]

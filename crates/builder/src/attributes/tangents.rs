@@ -6,7 +6,8 @@
 //! lines three times as far apart as their points they make a ratio of 1.4. So the shape is that of the cell which a
 //! point has for itself among its neighbours, and their mirror images, since splats are symmetric: its second moments.
 
-use crate::attributes::knn::{Ask, Neighbours, sorted_codes};
+use crate::attributes::knn::{Query, sorted_codes};
+use crate::attributes::knn_index::KnnIndex;
 use crate::attributes::normals::{Bounds, NEIGHBOURS, NEIGHBOURS_MAX, joined};
 use esker_points::quant::oct_decode;
 use esker_points::tangents::{ASPECT_MAX, Shape};
@@ -37,15 +38,15 @@ pub fn shapes(
         let normal = oct_decode(code);
         normal_of[place as usize] = Some(normal).filter(|n| *n != [0.0; 3]);
     }
-    let ask = Ask { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
-    let tell = |place: usize, steps: &[Vec3]| {
+    let query = Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach };
+    let estimate = |place: usize, steps: &[Vec3]| {
         let normal: [f32; 3] = normal_of[place]?;
         shape(steps, bounds.scale, normal.map(f64::from))
     };
-    let found = Neighbours::new(&points, bounds.scale).map_placed(
-        &ask,
+    let found = KnnIndex::new(&points, bounds.scale).map_placed(
+        &query,
         |place| normal_of[place].is_some(),
-        |place, found| tell(place, found.steps),
+        |place, found| estimate(place, found.steps),
         ROUND,
     );
     place_of.into_iter().map(|place| found[place as usize]).collect()
@@ -57,10 +58,10 @@ fn shape(steps: &[Vec3], scale: Vec3, normal: Vec3) -> Option<Shape> {
     let mut beside: Vec<(f64, Vec2)> = steps
         .iter()
         .filter_map(|s| {
-            let way = [0, 1, 2].map(|i| s[i] * scale[i]);
-            let at = [dot(u, way), dot(v, way)];
+            let offset = [0, 1, 2].map(|i| s[i] * scale[i]);
+            let at = [dot(u, offset), dot(v, offset)];
             let square = at[0] * at[0] + at[1] * at[1];
-            let off = dot(normal, way);
+            let off = dot(normal, offset);
             (square > 0.0 && off * off <= OFF * OFF * square).then_some((square, at))
         })
         .collect();
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_open_or_of_another_surface_makes_no_shape() {
+    fn open_cells_and_points_of_other_surfaces_make_no_shape() {
         let [u, _] = across(NORMAL);
         let line: Vec<Vec3> =
             (1..=8).flat_map(|i| [f64::from(i), -f64::from(i)]).map(|t| u.map(|c| c * t)).collect();

@@ -200,7 +200,7 @@ pub(crate) mod tests {
 
     proptest! {
         #[test]
-        fn a_part_of_points_shares_what_it_does_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
+        fn shared_cells_of_a_subset_are_those_of_the_subset_alone(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, every in 1usize..9) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let all = candidates_of(&points, [0.5; 3]);
             let part: Vec<_> = all.q.iter().copied().skip(every / 2).step_by(every).collect();
@@ -209,7 +209,7 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn points_of_a_cell_stand_together(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
+        fn points_of_a_cell_are_contiguous(points in prop::collection::vec(any::<[u32; 3]>(), 1..200), small in 0u32..32, cubic: bool) {
             let points: Vec<_> = points.iter().map(|p| p.map(|c| c >> small)).collect();
             let candidates = candidates_of(&points, if cubic { [0.5; 3] } else { [0.5, 2.0, 0.1] });
             let places = candidates.as_offered((0..points.len() as u16).collect());

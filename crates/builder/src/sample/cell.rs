@@ -6,14 +6,14 @@ use crate::attributes::clips::Clips;
 use crate::page::histograms::Counts;
 use crate::rows::row::{RowLayout, Rows};
 use crate::sample::candidates::Candidates;
-use crate::sample::choose::{choose, place};
-use crate::sample::compact::places_of;
+use crate::sample::choose::{assign_turns, choose};
+use crate::sample::compact::indices_of;
 use crate::sample::contour;
 use crate::sample::fringe::{self, Offer};
 use crate::sample::order::{order, parts};
-use crate::sample::pending::{Below, Cut, Pending};
+use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::sample::shape::{Moments, Shape};
-use crate::sample::spacing::{Picked, radii};
+use crate::sample::spacing::{TurnCounts, radii};
 use crate::sample::turns::LAST_TURN;
 use crate::sample::wires;
 use crate::tree::subtree::{Children, Subtree};
@@ -57,8 +57,8 @@ pub struct Context {
 
 impl Context {
     /// A cell that is not split: it offers all of its points.
-    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
-        Pending {
+    pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
+        PendingCell {
             cell,
             moments: Moments::of(points.clone().map(|i| rows.position(i)), &cell),
             sampled: points.len(),
@@ -77,7 +77,7 @@ impl Context {
     }
 
     /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
-    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> Pending {
+    pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
         let first = points.start + self.capacity as u32;
         let mut head = self.leaf(rows, points.start..first, cell);
         head.below = Below::Coincident(first..points.end);
@@ -97,7 +97,7 @@ impl Context {
     pub fn continuation(
         &self,
         rows: &Rows<'_>,
-        pending: Pending,
+        pending: PendingCell,
         counts: &Counts,
     ) -> Option<(Moments, Subtree)> {
         let moments = pending.moments;
@@ -107,13 +107,13 @@ impl Context {
     }
 
     /// A cell made of the cells in it: takes an even sample of what they offer. They are yet to be finished.
-    pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<Pending>) -> Pending {
+    pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<PendingCell>) -> PendingCell {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
         let mut offered: Vec<u32> = Vec::with_capacity(children.iter().map(|c| c.sampled).sum());
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
         let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
-        let placed = Pending::placed(&children, offered.len());
+        let turns_below = PendingCell::turns_below(&children, offered.len());
         // What is left of cells with few points has its place beside the sample.
         let (few, given_max) = self.few(&children);
         // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
@@ -121,8 +121,8 @@ impl Context {
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
         let shape = Shape::of(moments.covariance(self.scale));
         let dimension = shape.dimension_of(points.min(candidates.places()));
-        let mut turns = choose(&candidates, &placed, points, self.edge(&cell), dimension);
-        let shares = Pending::shares(&children, offered.len());
+        let mut turns = choose(&candidates, &turns_below, points, self.edge(&cell), dimension);
+        let shares = PendingCell::shares(&children, offered.len());
         let mut parts = Vec::with_capacity(children.len());
         let mut start = 0;
         for child in children {
@@ -138,13 +138,13 @@ impl Context {
             }
             parts.push((child, part));
         }
-        let chosen = places_of(&turns, |&turn| turn != LAST_TURN);
+        let chosen = indices_of(&turns, |&turn| turn != LAST_TURN);
         // Right above leaves it would cost three times as much for half as many radii, of which none is as far off.
         let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
         let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
         let drawn = [chosen.len(), moments.count as usize];
-        let above = self.spacing(&Picked::of(&own), drawn, dimension, None);
-        let mut pending = Pending {
+        let above = self.spacing(&TurnCounts::of(&own), drawn, dimension, None);
+        let mut pending = PendingCell {
             cell,
             moments,
             offered: chosen.iter().map(|&i| offered[i as usize]).collect(),
@@ -166,17 +166,23 @@ impl Context {
             self.give(rows, child, (&turns[part], shares), above, &mut pending);
         }
         let parts = parts.into_iter();
-        let cut = parts.map(|(pending, part)| Cut { pending, taken: turns[part].to_vec(), above });
-        pending.below = Below::Cut(cut.collect());
+        let cut =
+            parts.map(|(pending, part)| ReadyCell { pending, taken: turns[part].to_vec(), above });
+        pending.below = Below::Ready(cut.collect());
         pending
     }
 
     /// The nodes below a cell that do not wait for others: what coincides with its points continues it.
-    pub fn nodes_below(&self, rows: &Rows<'_>, pending: &mut Pending, counts: &Counts) -> Children {
+    pub fn nodes_below(
+        &self,
+        rows: &Rows<'_>,
+        pending: &mut PendingCell,
+        counts: &Counts,
+    ) -> Children {
         let mut below = Children::default();
         match std::mem::take(&mut pending.below) {
             Below::Finished(children) => below = children,
-            Below::Cut(_) | Below::Elsewhere { .. } => (),
+            Below::Ready(_) | Below::Elsewhere { .. } => (),
             Below::Coincident(rest) => {
                 below = self.coincident_below(rows, rest, pending.cell, counts);
             }
@@ -204,7 +210,7 @@ impl Context {
     }
 
     /// Which cells have few points, and how many those are, as far as the node above has room for them.
-    fn few(&self, children: &[Pending]) -> (Vec<bool>, usize) {
+    fn few(&self, children: &[PendingCell]) -> (Vec<bool>, usize) {
         let mut least: Vec<usize> =
             (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
         least.sort_by_key(|&i| children[i].sampled);
@@ -222,11 +228,11 @@ impl Context {
         &self,
         candidates: &Candidates,
         mut shares: Vec<f32>,
-        parts: &[(Pending, Range<usize>)],
+        parts: &[(PendingCell, Range<usize>)],
         (few, turns): (&[bool], &[u16]),
         above: f64,
     ) -> Vec<f32> {
-        let offer = |((child, part), &is_few): (&(Pending, Range<usize>), &bool)| {
+        let offer = |((child, part), &is_few): (&(PendingCell, Range<usize>), &bool)| {
             let is_taken = || turns[part.clone()].iter().all(|turn| *turn != LAST_TURN);
             let weight = child.moments.count as f32 / child.sampled as f32;
             Offer { ends: is_few || (child.is_leaf() && is_taken()), weight }
@@ -247,15 +253,15 @@ impl Context {
     fn give(
         &self,
         rows: &Rows<'_>,
-        mut leaf: Pending,
+        mut leaf: PendingCell,
         (taken, shares): (&[u16], &[f32]),
         above: f64,
-        to: &mut Pending,
+        to: &mut PendingCell,
     ) {
         let shape = Shape::of(leaf.moments.covariance(self.scale));
-        let dimension = self.place(rows, &mut leaf, taken, Some(above), &shape);
+        let dimension = self.assign_turns(rows, &mut leaf, taken, Some(above), &shape);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
-        let spacing = self.spacing(&leaf.picked(), drawn, dimension, Some(above)) as f32;
+        let spacing = self.spacing(&leaf.turn_counts(), drawn, dimension, Some(above)) as f32;
         for i in (0..leaf.sampled).filter(|&i| taken[i] == LAST_TURN) {
             to.offered.push(leaf.offered[i]);
             to.turns.push(leaf.turns[i]);
@@ -267,10 +273,10 @@ impl Context {
     }
 
     /// Gives a leaf's points their turns and radii. The dimension in which they stand.
-    fn place(
+    fn assign_turns(
         &self,
         rows: &Rows<'_>,
-        leaf: &mut Pending,
+        leaf: &mut PendingCell,
         taken: &[u16],
         above: Option<f64>,
         shape: &Shape,
@@ -278,9 +284,9 @@ impl Context {
         let candidates =
             Candidates::new(rows, &leaf.offered, &leaf.cell, self.scale, self.class_at);
         let dimension = shape.dimension_of(candidates.places());
-        leaf.turns = place(&candidates, taken, above, self.edge(&leaf.cell), dimension);
+        leaf.turns = assign_turns(&candidates, taken, above, self.edge(&leaf.cell), dimension);
         let drawn = [leaf.sampled, leaf.moments.count as usize];
-        let spacing = || self.spacing(&leaf.picked(), drawn, dimension, above);
+        let spacing = || self.spacing(&leaf.turn_counts(), drawn, dimension, above);
         leaf.radii = self.radii(&candidates, &leaf.turns, dimension, (spacing, false));
         dimension
     }
@@ -291,7 +297,7 @@ impl Context {
     pub fn finish(
         &self,
         rows: &Rows<'_>,
-        mut pending: Pending,
+        mut pending: PendingCell,
         taken: &[u16],
         above: Option<f64>,
         counts: &Counts,
@@ -299,14 +305,14 @@ impl Context {
         let mut below = self.nodes_below(rows, &mut pending, counts);
         let shape = Shape::of(pending.moments.covariance(self.scale));
         let dimension = if pending.turns.is_empty() {
-            self.place(rows, &mut pending, taken, above, &shape)
+            self.assign_turns(rows, &mut pending, taken, above, &shape)
         } else {
             shape.dimension_of(pending.sampled)
         };
         if let Some(above) = above {
             pending.radii.iter_mut().for_each(|radius| *radius = radius.min(widest(above)));
         }
-        let mut own = places_of(taken, |&turn| turn == LAST_TURN);
+        let mut own = indices_of(taken, |&turn| turn == LAST_TURN);
         own.extend(taken.len() as u32..pending.offered.len() as u32);
         let sampled = pending.sampled;
         let is_given = |i: u32| i as usize >= sampled;
@@ -319,7 +325,7 @@ impl Context {
         let count = own.len().div_ceil(self.capacity) as u32;
         let part_of = if count > 1 { parts(&turns, count as usize) } else { vec![0; own.len()] };
         let mut drawn = pending.sampled;
-        let (picked, total) = (pending.picked(), pending.moments.count as usize);
+        let (picked, total) = (pending.turn_counts(), pending.moments.count as usize);
         let spacing = |drawn| self.spacing(&picked, [drawn, total], dimension, above);
         let full = spacing(drawn);
         if above.is_none() && total < SURFACE_POINTS {
@@ -358,7 +364,7 @@ impl Context {
         let mut steps = radii(&candidates.shared_of(is_wanted()), dimension);
         if is_high || wires::has_any(&candidates.classes) {
             let spacing = spacing() / candidates.step;
-            let places = places_of(&turns, |&turn| turn != LAST_TURN);
+            let places = indices_of(&turns, |&turn| turn != LAST_TURN);
             wires::narrow(&mut steps, spacing, &places, candidates);
             if is_high {
                 let q = || places.iter().map(|&place| candidates.q[place as usize]).collect();
@@ -371,7 +377,7 @@ impl Context {
 
     /// The sample that no other is above reaches no farther than to the points around, as samples above others do: nothing else keeps
     /// its radii from being wide where a surface only grazes a cell.
-    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut Pending, spacing: f64) {
+    fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut PendingCell, spacing: f64) {
         let sampled = pending.sampled;
         let candidates =
             Candidates::new(rows, &pending.offered[..sampled], &pending.cell, self.scale, None);
@@ -392,7 +398,7 @@ impl Context {
     fn node(
         &self,
         rows: &Rows<'_>,
-        pending: &Pending,
+        pending: &PendingCell,
         points: &[u32],
         dimension: u32,
         [spacing, full]: [f64; 2],
@@ -451,7 +457,7 @@ impl Context {
     /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
     fn spacing(
         &self,
-        picked: &Picked,
+        picked: &TurnCounts,
         [drawn, total]: [usize; 2],
         dimension: u32,
         above: Option<f64>,

@@ -5,7 +5,7 @@
 //! cells. And few points of a sample that lie behind such a border seem to stand alone there.
 
 use crate::sample::candidates::Candidates;
-use crate::sample::nearby::Near;
+use crate::sample::nearby::NeighbourGrid;
 use std::f64::consts::PI;
 
 /// The distance to so many neighbours tells of a place. On a wire they reach twice as far as its points stand apart.
@@ -28,13 +28,13 @@ pub fn shares(candidates: &Candidates, from: &[u8], offers: &[Offer], spacing: f
     let from = candidates.along_curve(from);
     let offer = |i: usize| offers[usize::from(from[i])];
     let spacing = spacing / candidates.step;
-    let near = Near::new(&candidates.q, spacing);
+    let near = NeighbourGrid::new(&candidates.q, spacing);
     let share = |i| {
         let (mut cells, mut points, mut nearest) = (0, 0.0, Nearest::default());
         near.each_run(i, |run| {
             let weight = offer(run.start).weight;
             (cells, points) = (cells + 1, points + run.len() as f32 * weight);
-            run.filter(|&j| j != i).for_each(|j| nearest.add(near.away2(i, j), weight));
+            run.filter(|&j| j != i).for_each(|j| nearest.add(near.distance2(i, j), weight));
         });
         // As evenly as on surfaces through the cells that have any; on a wire, for which that is not so, still wider than
         // its points stand apart.
@@ -54,11 +54,11 @@ pub fn narrow(radii: &mut [f32], q: impl FnOnce() -> Vec<[i32; 3]>, spacing: f64
         return;
     }
     let q = q();
-    let near = Near::new(&q, spacing * WIDE_SPACINGS);
+    let near = NeighbourGrid::new(&q, spacing * WIDE_SPACINGS);
     for (i, radius) in radii.iter_mut().enumerate().filter(|(_, radius)| is_wide(**radius)) {
         let mut nearest = Nearest::default();
         near.each_run(i, |run| {
-            run.filter(|&j| j != i).for_each(|j| nearest.add(near.away2(i, j), 1.0));
+            run.filter(|&j| j != i).for_each(|j| nearest.add(near.distance2(i, j), 1.0));
         });
         *radius = radius.min(nearest.distance() as f32);
     }
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_radii_reach_to_the_points_around_and_others_stay() {
+    fn wide_radii_shrink_to_the_distance_of_neighbours_and_others_stay() {
         let q: Vec<[i32; 3]> =
             (0..64).map(|i| morton::decode3(i).map(|c| c as i32 * 100)).collect();
         let mut radii = vec![130.0f32; q.len()];

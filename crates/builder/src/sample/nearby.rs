@@ -1,11 +1,10 @@
 //! Points near a point, by cells, over borders of which densities of cells tell too little.
 
-use crate::sample::tiles::{Cells, Filling, TILE_LOG2, between};
-use crate::sample::unpicked::NONE;
+use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, between};
 use std::ops::Range;
 
 /// Points by cells as large as they look far, at least.
-pub struct Near<'a> {
+pub struct NeighbourGrid<'a> {
     /// In steps, along the curve.
     q: &'a [[i32; 3]],
     /// Log2 of the edge of cells, in steps.
@@ -13,14 +12,14 @@ pub struct Near<'a> {
     cells: Cells,
 }
 
-impl<'a> Near<'a> {
+impl<'a> NeighbourGrid<'a> {
     /// `far` is in steps.
     pub fn new(q: &'a [[i32; 3]], far: f64) -> Self {
         let log2 = far.log2().ceil().clamp(0.0, 30.0) as u32;
         let mut cells = Cells::default();
-        let mut filling = Filling::new(&mut cells, log2);
+        let mut builder = CellsBuilder::new(&mut cells, log2);
         for (i, &p) in q.iter().enumerate() {
-            filling.tile(p, i);
+            builder.tile(p, i);
         }
         cells.close(q.len());
         Self { q, log2, cells }
@@ -59,12 +58,12 @@ impl<'a> Near<'a> {
     }
 
     /// Square of the distance of two points, in steps.
-    pub fn away2(&self, i: usize, j: usize) -> f64 {
-        self.away(i, j).iter().map(|along| along * along).sum()
+    pub fn distance2(&self, i: usize, j: usize) -> f64 {
+        self.offset(i, j).iter().map(|along| along * along).sum()
     }
 
     /// The way from a point to another, in steps.
-    pub fn away(&self, i: usize, j: usize) -> [f64; 3] {
+    pub fn offset(&self, i: usize, j: usize) -> [f64; 3] {
         [0, 1, 2].map(|axis| f64::from(self.q[j][axis]) - f64::from(self.q[i][axis]))
     }
 }
@@ -79,7 +78,7 @@ mod tests {
         #[test]
         fn runs_are_the_points_of_27_cells(points in prop::collection::vec([0u32..900, 0u32..900, 0u32..40], 1..300), far in 1.0..200.0) {
             let candidates = candidates_of(&points, [0.01; 3]);
-            let near = Near::new(&candidates.q, far);
+            let near = NeighbourGrid::new(&candidates.q, far);
             prop_assert!(near.edge() >= far);
             let cell = |i: usize| candidates.q[i].map(|c| c >> near.log2);
             for i in 0..candidates.len() {
@@ -96,11 +95,11 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_the_lattice_are_looked_at() {
+    fn cells_at_the_ends_of_the_lattice_are_searched() {
         let end = i32::MAX;
         let q = [[0; 3], [1; 3], [end - 1, end, end], [end; 3]];
         for far in [0.5, 1.0, 3.0, 1e9] {
-            let near = Near::new(&q, far);
+            let near = NeighbourGrid::new(&q, far);
             let mut found = 0;
             (0..q.len()).for_each(|i| near.each_run(i, |run| found += run.len()));
             assert!(found >= q.len(), "{found}");

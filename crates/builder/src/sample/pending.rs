@@ -1,14 +1,14 @@
 //! Cells whose points the cell above has not yet chosen from, and those from which it has, but which are not finished.
 
 use crate::sample::shape::Moments;
-use crate::sample::spacing::Picked;
+use crate::sample::spacing::TurnCounts;
 use crate::sample::turns::LAST_TURN;
 use crate::tree::subtree::Children;
 use esker_points::Cell;
 use std::ops::Range;
 
 /// A cell whose points the cell above has not yet chosen from.
-pub struct Pending {
+pub struct PendingCell {
     /// The smallest cell that holds its points.
     pub cell: Cell,
     /// Of all points in the cell.
@@ -18,7 +18,7 @@ pub struct Pending {
     pub offered: Vec<u32>,
     /// How many it offers.
     pub sampled: usize,
-    /// The turn of each of these rows in thinning; empty where no sample has placed them.
+    /// The turn of each of these rows in thinning; empty where no sample has turns_below them.
     pub turns: Vec<u16>,
     /// Their local spacing, in the file's unit; as many as turns. 0 where the cell's is to be taken.
     pub radii: Vec<f32>,
@@ -34,7 +34,7 @@ pub enum Below {
     /// Finished nodes, or nothing.
     Finished(Children),
     /// Cells that have lost what this one took.
-    Cut(Vec<Cut>),
+    Ready(Vec<ReadyCell>),
     /// Rows that coincide with those that the cell offers.
     Coincident(Range<u32>),
     /// Nodes that are finished elsewhere: of which of the cells that are chosen from together, and whether there are any.
@@ -42,19 +42,19 @@ pub enum Below {
 }
 
 /// A cell that can be finished.
-pub struct Cut {
+pub struct ReadyCell {
     /// The cell.
-    pub pending: Pending,
+    pub pending: PendingCell,
     /// The turns of what the cell above took of its offer; [`LAST_TURN`] for the rest.
     pub taken: Vec<u16>,
     /// The spacing of the sample above.
     pub above: f64,
 }
 
-impl Pending {
+impl PendingCell {
     /// How many of the points that it offers were picked at each turn.
-    pub fn picked(&self) -> Picked {
-        Picked::of(&self.turns[..self.sampled])
+    pub fn turn_counts(&self) -> TurnCounts {
+        TurnCounts::of(&self.turns[..self.sampled])
     }
 
     /// What it offers, with this spacing, gets no more than its share of that for a radius.
@@ -69,7 +69,7 @@ impl Pending {
     pub fn has_below(&self) -> bool {
         match &self.below {
             Below::Finished(children) => !children.is_empty(),
-            Below::Cut(cells) => cells.iter().any(Cut::is_left),
+            Below::Ready(cells) => cells.iter().any(ReadyCell::is_left),
             Below::Coincident(rows) => !rows.is_empty(),
             Below::Elsewhere { is_any, .. } => *is_any,
         }
@@ -81,7 +81,7 @@ impl Pending {
     }
 
     /// The turns that cells below have given to what they offer, in all so many; empty where none has.
-    pub fn placed(children: &[Self], offered: usize) -> Vec<u16> {
+    pub fn turns_below(children: &[Self], offered: usize) -> Vec<u16> {
         if children.iter().all(|c| c.turns.is_empty()) {
             return Vec::new();
         }
@@ -95,7 +95,7 @@ impl Pending {
     }
 }
 
-impl Pending {
+impl PendingCell {
     /// The shares of what cells offer, in all so many; empty where all are 1.
     pub fn shares(children: &[Self], offered: usize) -> Vec<f32> {
         if children.iter().all(|c| c.shares.is_empty()) {
@@ -110,7 +110,7 @@ impl Pending {
     }
 }
 
-impl Cut {
+impl ReadyCell {
     /// Whether a node of it will be.
     fn is_left(&self) -> bool {
         let is_own = |turn: &u16| *turn == LAST_TURN;
@@ -123,7 +123,7 @@ impl Below {
     pub fn take(&mut self) -> Children {
         match std::mem::take(self) {
             Self::Finished(children) => children,
-            Self::Cut(_) | Self::Coincident(_) | Self::Elsewhere { .. } => Children::default(),
+            Self::Ready(_) | Self::Coincident(_) | Self::Elsewhere { .. } => Children::default(),
         }
     }
 
@@ -135,9 +135,9 @@ impl Below {
     }
 
     /// Cells that are not finished.
-    pub fn take_cut(&mut self) -> Vec<Cut> {
+    pub fn take_ready(&mut self) -> Vec<ReadyCell> {
         match self {
-            Self::Cut(cells) => std::mem::take(cells),
+            Self::Ready(cells) => std::mem::take(cells),
             _ => Vec::new(),
         }
     }

@@ -205,7 +205,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sums_of_local_coordinates_are_those_of_absolute_ones(points in prop::collection::vec([0u32..1 << 22, 0u32..1 << 22, 0u32..1 << 22], 1..100), corner in [0u32..1 << 10, 0u32..1 << 10, 0u32..1 << 10]) {
+        fn moments_of_local_coordinates_are_those_of_absolute_ones(points in prop::collection::vec([0u32..1 << 22, 0u32..1 << 22, 0u32..1 << 22], 1..100), corner in [0u32..1 << 10, 0u32..1 << 10, 0u32..1 << 10]) {
             let cell = Cell { corner: corner.map(|c| c << 22), log2: 22 };
             let points: Vec<_> = points.iter().map(|p| [0, 1, 2].map(|i| p[i] + cell.corner[i])).collect();
             prop_assert_eq!(Moments::of(points.iter().copied(), &cell), moments(&points));
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn coincident_points_are_a_point_wherever_they_lie() {
+    fn coincident_points_have_dimension_zero_anywhere() {
         for p in [[0; 3], [u32::MAX; 3], [u32::MAX, 0, 1 << 31]] {
             let shape = Shape::of(moments(&[p; 1000]).covariance([0.001; 3]));
             assert_eq!((shape.dimension, shape.values), (0, [0.0; 3]));
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_long_is_a_line_of_few_points_and_a_surface_or_a_volume_of_many() {
+    fn a_long_shape_is_a_line_of_few_points_and_a_surface_or_a_volume_of_many() {
         let dimension = |along: u32, across: u32, thick: u32| {
             let place = |i: u32| [i / across / thick, i / thick % across, i % thick];
             let points: Vec<_> =
@@ -256,7 +256,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn covariance_equals_the_plain_f64_one(points in prop::collection::vec([0u32..1000, 0u32..1000, 0u32..1000], 1..100)) {
+        fn covariance_equals_that_computed_in_f64(points in prop::collection::vec([0u32..1000, 0u32..1000, 0u32..1000], 1..100)) {
             let n = points.len() as f64;
             let mean = [0, 1, 2].map(|i| points.iter().map(|p| f64::from(p[i])).sum::<f64>() / n);
             let ours = moments(&points).covariance([0.5, 1.0, 2.0]);

@@ -14,14 +14,14 @@ const LOCAL_POINTS: usize = 8;
 const STRAY_SHARE: usize = 16;
 
 /// How many points were picked at each turn.
-pub struct Picked {
+pub struct TurnCounts {
     first: u16,
     counts: Vec<usize>,
     /// Points of all turns.
     points: usize,
 }
 
-impl Picked {
+impl TurnCounts {
     /// Of points with these turns.
     pub fn of(turns: &[u16]) -> Self {
         let first = turns.iter().copied().min().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! Thinning: points picked so that no two are nearer than a radius and none is farther from a picked one,
+//! PoissonSampler: points picked so that no two are nearer than a radius and none is farther from a picked one,
 //! with a radius that shrinks turn by turn (progressive Poisson-disk sampling; maximal at each turn). Every
 //! beginning of the sequence so is an even sample.
 //!
@@ -6,9 +6,9 @@
 //! within the radius. A turn is a pass over these distances along the Morton curve.
 
 use crate::sample::candidates::Candidates;
-use crate::sample::compact::{TOGETHER, bits_of, list, places_of};
+use crate::sample::compact::{GROUP, indices_of, mask_of, push_indices};
 use crate::sample::turns::{LAST_TURN, radius_at, turn_at};
-use crate::sample::unpicked::{Rest, octave};
+use crate::sample::unpicked::{Unpicked, octave};
 use fearless_simd::{Level, Simd, dispatch};
 
 /// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
@@ -35,10 +35,10 @@ const GOLDEN: usize = 0x9e37_79b9;
 const GOLDEN_BITS: u32 = 32;
 
 /// Points being picked, one turn after the other.
-pub struct Thinning<'a> {
+pub struct PoissonSampler<'a> {
     candidates: &'a Candidates,
     /// The turn at which a cell below has picked each; empty where none has.
-    placed: &'a [u16],
+    turns_below: &'a [u16],
     /// The turn at which each was picked; [`LAST_TURN`] before.
     pub turns: Vec<u16>,
     /// Those picked, in this order.
@@ -49,7 +49,7 @@ pub struct Thinning<'a> {
     is_line: bool,
     /// The next turn.
     turn: u16,
-    rest: Rest,
+    unpicked: Unpicked,
     /// The points to look at while not all are.
     part: Vec<u32>,
     /// The octave of radii for which `rest` was filled, once it is.
@@ -64,26 +64,26 @@ pub struct Thinning<'a> {
     is_beside: bool,
 }
 
-impl<'a> Thinning<'a> {
-    /// Begins at a radius, in the file's unit. `placed` is empty or has a turn for each candidate; `turns` has those
+impl<'a> PoissonSampler<'a> {
+    /// Begins at a radius, in the file's unit. `turns_below` is empty or has a turn for each candidate; `turns` has those
     /// of the points that are picked before, [`LAST_TURN`] for the others.
     pub fn new(
         candidates: &'a Candidates,
-        placed: &'a [u16],
+        turns_below: &'a [u16],
         turns: Vec<u16>,
         radius: f64,
         dimension: u32,
     ) -> Self {
-        let picked = places_of(&turns, |&turn| turn != LAST_TURN);
+        let picked = indices_of(&turns, |&turn| turn != LAST_TURN);
         Self {
             candidates,
-            placed,
+            turns_below,
             picked_before: picked.len(),
             turns,
             picked,
             is_line: dimension == 1,
             turn: turn_at(radius),
-            rest: Rest::default(),
+            unpicked: Unpicked::default(),
             part: Vec::new(),
             octave: None,
             part_log2: Candidates::ALONE,
@@ -107,27 +107,27 @@ impl<'a> Thinning<'a> {
     pub fn pick(&mut self, wanted: usize) {
         while self.picked.len() < wanted && !self.is_over {
             self.picked_before = self.picked.len();
-            dispatch!(Level::new(), simd => self.take_turn(simd));
+            dispatch!(Level::new(), simd => self.pick_turn(simd));
         }
     }
 
     #[inline(always)]
-    fn take_turn<S: Simd>(&mut self, simd: S) {
+    fn pick_turn<S: Simd>(&mut self, simd: S) {
         if self.octave != Some(octave(self.radius())) {
             if self.is_complete() {
                 // On to the turn at which there is something to pick.
-                let farthest2 = self.rest.farthest2();
+                let farthest2 = self.unpicked.farthest2();
                 if farthest2 < 1.0 {
                     return self.finish();
                 }
                 let farthest = f64::from(farthest2).sqrt() * self.candidates.step;
                 self.turn = self.turn.max(turn_at(farthest));
             }
-            self.settle(simd);
+            self.prepare(simd);
         }
         if !self.is_beside && self.is_complete() && self.picked.len() >= self.beside_from {
             self.is_beside = true;
-            self.rest.narrow_beside();
+            self.unpicked.shrink();
         }
         self.pick_at(simd, self.radius());
         if self.radius() <= 1.0 {
@@ -148,7 +148,7 @@ impl<'a> Thinning<'a> {
 
     /// Chooses cells, and the points to look at, for the next turns.
     #[inline(always)]
-    fn settle<S: Simd>(&mut self, simd: S) {
+    fn prepare<S: Simd>(&mut self, simd: S) {
         let radius = self.radius();
         let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
@@ -157,24 +157,26 @@ impl<'a> Thinning<'a> {
             let log2 = self.cell_log2(radius, points);
             // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
             // on what is.
-            let is_much = self.rest.points() / 4 * 3 > points;
+            let is_much = self.unpicked.points() / 4 * 3 > points;
             if self.is_beside {
                 if is_much {
-                    self.rest.narrow_beside();
+                    self.unpicked.shrink();
                 }
-            } else if self.is_line || is_much || self.rest.log2() > log2 + 1 {
-                self.rest.narrow(log2);
+            } else if self.is_line || is_much || self.unpicked.log2() > log2 + 1 {
+                self.unpicked.rebuild(log2);
             }
         } else {
             self.part_log2 = self.part_log2(radius);
             self.choose_part(until);
             let q = &self.candidates.q;
-            self.rest.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
+            self.unpicked.refill(q, &self.part, self.cell_log2(radius, self.part.len()));
             let reach = (radius as i32).saturating_add(1);
-            self.picked.iter().for_each(|&i| self.rest.tell(simd, &q[i as usize], reach));
+            self.picked
+                .iter()
+                .for_each(|&i| self.unpicked.update_near(simd, &q[i as usize], reach));
         }
-        if !self.placed.is_empty() {
-            self.rest.set_due(self.placed);
+        if !self.turns_below.is_empty() {
+            self.unpicked.set_due(self.turns_below);
         }
         self.octave = Some(octave(radius));
     }
@@ -191,17 +193,17 @@ impl<'a> Thinning<'a> {
     /// Lists the points to look at for turns up to this one.
     #[inline(always)]
     fn choose_part(&mut self, until: u16) {
-        let shared = self.candidates.shared_log2.chunks(TOGETHER);
-        let turns = self.turns.chunks(TOGETHER);
+        let shared = self.candidates.shared_log2.chunks(GROUP);
+        let turns = self.turns.chunks(GROUP);
         self.part.clear();
-        for (start, (shared, turns)) in (0..).step_by(TOGETHER).zip(shared.zip(turns)) {
-            let placed = self.placed.get(start..start + shared.len()).unwrap_or_default();
-            let wanted = bits_of(shared, |&log2| log2 > self.part_log2)
-                | bits_of(placed, |&turn| turn <= until);
+        for (start, (shared, turns)) in (0..).step_by(GROUP).zip(shared.zip(turns)) {
+            let turns_below = self.turns_below.get(start..start + shared.len()).unwrap_or_default();
+            let wanted = mask_of(shared, |&log2| log2 > self.part_log2)
+                | mask_of(turns_below, |&turn| turn <= until);
             // Mostly there is nothing, which is seen at once.
             if wanted != 0 {
-                let left = bits_of(turns, |&turn| turn == LAST_TURN);
-                list(start as u32, wanted & left, &mut self.part);
+                let left = mask_of(turns, |&turn| turn == LAST_TURN);
+                push_indices(start as u32, wanted & left, &mut self.part);
             }
         }
     }
@@ -219,42 +221,42 @@ impl<'a> Thinning<'a> {
     fn pick_at<S: Simd>(&mut self, simd: S, radius: f64) {
         let radius2 = (radius * radius) as f32;
         let reach = (radius as i32).saturating_add(1);
-        if !self.placed.is_empty() {
+        if !self.turns_below.is_empty() {
             let due2 = (radius2 * DUE_SHARE * DUE_SHARE).max(1.0);
             let mut from = 0;
-            while let Some(i) = self.rest.next_due_from(from, self.turn, due2) {
-                self.take(simd, i, reach);
+            while let Some(i) = self.unpicked.next_due_from(from, self.turn, due2) {
+                self.pick_one(simd, i, reach);
                 from = i + 1;
             }
         }
         if self.is_line {
-            let bits = self.rest.len().next_power_of_two().ilog2();
+            let bits = self.unpicked.len().next_power_of_two().ilog2();
             let multiplier = GOLDEN >> (GOLDEN_BITS - bits) | 1;
             let spread =
                 (0..1 << bits).map(|i: usize| i.wrapping_mul(multiplier) & ((1 << bits) - 1));
             for i in spread {
-                if i < self.rest.len() && self.rest.nearest2(i) >= radius2 {
-                    self.take(simd, i, reach);
+                if i < self.unpicked.len() && self.unpicked.nearest2(i) >= radius2 {
+                    self.pick_one(simd, i, reach);
                 }
             }
         } else {
             let mut from = 0;
-            while let Some(i) = self.rest.next_from(from, radius2) {
-                self.take(simd, i, reach);
+            while let Some(i) = self.unpicked.next_from(from, radius2) {
+                self.pick_one(simd, i, reach);
                 from = i + 1;
             }
         }
     }
 
     #[inline(always)]
-    fn take<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
-        let candidate = self.rest.candidate(i);
+    fn pick_one<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
+        let candidate = self.unpicked.candidate(i);
         self.turns[candidate as usize] = self.turn;
         self.picked.push(candidate);
         if self.is_beside {
-            self.rest.tell_beside(simd, i);
+            self.unpicked.update_beside(simd, i);
         } else {
-            self.rest.tell_around(simd, i, reach);
+            self.unpicked.update_around(simd, i, reach);
         }
     }
 
@@ -282,27 +284,27 @@ mod tests {
             let points: Vec<_> = points.into_iter().map(|p| if flat { [p[0], p[1], 7] } else { p }).collect();
             let candidates = candidates_of(&points, [0.01; 3]);
             let first = turn_at(20.0);
-            let placed = |i: usize| if i % placed_every == 1 { first + i as u16 % 20 } else { LAST_TURN };
-            let placed: Vec<u16> = (0..points.len()).map(placed).collect();
-            let mut thinning = Thinning::new(&candidates, &placed, vec![LAST_TURN; points.len()], 40.96, 3);
+            let turns_below = |i: usize| if i % placed_every == 1 { first + i as u16 % 20 } else { LAST_TURN };
+            let turns_below: Vec<u16> = (0..points.len()).map(turns_below).collect();
+            let mut sampler = PoissonSampler::new(&candidates, &turns_below, vec![LAST_TURN; points.len()], 40.96, 3);
             let away2 = |a: u32, b: u32| -> f64 { (0..3).map(|i| f64::from(candidates.q[a as usize][i] - candidates.q[b as usize][i]).powi(2)).sum() };
-            while !thinning.is_over {
-                thinning.pick(thinning.picked.len() + 1);
-                let turn = thinning.turn - 1;
+            while !sampler.is_over {
+                sampler.pick(sampler.picked.len() + 1);
+                let turn = sampler.turn - 1;
                 let radius2 = (radius_at(turn) / 0.01).max(1.0).powi(2);
-                for k in thinning.picked_before..thinning.picked.len() {
-                    let is_due = |i: u32| placed[i as usize] <= turn;
+                for k in sampler.picked_before..sampler.picked.len() {
+                    let is_due = |i: u32| turns_below[i as usize] <= turn;
                     for other in 0..k {
-                        let (a, b) = (thinning.picked[k], thinning.picked[other]);
+                        let (a, b) = (sampler.picked[k], sampler.picked[other]);
                         let share2: f64 = if is_due(a) || is_due(b) { 0.42 } else { 1.0 - 1e-6 };
-                        prop_assert!(thinning.is_over || away2(a, b) >= (radius2 * share2).max(1.0));
+                        prop_assert!(sampler.is_over || away2(a, b) >= (radius2 * share2).max(1.0));
                     }
                 }
-                for left in (0..points.len() as u32).filter(|&i| thinning.turns[i as usize] == LAST_TURN) {
-                    prop_assert!(thinning.part_log2 > 0 || thinning.picked.iter().any(|&p| away2(left, p) < radius2 * (1.0 + 1e-6)));
+                for left in (0..points.len() as u32).filter(|&i| sampler.turns[i as usize] == LAST_TURN) {
+                    prop_assert!(sampler.part_log2 > 0 || sampler.picked.iter().any(|&p| away2(left, p) < radius2 * (1.0 + 1e-6)));
                 }
             }
-            prop_assert_eq!(thinning.picked.len(), points.len());
+            prop_assert_eq!(sampler.picked.len(), points.len());
         }
     }
 }

@@ -2,7 +2,8 @@
 //! a table with open addressing. Points are along the Morton curve, so those of a cell follow each other, and so do the
 //! cells of a tile.
 
-use crate::sample::unpicked::NONE;
+/// No tile, and no candidate, by its index.
+pub const NONE: u32 = u32::MAX;
 
 /// Cells along an edge of a tile, as log2: a tile has as many as a word has bits.
 pub const TILE_LOG2: u32 = 2;
@@ -36,13 +37,13 @@ pub fn between([low, high]: [[i32; 3]; 2]) -> u64 {
 
 /// The place of a cell in its tile, along the Morton curve.
 #[inline]
-fn within(cell: [i32; 3]) -> u32 {
+fn cell_index(cell: [i32; 3]) -> u32 {
     let [x, y, z] = cell.map(|c| SPREAD[(c & (TILE_EDGE - 1)) as usize]);
     x | y << 1 | z << 2
 }
 
 /// Cells being found along the curve.
-pub struct Filling<'a> {
+pub struct CellsBuilder<'a> {
     cells: &'a mut Cells,
     log2: u32,
     /// The last point; none is negative.
@@ -50,7 +51,7 @@ pub struct Filling<'a> {
     tile: u32,
 }
 
-impl<'a> Filling<'a> {
+impl<'a> CellsBuilder<'a> {
     /// None found yet.
     pub fn new(cells: &'a mut Cells, log2: u32) -> Self {
         cells.clear();
@@ -109,7 +110,7 @@ impl Cells {
             self.tiles.push(Tile { occupied: 0, first, start });
         }
         if let Some(tile) = self.tiles.last_mut() {
-            tile.occupied |= 1 << within(cell);
+            tile.occupied |= 1 << cell_index(cell);
         }
         self.first.push(point as u32);
         self.tiles.len() as u32 - 1

@@ -2,7 +2,7 @@
 //! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
 //! neighbours; distances are in space.
 
-use crate::sample::tiles::{Cells, Filling, TILE_LOG2, Tile, between};
+use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, Tile, between};
 use esker_points::fetch::fetch;
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
 use std::ops::Range;
@@ -17,9 +17,6 @@ const FEW: u32 = 12;
 const BESIDE_BLOCKS: usize = 2;
 /// So many blocks before it is looked at, a block is asked for.
 const AHEAD: usize = 12;
-/// Instead of a candidate, where a block has room left.
-pub const NONE: u32 = u32::MAX;
-
 /// Log2 of the edge of the cells, in steps, by which few neighbours within a radius are found.
 pub fn octave(radius: f64) -> u32 {
     ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
@@ -28,23 +25,23 @@ pub fn octave(radius: f64) -> u32 {
 /// Coordinates of a block's points, axis by axis.
 #[derive(Clone, Copy, Default)]
 #[repr(align(32))]
-struct Places([[i32; LANES]; 3]);
+struct BlockPoints([[i32; LANES]; 3]);
 
 /// A number for each of a block's points.
 #[derive(Clone, Copy, Default)]
 #[repr(align(32))]
-struct Numbers([f32; LANES]);
+struct BlockValues([f32; LANES]);
 
 /// Points in blocks, over which the innermost loop of a build runs. The last block's room that is left is at distance 0,
 /// which is never picked. What runs often is inlined, and so compiled for the processor that thinning finds.
 #[derive(Default)]
-pub struct Rest {
-    q: Vec<Places>,
+pub struct Unpicked {
+    q: Vec<BlockPoints>,
     /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
     /// else any that is not.
-    nearest2: Vec<Numbers>,
+    nearest2: Vec<BlockValues>,
     /// The turn from which on each is picked sooner than others; empty where none is.
-    due: Vec<Numbers>,
+    due: Vec<BlockValues>,
     /// Which candidate each is; [`NONE`] where there is none.
     candidate: Vec<u32>,
     /// The tile of each.
@@ -56,27 +53,27 @@ pub struct Rest {
     points: usize,
 }
 
-impl Rest {
+impl Unpicked {
     /// Takes other points: candidates in order, all of them far from picked ones.
     pub fn refill(&mut self, q: &[[i32; 3]], candidates: &[u32], log2: u32) {
         let blocks = candidates.len().div_ceil(LANES);
         self.q.clear();
         self.q.reserve(blocks);
         self.nearest2.clear();
-        self.nearest2.resize(blocks, Numbers([f32::INFINITY; LANES]));
+        self.nearest2.resize(blocks, BlockValues([f32::INFINITY; LANES]));
         self.candidate.clear();
         self.candidate.reserve(blocks * LANES);
         self.candidate.extend_from_slice(candidates);
         self.candidate.resize(blocks * LANES, NONE);
         self.tile_of.clear();
         self.tile_of.reserve(blocks * LANES);
-        let mut filling = Filling::new(&mut self.cells, log2);
+        let mut builder = CellsBuilder::new(&mut self.cells, log2);
         for block in candidates.chunks(LANES) {
-            let (mut places, mut tiles) = (Places::default(), [NONE; LANES]);
+            let (mut places, mut tiles) = (BlockPoints::default(), [NONE; LANES]);
             for (lane, &candidate) in block.iter().enumerate() {
                 let p = q[candidate as usize];
                 places.set(lane, p);
-                tiles[lane] = filling.tile(p, self.tile_of.len() + lane);
+                tiles[lane] = builder.tile(p, self.tile_of.len() + lane);
             }
             self.q.push(places);
             self.tile_of.extend_from_slice(&tiles);
@@ -86,27 +83,27 @@ impl Rest {
     }
 
     /// Leaves out what is picked or coincides with it, and finds neighbours by other cells.
-    pub fn narrow(&mut self, log2: u32) {
-        let n = self.leave_out();
-        let mut filling = Filling::new(&mut self.cells, log2);
+    pub fn rebuild(&mut self, log2: u32) {
+        let n = self.remove_picked();
+        let mut builder = CellsBuilder::new(&mut self.cells, log2);
         for (i, tile) in self.tile_of[..n].iter_mut().enumerate() {
-            *tile = filling.tile(self.q[i / LANES].get(i % LANES), i);
+            *tile = builder.tile(self.q[i / LANES].get(i % LANES), i);
         }
         self.cells.close(n);
         self.finish(n, log2);
     }
 
     /// The same where no neighbours are found any more but those beside a place.
-    pub fn narrow_beside(&mut self) {
-        let n = self.leave_out();
+    pub fn shrink(&mut self) {
+        let n = self.remove_picked();
         self.finish(n, self.log2);
     }
 
     /// Moves what is neither picked nor coincides with what is to the front. How many that are.
-    fn leave_out(&mut self) -> usize {
+    fn remove_picked(&mut self) -> usize {
         let mut n = 0;
         for block in 0..self.q.len() {
-            let (places, Numbers(nearest2)) = (self.q[block], self.nearest2[block]);
+            let (places, BlockValues(nearest2)) = (self.q[block], self.nearest2[block]);
             for (lane, &nearest2) in nearest2.iter().enumerate() {
                 // Written in any case, to be written over: no guess what is left out goes wrong.
                 self.q[n / LANES].set(n % LANES, places.get(lane));
@@ -158,7 +155,7 @@ impl Rest {
         let turn = |candidate: u32| turns.get(candidate as usize).copied().unwrap_or(u16::MAX);
         let blocks = self.candidate.as_chunks().0.iter();
         self.due.clear();
-        self.due.extend(blocks.map(|block| Numbers(block.map(|c| turn(c).into()))));
+        self.due.extend(blocks.map(|block| BlockValues(block.map(|c| turn(c).into()))));
     }
 
     /// Square of the greatest distance to a picked point.
@@ -168,7 +165,7 @@ impl Rest {
         farthest.to_array().into_iter().fold(0.0, f32::max)
     }
 
-    /// See [`Rest::nearest2`].
+    /// See [`Unpicked::nearest2`].
     #[inline(always)]
     pub fn nearest2(&self, i: usize) -> f32 {
         self.nearest2[i / LANES].0[i % LANES]
@@ -187,7 +184,7 @@ impl Rest {
     pub fn next_due_from(&self, i: usize, turn: u16, least2: f32) -> Option<usize> {
         let (turn, least2) = (wide::f32x8::from(f32::from(turn)), wide::f32x8::from(least2));
         let blocks = self.due[i / LANES..].iter().zip(&self.nearest2[i / LANES..]);
-        let is_far = |n: &Numbers| wide::f32x8::from(n.0).simd_ge(least2);
+        let is_far = |n: &BlockValues| wide::f32x8::from(n.0).simd_ge(least2);
         self.next(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
     }
 
@@ -210,7 +207,7 @@ impl Rest {
     /// Asks for what is read of a block in which something is picked.
     #[inline(always)]
     fn fetch(&self, block: usize) {
-        if let Some(Places([x, _, z])) = self.q.get(block) {
+        if let Some(BlockPoints([x, _, z])) = self.q.get(block) {
             fetch(x, 0);
             fetch(z, LANES - 1);
             fetch(&self.candidate, block * LANES);
@@ -220,46 +217,46 @@ impl Rest {
 
     /// Tells all points within a radius of a place, itself among them, that it is picked.
     #[inline(always)]
-    pub fn tell_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
+    pub fn update_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
         // Not inlined: it is large. The position is read there: handed over, its numbers would be stored one
         // by one and loaded by twos, which waits for the stores.
         simd.vectorize(
             #[inline(always)]
             move || {
                 let p = self.q[i / LANES].get(i % LANES);
-                self.tell_tiles(simd, self.tile_of[i], p, reach);
+                self.update_tiles(simd, self.tile_of[i], p, reach);
             },
         );
     }
 
     /// Tells the points that stand beside a place along the curve, most of those near it.
     #[inline(always)]
-    pub fn tell_beside<S: Simd>(&mut self, simd: S, i: usize) {
+    pub fn update_beside<S: Simd>(&mut self, simd: S, i: usize) {
         let p = self.q[i / LANES].get(i % LANES).map(|c| i32x8::splat(simd, c));
         let first = (i / LANES).saturating_sub(BESIDE_BLOCKS);
         let end = (i / LANES + BESIDE_BLOCKS + 1).min(self.q.len());
-        self.tell_blocks(simd, first..end, p);
+        self.update_blocks(simd, first..end, p);
     }
 
     /// Tells all points within a radius of a position that has no place.
     #[inline(always)]
-    pub fn tell<S: Simd>(&mut self, simd: S, p: &[i32; 3], reach: i32) {
+    pub fn update_near<S: Simd>(&mut self, simd: S, p: &[i32; 3], reach: i32) {
         simd.vectorize(
             #[inline(always)]
-            move || self.tell_tiles(simd, NONE, *p, reach),
+            move || self.update_tiles(simd, NONE, *p, reach),
         );
     }
 
     /// `own` is the tile of the position, if that is known.
     #[inline(always)]
-    fn tell_tiles<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
+    fn update_tiles<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
         // No coordinate is negative, nor a reach.
         let low = p.map(|c| c.wrapping_sub(reach) >> self.log2);
         let high = p.map(|c| c.saturating_add(reach) >> self.log2);
         let (first, last) = (low.map(|c| c >> TILE_LOG2), high.map(|c| c >> TILE_LOG2));
         let p = p.map(|c| i32x8::splat(simd, c));
         if own != NONE && first == last {
-            return self.tell_tile(simd, own, between([low, high]), p);
+            return self.update_tile(simd, own, between([low, high]), p);
         }
         let [mut x, mut y, mut z] = first;
         loop {
@@ -269,7 +266,7 @@ impl Rest {
                 let corner = [x, y, z];
                 let from = [0, 1, 2].map(|i| if corner[i] == first[i] { low[i] } else { 0 });
                 let to = [0, 1, 2].map(|i| if corner[i] == last[i] { high[i] } else { !0 });
-                self.tell_tile(simd, tile, between([from, to]), p);
+                self.update_tile(simd, tile, between([from, to]), p);
             }
             // Wrapping: no tile lies at the end of all numbers.
             if x < last[0] {
@@ -287,25 +284,25 @@ impl Rest {
     /// Tells the points in these cells of a tile, and some beside them: where cells follow each other along the
     /// curve they are told at once, and a tile of few points as a whole.
     #[inline(always)]
-    fn tell_tile<S: Simd>(&mut self, simd: S, tile: u32, cells: u64, p: [i32x8<S>; 3]) {
+    fn update_tile<S: Simd>(&mut self, simd: S, tile: u32, cells: u64, p: [i32x8<S>; 3]) {
         let Tile { occupied, first, start } = self.cells.tiles[tile as usize];
         let end = self.cells.tiles[tile as usize + 1].start;
         if end.wrapping_sub(start) <= FEW {
-            return self.tell_run(simd, start, end, p);
+            return self.update_run(simd, start, end, p);
         }
         let mut wanted = occupied & cells;
         let others = occupied & !cells;
         // The first point of an occupied cell.
-        let point = |rest: &Self, cell: u32| {
+        let point = |unpicked: &Self, cell: u32| {
             let before = (occupied & !(!0 << cell)).count_ones();
-            rest.cells.first[first.wrapping_add(before) as usize]
+            unpicked.cells.first[first.wrapping_add(before) as usize]
         };
         while wanted != 0 {
             // From the next cell on, up to the first one behind it that is left out.
             let from = wanted.trailing_zeros();
             let behind = others & (!0 << from);
             let to = if behind == 0 { end } else { point(self, behind.trailing_zeros()) };
-            self.tell_run(simd, point(self, from), to, p);
+            self.update_run(simd, point(self, from), to, p);
             // Those before the cell that is left out; all, where none is.
             wanted &= !(behind & behind.wrapping_neg()).wrapping_sub(1);
         }
@@ -314,13 +311,13 @@ impl Rest {
     /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
     /// millionth. Points that share a block with others are told too, which does no harm.
     #[inline(always)]
-    fn tell_run<S: Simd>(&mut self, simd: S, start: u32, end: u32, p: [i32x8<S>; 3]) {
-        self.tell_blocks(simd, start as usize / LANES..(end as usize).div_ceil(LANES), p);
+    fn update_run<S: Simd>(&mut self, simd: S, start: u32, end: u32, p: [i32x8<S>; 3]) {
+        self.update_blocks(simd, start as usize / LANES..(end as usize).div_ceil(LANES), p);
     }
 
     #[inline(always)]
-    fn tell_blocks<S: Simd>(&mut self, simd: S, run: Range<usize>, p: [i32x8<S>; 3]) {
-        for (Places(q), Numbers(nearest2)) in
+    fn update_blocks<S: Simd>(&mut self, simd: S, run: Range<usize>, p: [i32x8<S>; 3]) {
+        for (BlockPoints(q), BlockValues(nearest2)) in
             self.q[run.clone()].iter().zip(&mut self.nearest2[run])
         {
             let d =
@@ -332,7 +329,7 @@ impl Rest {
     }
 }
 
-impl Places {
+impl BlockPoints {
     /// The coordinates of a point of the block.
     #[inline(always)]
     fn get(&self, lane: usize) -> [i32; 3] {

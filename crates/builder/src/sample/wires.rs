@@ -3,7 +3,7 @@
 
 use crate::attributes::eigen::Eigen;
 use crate::sample::candidates::Candidates;
-use crate::sample::nearby::Near;
+use crate::sample::nearby::NeighbourGrid;
 
 /// Classes of LAS 1.4 R15, table 17: guards, conductors, and what connects them.
 const WIRES: [u8; 3] = [13, 14, 16];
@@ -39,7 +39,7 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
     let wires: Vec<usize> = (0..radii.len()).filter(|&i| is_wire(i)).collect();
     let points: Vec<[i32; 3]> = wires.iter().map(|&i| candidates.q[places[i] as usize]).collect();
     let far = spacing * FAR_SPACINGS;
-    let near = Near::new(&points, far);
+    let near = NeighbourGrid::new(&points, far);
     for (point, &i) in wires.iter().enumerate() {
         // A gap that is wider narrows nothing.
         if is_wide(radii[i])
@@ -51,22 +51,23 @@ pub fn narrow(radii: &mut [f32], spacing: f64, places: &[u32], candidates: &Cand
 }
 
 /// The larger of the gaps beside a point on its wire, by the points around it, as far as that; none where there is none.
-fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
-    let mut ways: Vec<[f64; 3]> = Vec::new();
+fn gap(near: &NeighbourGrid<'_>, point: usize, far: f64) -> Option<f64> {
+    let mut offsets: Vec<[f64; 3]> = Vec::new();
     near.each_run(point, |run| {
-        let more = run.filter(|&other| other != point).map(|other| near.away(point, other));
-        let room = NEIGHBOURS_MAX - ways.len();
-        ways.extend(more.filter(|way| length2(way) <= far * far).take(room));
+        let more = run.filter(|&other| other != point).map(|other| near.offset(point, other));
+        let room = NEIGHBOURS_MAX - offsets.len();
+        offsets.extend(more.filter(|offset| length2(offset) <= far * far).take(room));
     });
     // What coincides with it is no neighbour. Directions are weighed by one over their length: the nearest tell that of its own
     // wire rather than of several.
-    ways.retain(|way| length2(way) > 0.0);
-    let directions: Vec<_> = ways.iter().map(|way| way.map(|c| c / length2(way))).collect();
+    offsets.retain(|offset| length2(offset) > 0.0);
+    let directions: Vec<_> =
+        offsets.iter().map(|offset| offset.map(|c| c / length2(offset))).collect();
     let along = Eigen::of(square(&directions)).axes[0];
     let mut gaps = [f64::INFINITY; 2];
-    for way in &ways {
-        let on_it: f64 = way.iter().zip(along).map(|(a, b)| a * b).sum();
-        let away2 = length2(way);
+    for offset in &offsets {
+        let on_it: f64 = offset.iter().zip(along).map(|(a, b)| a * b).sum();
+        let away2 = length2(offset);
         // Ahead or behind rather than on the next wire.
         if 2.0 * on_it * on_it >= away2 {
             let gap = &mut gaps[usize::from(on_it > 0.0)];
@@ -76,14 +77,16 @@ fn gap(near: &Near<'_>, point: usize, far: f64) -> Option<f64> {
     gaps.into_iter().filter(|gap| gap.is_finite()).max_by(f64::total_cmp)
 }
 
-fn length2(way: &[f64; 3]) -> f64 {
-    way.iter().map(|along| along * along).sum()
+fn length2(offset: &[f64; 3]) -> f64 {
+    offset.iter().map(|along| along * along).sum()
 }
 
-/// Mean products of ways along axes, as a symmetric matrix.
-fn square(ways: &[[f64; 3]]) -> [f64; 6] {
-    let n = ways.len().max(1) as f64;
-    let entry = |(i, j): (usize, usize)| ways.iter().map(|way| way[i] * way[j]).sum::<f64>() / n;
+/// Mean products of offsets along axes, as a symmetric matrix.
+fn square(offsets: &[[f64; 3]]) -> [f64; 6] {
+    let n = offsets.len().max(1) as f64;
+    let entry = |(i, j): (usize, usize)| {
+        offsets.iter().map(|offset| offset[i] * offset[j]).sum::<f64>() / n
+    };
     [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(entry)
 }
 
@@ -95,7 +98,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn wires_side_by_side_stay_closed_each_and_swell_no_more(gaps in prop::collection::vec(40u32..80, 60), turn in 0.0f64..1.5, apart in 100.0f64..300.0) {
+        fn parallel_wires_stay_closed_and_become_narrow(gaps in prop::collection::vec(40u32..80, 60), turn in 0.0f64..1.5, apart in 100.0f64..300.0) {
             // Three wires a metre or more apart, in steps of a centimetre, and a field below.
             let (sin, cos) = turn.sin_cos();
             let mut wires: Vec<Vec<[u32; 3]>> = vec![Vec::new(); 3];
@@ -131,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_wire_or_alone_stays_as_it_is() {
+    fn other_classes_and_lone_points_keep_their_radii() {
         let mut candidates =
             candidates_of(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| [i * 50, 0, 0]), [0.01; 3]);
         let mut narrowed = |radius: f32, classes: &[u8]| {

@@ -88,7 +88,7 @@ fn splats_of_a_pair_share_their_line() {
 }
 
 #[test]
-fn what_has_no_edge_gets_no_line() {
+fn surfaces_without_edges_get_no_clip_lines() {
     let plane = sorted(sheet([0.6, 0.8, 0.0], [0.0, 0.0, 1.0], 60, 0.1, 3));
     let ball: Vec<[u32; 3]> = (0..6000)
         .map(|i| {
