@@ -1,6 +1,7 @@
-//! The tree, bottom-up: a cell with no more points than a node holds offers them all; a larger one offers
-//! an even sample of what its children offer, and what it takes, they lose. A node can be finished, and its
-//! page made, once the cell above has taken its share. A cell that has few points left gives them to the node above.
+//! Builds the octree bottom-up (after `kanzok2015`, section 3.1): a leaf offers all of its points,
+//! a larger cell an even sample of what its children offer; the children lose the points it takes.
+//! A node is finished, and its page encoded, once the cell above has taken its share. A small leaf
+//! gives the rest of its points to the node above. See docs/design/building.md.
 
 use crate::attributes::clips::Clips;
 use crate::page::histograms::Counts;
@@ -24,39 +25,42 @@ use esker_points::tangents::TANGENT_BYTES;
 use esker_points::{Cell, Node, morton, quant};
 use std::ops::Range;
 
-/// A radius is at most so many times its node's spacing: a lone point must not become a blob.
+/// Largest radius in spacings of the node, so that a lone point does not become a blob.
 const RADIUS_SPACINGS_MAX: f64 = 8.0;
-/// And at most so many times the spacing of the sample above, which is its typical distance, not its greatest.
+/// Largest radius in spacings of the sample above. More than 1, since the spacing is the typical
+/// distance in that sample, not the greatest.
 const RADIUS_ABOVE_MAX: f64 = 1.5;
-/// A cloud of fewer points shows no surface: they are drawn as dots, of so many spacings.
+/// A cloud of fewer points shows no surface: its points are drawn as dots, with a radius of
+/// `DOT_SPACINGS`.
 const SURFACE_POINTS: usize = 32;
 const DOT_SPACINGS: f64 = 1.0 / 32.0;
-/// Cells with few points give what is left of them to the node above, where they cost no node of their own: together
-/// at most this part of what a node holds, so that it stays an even sample.
+/// Small leaves give the rest of their points to the node above, since they are not worth a node.
+/// The points given are at most 1 / `GIVEN` of a node's capacity, so that the node stays an even
+/// sample.
 const GIVEN: usize = 16;
-/// A cell is not split before it has so many nodes' points.
+/// Nodes' worth of points up to which a cell is not split.
 pub const LEAF_NODES: usize = 2;
 
-/// What every step of the building knows.
+/// Settings and sums that all steps of a build share.
 pub struct Context {
-    /// Rows.
+    /// Layout of the rows.
     pub rows: RowLayout,
-    /// Pages.
+    /// Layout of the pages.
     pub pages: PageLayout,
-    /// Where in a row the ASPRS class of a point is, where any is of a wire.
+    /// Byte of a row that holds the ASPRS class; `None` if no point is on a wire.
     pub class_at: Option<usize>,
-    /// Length of a step, an axis.
+    /// Length of a step on each axis, in the file's unit.
     pub scale: [f64; 3],
-    /// The clip lines that points have, where any does.
+    /// Source of clip lines, if the file has any.
     pub clips: Option<Clips>,
-    /// Points a node holds.
+    /// Largest number of points of a node.
     pub capacity: usize,
-    /// What nodes have counted.
+    /// Histograms of the nodes finished so far.
     pub counts: Counts,
 }
 
 impl Context {
-    /// A cell that is not split: it offers all of its points.
+    /// Makes a cell that is not split, which offers all of its points.
     pub fn leaf(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
         PendingCell {
             cell,
@@ -70,13 +74,14 @@ impl Context {
         }
     }
 
-    /// Points that a cell may have without being split. What the cells above leave of them may be more than a node
-    /// holds: then nodes continue it.
+    /// Number of points up to which a cell is not split. What the cells above leave of them may
+    /// exceed the capacity of a node; further nodes then continue it.
     pub fn leaf_points_max(&self) -> usize {
         self.capacity * LEAF_NODES
     }
 
-    /// More coincident points than a leaf may have: the first offers itself, the rest continues it.
+    /// Makes a cell of coincident points that exceed the limit of a leaf. As many as a node holds
+    /// are offered; nodes that continue the leaf hold the rest.
     pub fn coincident(&self, rows: &Rows<'_>, points: Range<u32>, cell: Cell) -> PendingCell {
         let first = points.start + self.capacity as u32;
         let mut head = self.leaf(rows, points.start..first, cell);
@@ -85,7 +90,7 @@ impl Context {
         head
     }
 
-    /// As many rows at a time as a node holds.
+    /// Cuts `rows` into ranges of a node's capacity.
     fn nodeful(&self, rows: Range<u32>) -> impl DoubleEndedIterator<Item = Range<u32>> {
         let capacity = self.capacity as u32;
         rows.clone()
@@ -93,7 +98,8 @@ impl Context {
             .map(move |i| i..rows.end.min(i.saturating_add(capacity)))
     }
 
-    /// A node that continues the one above it in the same cell, and the moments of its points.
+    /// Finishes a node that continues the one above it in the same cell. Returns it with the
+    /// moments of its points.
     pub fn continuation(
         &self,
         rows: &Rows<'_>,
@@ -106,7 +112,8 @@ impl Context {
         Some((moments, node))
     }
 
-    /// A cell made of the cells in it: takes an even sample of what they offer. They are yet to be finished.
+    /// Makes a cell of its children by taking an even sample of the points that they offer. The
+    /// children are ready to be finished, but are not finished here.
     pub fn combine(&self, rows: &Rows<'_>, cell: Cell, children: Vec<PendingCell>) -> PendingCell {
         let mut moments = Moments::default();
         children.iter().for_each(|c| moments.merge(&c.moments));
@@ -114,9 +121,10 @@ impl Context {
         children.iter().for_each(|c| offered.extend_from_slice(&c.offered[..c.sampled]));
         let candidates = Candidates::new(rows, &offered, &cell, self.scale, self.class_at);
         let turns_below = PendingCell::turns_below(&children, offered.len());
-        // What is left of cells with few points has its place beside the sample.
+        // Room is left beside the sample for the points that small cells give.
         let (few, given_max) = self.few(&children);
-        // No cell offers less than is chosen, so none is chosen from to a finer radius than its own sample has.
+        // The sample is never larger than those it is chosen from. Otherwise its spacing would be
+        // finer than that of the cells below.
         let samples = children.iter().filter(|c| !c.is_leaf()).map(|c| c.sampled);
         let points = samples.chain([self.capacity - given_max]).min().unwrap_or(1);
         let shape = Shape::of(moments.covariance(self.scale));
@@ -128,7 +136,8 @@ impl Context {
         for child in children {
             let part = start..start + child.sampled;
             start = part.end;
-            // A node keeps a point of its own, or it could not stand between the one above and those below.
+            // A child with nodes below keeps a point of its own: a node without points cannot link
+            // the node above to those below.
             let own = &mut turns[part.clone()];
             if child.has_below()
                 && own.iter().all(|turn| *turn != LAST_TURN)
@@ -139,7 +148,8 @@ impl Context {
             parts.push((child, part));
         }
         let chosen = indices_of(&turns, |&turn| turn != LAST_TURN);
-        // Right above leaves it would cost three times as much for half as many radii, of which none is as far off.
+        // Radii of samples right above leaves are not narrowed: that would take three times as long
+        // for half as many radii, none of which is as far off.
         let is_high = parts.iter().any(|(child, _)| !child.is_leaf());
         let own: Vec<u16> = chosen.iter().map(|&i| turns[i as usize]).collect();
         let drawn = [chosen.len(), moments.count as usize];
@@ -172,7 +182,7 @@ impl Context {
         pending
     }
 
-    /// The nodes below a cell that do not wait for others: what coincides with its points continues it.
+    /// Finishes the nodes below a cell that wait for no others: coincident points that continue it.
     pub fn nodes_below(
         &self,
         rows: &Rows<'_>,
@@ -190,7 +200,7 @@ impl Context {
         below
     }
 
-    /// The nodes of rows that coincide with what a cell offers, a chain.
+    /// Finishes a chain of nodes for rows that coincide with the points of a cell.
     pub fn coincident_below(
         &self,
         rows: &Rows<'_>,
@@ -209,7 +219,8 @@ impl Context {
         below
     }
 
-    /// Which cells have few points, and how many those are, as far as the node above has room for them.
+    /// Marks the small leaves that fit into the node above, the smallest first; also returns their
+    /// number of points.
     fn few(&self, children: &[PendingCell]) -> (Vec<bool>, usize) {
         let mut least: Vec<usize> =
             (0..children.len()).filter(|&i| children[i].is_leaf()).collect();
@@ -222,8 +233,8 @@ impl Context {
         (few, points)
     }
 
-    /// The shares of what is offered, and of which cells below have told `shares`, as the cells in `parts` that end now change
-    /// them; the sample has the spacing `above`.
+    /// Updates `shares`, the shares of radii of the offered points, for the cells in `parts` that
+    /// end here. `above` is the spacing of the sample. See [`fringe::shares`].
     fn shares(
         &self,
         candidates: &Candidates,
@@ -249,7 +260,7 @@ impl Context {
         shares
     }
 
-    /// Gives what is left of a leaf to the cell above, whose sample has the spacing `above`.
+    /// Gives the rest of a leaf to the cell above, whose sample has the spacing `above`.
     fn give(
         &self,
         rows: &Rows<'_>,
@@ -272,7 +283,7 @@ impl Context {
         }
     }
 
-    /// Gives a leaf's points their turns and radii. The dimension in which they stand.
+    /// Assigns turns and radii to the points of a leaf. Returns the dimension of their shape.
     fn assign_turns(
         &self,
         rows: &Rows<'_>,
@@ -291,9 +302,10 @@ impl Context {
         dimension
     }
 
-    /// Finishes a cell, but for cells below which are not, and of whose offer the cell above, whose sample has the spacing `above`, has taken those points that
-    /// have a turn in `taken`. What a node does not hold continues it. `None` where nothing is left, which only happens
-    /// to cells without children (see [`Context::combine`]).
+    /// Finishes the node of a cell; nodes that continue it hold what exceeds the capacity. The cell
+    /// above has taken the points that have a turn in `taken`; its sample has the spacing `above`.
+    /// Children that are not finished yet are left out. Returns `None` if no point is left, which
+    /// happens only to cells without children (see [`Context::combine`]).
     pub fn finish(
         &self,
         rows: &Rows<'_>,
@@ -350,8 +362,9 @@ impl Context {
         None
     }
 
-    /// The radii, in the file's unit, of those of the offered points that have a turn, and this spacing; what is wide is looked
-    /// at again on wires, and of samples above others anywhere.
+    /// Computes the radii, in the file's unit, of the offered points that have a turn. Radii that
+    /// are wide beside `spacing` are narrowed on wires, and elsewhere if `is_high`: if the cell is
+    /// not right above leaves.
     fn radii(
         &self,
         candidates: &Candidates,
@@ -375,8 +388,8 @@ impl Context {
         candidates.some_as_offered(steps.into_iter().map(in_unit).collect(), is_wanted())
     }
 
-    /// The sample that no other is above reaches no farther than to the points around, as samples above others do: nothing else keeps
-    /// its radii from being wide where a surface only grazes a cell.
+    /// Narrows the radii of the root's sample to the distance of the points around, as those of
+    /// other samples above leaves. No sample above bounds them where a surface only grazes a cell.
     fn narrow_uppermost(&self, rows: &Rows<'_>, pending: &mut PendingCell, spacing: f64) {
         let sampled = pending.sampled;
         let candidates =
@@ -393,8 +406,8 @@ impl Context {
             .for_each(|(radius, narrow)| *radius = radius.min(narrow));
     }
 
-    /// A node of some of a cell's points, which are drawn with this spacing and, once all of the cell's are, with
-    /// the second.
+    /// Encodes a node of some points of a cell. `spacing` is that with these points drawn, `full`
+    /// that with all points of the cell drawn.
     fn node(
         &self,
         rows: &Rows<'_>,
@@ -414,7 +427,7 @@ impl Context {
             };
             quant::radius_code(spacings * spacing, spacing)
         };
-        // Neighbours mostly have the same.
+        // Neighbours mostly have the same radius.
         let mut last = (0.0, code(0.0));
         let along_curve = points.iter().map(|&i| {
             let radius = pending.radii[i as usize];
@@ -454,7 +467,8 @@ impl Context {
         Subtree { node, page, statistics, hash, bounds, children: Children::default() }
     }
 
-    /// The spacing of the first `drawn` of `total` points of a cell: never more than that of the sample above, never zero.
+    /// Spacing of the first `drawn` of `total` points of a cell: at most that of the sample above,
+    /// never zero.
     fn spacing(
         &self,
         picked: &TurnCounts,
@@ -469,23 +483,24 @@ impl Context {
             Some(above) if few || own > above => above,
             _ => own,
         };
-        // Half the largest f32 keeps a multiple of it finite.
+        // Leaves room for multiples below the largest `f32`.
         spacing.clamp(step.max(1e-30), 1e30)
     }
 
-    /// The edge of a cell, in the file's unit, along the axis of the longest steps.
+    /// Edge of a cell, in the file's unit, along the axis of the longest steps.
     fn edge(&self, cell: &Cell) -> f64 {
         self.scale.iter().fold(0.0f64, |a, &b| a.max(b)) * cell.edge() as f64
     }
 }
 
-/// The widest radius of what a sample with this spacing has not taken: that sample is no farther from it, so that few points of
-/// a surface which reaches over a border of cells are no discs on it.
+/// Widest radius of a point that a sample of spacing `above` has not taken. A point of that sample
+/// is within its spacing, so a wider disc is not needed to close a surface that crosses a border of
+/// cells.
 fn widest(above: f64) -> f32 {
     (above * RADIUS_ABOVE_MAX) as f32
 }
 
-/// Sets the integer box of a node's own points, and returns it; there is at least one.
+/// Sets the integer box of a node's own points, of which there is at least one, and returns it.
 fn set_box(node: &mut Node, positions: &[[u32; 3]]) -> [[u32; 3]; 2] {
     let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
     for p in positions {

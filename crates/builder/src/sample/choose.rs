@@ -1,23 +1,23 @@
-//! Which points represent a cell: as many as a node holds, evenly, from the points that its children
-//! offer (kanzok2015, section 3.1, figure 1, bottom-up). They are thinned from a large radius down until the
-//! node is full.
-//!
-//! When a point was picked is its *turn*, and stays with it: it is the place of the point in its node's order, and
-//! the cell above rather picks a point in its turn than keep the whole radius. So the samples of all levels, and the
-//! prefixes of each node, are beginnings of nearly one sequence. Points that no cell above has picked get their turns
-//! last, cell by cell: what is drawn of a cell must not depend on its neighbours.
+//! Chooses the points that represent a cell, as many as a node holds, evenly, from the points that
+//! its children offer (`kanzok2015`, section 3.1, figure 1, but bottom-up). The *turn* of a point
+//! is the rung of the radius at which it was picked; it stays with the point and is its place in
+//! the order of its node. The cell above accepts a point in its turn from less than the whole
+//! radius on. So the samples of all levels, and the prefixes of each node, are beginnings of nearly
+//! one sequence. Points that no cell above has picked get their turns last, cell by cell: what is
+//! drawn of a cell must not depend on its neighbours.
 
 use crate::sample::candidates::Candidates;
 use crate::sample::thin::PoissonSampler;
 use crate::sample::turns::LAST_TURN;
 
-/// How far from the points that the cell above took sampler begins, in units of their spacing: beyond the
-/// greatest gap of an even sample, also where what covers the rim of the cell lies beyond it.
+/// Radius at which thinning begins beside points that the cell above took, in units of their
+/// spacing. It exceeds the greatest gap of an even sample, also where the nearest point of that
+/// sample is in another cell.
 const TAKEN_REACH: f64 = 1.5;
 
-/// The turns, by offered point, of the `capacity` points chosen, or all where there are fewer; [`LAST_TURN`] for the
-/// others. `turns_below` has the turns that cells below have given, or is empty. `edge` is that of the whole, in the file's
-/// unit.
+/// Chooses `capacity` of the offered points, or all if there are fewer. Returns the turn of each
+/// offered point, [`LAST_TURN`] for those not chosen. `turns_below` has the turns that cells below
+/// have assigned, or is empty. `edge` is the edge of the cell in the file's unit.
 pub fn choose(
     candidates: &Candidates,
     turns_below: &[u16],
@@ -31,7 +31,7 @@ pub fn choose(
     sampler.pick(capacity);
     let mut step = sampler.picked.split_off(sampler.picked_before);
     step.sort_unstable();
-    // As much of the last turn as there is room for, spread over all of it.
+    // The last turn fills the room that is left with points spread over all of it.
     let room = (capacity - sampler.picked.len()).min(step.len());
     let mut turns = sampler.turns;
     let kept = |j: usize| step[(2 * j + 1) * step.len() / (2 * room)] as usize;
@@ -41,8 +41,8 @@ pub fn choose(
     candidates.as_offered(turns)
 }
 
-/// Gives turns to all offered points but those that the cell above took, whose turns are told and whose sample has the
-/// spacing `above`. `edge` is as in [`choose`].
+/// Assigns turns to all offered points except those that the cell above took, which have a turn in
+/// `taken`. `above` is the spacing of the sample above. `edge` is as in [`choose`].
 pub fn assign_turns(
     candidates: &Candidates,
     taken: &[u16],

@@ -1,10 +1,10 @@
-//! Lists which of many are as asked, without a branch for each: where that is as good as chance, half the guesses of a processor
-//! would go wrong.
+//! Branch-free compaction: lists the indices of items that satisfy a predicate, 64 at a time. Where
+//! the predicate is as good as random, a branch would be mispredicted every second time.
 
-/// How many are looked at together.
+/// Number of items tested together.
 pub const GROUP: usize = 64;
 
-/// The indices of those that are as asked.
+/// Returns the indices of the items that match.
 pub fn indices_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> Vec<u32> {
     let mut indices = Vec::new();
     for (start, items) in (0..).step_by(GROUP).zip(items.chunks(GROUP)) {
@@ -13,7 +13,7 @@ pub fn indices_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> Vec<u32> {
     indices
 }
 
-/// A bit for each of up to [`GROUP`].
+/// Returns a bit for each of up to [`GROUP`] items.
 #[inline(always)]
 pub fn mask_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> u64 {
     let mut bytes = [0; GROUP];
@@ -25,7 +25,7 @@ pub fn mask_of<T>(items: &[T], matches: impl Fn(&T) -> bool) -> u64 {
     sixteen.fold(0, |bits, sixteen| bits << 16 | sixteen)
 }
 
-/// Adds the indices, from `start` on, of the bits that are set.
+/// Appends the indices, from `start` on, of the bits that are set.
 #[inline(always)]
 pub fn push_indices(start: u32, mut bits: u64, to: &mut Vec<u32>) {
     let mut indices = [0; GROUP];

@@ -1,11 +1,11 @@
-//! Points near a point, by cells, over borders of which densities of cells tell too little.
+//! A grid of the points of a cell, to look up those near a point across borders of octree cells.
 
 use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, between};
 use std::ops::Range;
 
-/// Points by cells as large as they look far, at least.
+/// Points by cells whose edge is at least the distance that is searched.
 pub struct NeighbourGrid<'a> {
-    /// In steps, along the curve.
+    /// Positions in steps, along the curve.
     q: &'a [[i32; 3]],
     /// Log2 of the edge of cells, in steps.
     log2: u32,
@@ -13,7 +13,7 @@ pub struct NeighbourGrid<'a> {
 }
 
 impl<'a> NeighbourGrid<'a> {
-    /// `far` is in steps.
+    /// Builds the grid; `far` is the distance to be searched, in steps.
     pub fn new(q: &'a [[i32; 3]], far: f64) -> Self {
         let log2 = far.log2().ceil().clamp(0.0, 30.0) as u32;
         let mut cells = Cells::default();
@@ -25,12 +25,13 @@ impl<'a> NeighbourGrid<'a> {
         Self { q, log2, cells }
     }
 
-    /// The edge of a cell, in steps.
+    /// Edge of a cell, in steps.
     pub fn edge(&self) -> f64 {
         f64::from(1u32 << self.log2)
     }
 
-    /// The points of each cell that has any, of that of a point and the 26 around it.
+    /// Calls `f` with the indices of the points of each occupied cell among that of point `i` and
+    /// the 26 around it.
     pub fn each_run(&self, i: usize, mut f: impl FnMut(Range<usize>)) {
         let cell = self.q[i].map(|c| c >> self.log2);
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c.saturating_add(1)));
@@ -42,7 +43,7 @@ impl<'a> NeighbourGrid<'a> {
                     continue;
                 }
                 let tile = self.cells.tiles[tile as usize];
-                // Of a tile between others, all cells.
+                // Clamped to the tile: of a tile between others, all cells.
                 let corner = [x, y, z].map(|c| c << TILE_LOG2);
                 let from = [0, 1, 2].map(|axis| low[axis].max(corner[axis]));
                 let to = [0, 1, 2].map(|axis| high[axis].min(corner[axis] | 3));
@@ -62,7 +63,7 @@ impl<'a> NeighbourGrid<'a> {
         self.offset(i, j).iter().map(|along| along * along).sum()
     }
 
-    /// The way from a point to another, in steps.
+    /// Vector from point `i` to point `j`, in steps.
     pub fn offset(&self, i: usize, j: usize) -> [f64; 3] {
         [0, 1, 2].map(|axis| f64::from(self.q[j][axis]) - f64::from(self.q[i][axis]))
     }

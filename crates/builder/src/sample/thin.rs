@@ -1,9 +1,8 @@
-//! PoissonSampler: points picked so that no two are nearer than a radius and none is farther from a picked one,
-//! with a radius that shrinks turn by turn (progressive Poisson-disk sampling; maximal at each turn). Every
-//! beginning of the sequence so is an even sample.
-//!
-//! Each point that is not yet picked knows its distance to the nearest picked one: a picked point tells all
-//! within the radius. A turn is a pass over these distances along the Morton curve.
+//! Progressive Poisson-disk thinning (after `mccool1992`): at each turn no two picked points are
+//! closer than the radius and no point is farther than it from a picked one; the radius shrinks
+//! turn by turn. So every prefix of the sequence is an even sample. Each point that is not picked
+//! yet keeps its distance to the nearest picked one, which a pick updates within the radius. A turn
+//! is a pass over these distances along the Morton curve. See docs/design/building.md.
 
 use crate::sample::candidates::Candidates;
 use crate::sample::compact::{GROUP, indices_of, mask_of, push_indices};
@@ -11,62 +10,65 @@ use crate::sample::turns::{LAST_TURN, radius_at, turn_at};
 use crate::sample::unpicked::{Unpicked, octave};
 use fearless_simd::{Level, Simd, dispatch};
 
-/// A point that a cell below has picked at an earlier turn is picked from this share of the radius on: the points
-/// of a turn leave no gap in the cell below, but without one of them, for the sake of a point out of turn, the gap
-/// can be almost twice the radius. (Gaps over 1.5 times those of Poisson-disk samples: 8 of 7,838 prefixes where the
-/// cell above waits for the whole radius, none where it waits for 0.6 to 0.7 of it.)
+/// Share of the radius from which a point is picked that a cell below has picked at an earlier
+/// turn. The points of a turn leave no gap in the cell below; if one of them is dropped for a point
+/// out of turn, the gap can be almost twice the radius. Between 0.6 and 0.7 gaps stay within the
+/// bound of `crates/builder/tests/evenness.rs`.
 const DUE_SHARE: f32 = 0.65;
 
-/// While the radius is large, a part of the points is enough to thin among: the first in each octree cell whose
+/// While the radius is large, a part of the points is enough: the first in each octree cell whose
 /// edge is at most this share of the radius, and those that a cell below has picked by then.
 const PART_EDGE: f64 = 0.25;
 
-/// Cells in which neighbours are found are made finer while they have so many points, at most so many times.
+/// Neighbour cells are made finer, at most by `FINER` powers of two, while they hold at least
+/// `DENSE` points on average.
 const DENSE: usize = 16;
 const FINER: u32 = 2;
 
-/// Where all are to be picked, and one in so many is, a picked point tells only those beside it along the curve, which are
-/// most of those near it. Prefixes are as even as before (no gap over 1.39 times those of Poisson-disk samples; where it
-/// tells but 8 to 15 beside it instead of 16 to 23, a node pops by 3.9 % of a picture).
+/// If all points are to be picked and 1 / `BESIDE_SHARE` of them are, a pick updates only those
+/// beside it along the curve, which are most of those near it.
 const BESIDE_SHARE: usize = 3;
 
-/// The golden ratio's fraction, of so many bits: multiples are spread evenly, however few or many.
+/// Fraction of the golden ratio, of `GOLDEN_BITS` bits: its multiples are spread evenly, however
+/// many.
 const GOLDEN: usize = 0x9e37_79b9;
 const GOLDEN_BITS: u32 = 32;
 
-/// Points being picked, one turn after the other.
+/// Sampler that picks points turn by turn.
 pub struct PoissonSampler<'a> {
     candidates: &'a Candidates,
-    /// The turn at which a cell below has picked each; empty where none has.
+    /// Turn at which a cell below has picked each point; empty if none has.
     turns_below: &'a [u16],
-    /// The turn at which each was picked; [`LAST_TURN`] before.
+    /// Turn at which each point was picked; [`LAST_TURN`] if it is not.
     pub turns: Vec<u16>,
-    /// Those picked, in this order.
+    /// Points in the order in which they were picked.
     pub picked: Vec<u32>,
-    /// How many were picked before the last turn.
+    /// Number of points that were picked before the last turn.
     pub picked_before: usize,
-    /// Whether points are on a line.
+    /// Whether the points lie along a line.
     is_line: bool,
     /// The next turn.
     turn: u16,
     unpicked: Unpicked,
-    /// The points to look at while not all are.
+    /// Points to consider while not all are.
     part: Vec<u32>,
-    /// The octave of radii for which `rest` was filled, once it is.
+    /// Octave of radii for which `unpicked` was filled; `None` before.
     octave: Option<u32>,
-    /// Points share no cell of this edge's log2, or are left out of `rest` for now.
+    /// No two points of `unpicked` share a cell of this log2, unless a cell below has picked them;
+    /// 0 if it has all points.
     part_log2: u8,
     is_over: bool,
-    /// How many there are to pick; what coincides counts once where all are to be picked.
+    /// Number of points to pick; coincident ones count once if all points are to be picked.
     points: usize,
-    /// From so many picked on, only those beside a picked point along the curve are told.
+    /// Number of picked points from which on a pick updates only those beside it along the curve.
     beside_from: usize,
     is_beside: bool,
 }
 
 impl<'a> PoissonSampler<'a> {
-    /// Begins at a radius, in the file's unit. `turns_below` is empty or has a turn for each candidate; `turns` has those
-    /// of the points that are picked before, [`LAST_TURN`] for the others.
+    /// Begins at `radius`, in the file's unit. `turns_below` is empty or has a turn for each
+    /// candidate; `turns` has those of the points that are picked already, [`LAST_TURN`] for the
+    /// others.
     pub fn new(
         candidates: &'a Candidates,
         turns_below: &'a [u16],
@@ -94,7 +96,7 @@ impl<'a> PoissonSampler<'a> {
         }
     }
 
-    /// Where all are to be picked: the last of them more quickly, see [`BESIDE_SHARE`].
+    /// Picks all points, the last of them faster (see [`BESIDE_SHARE`]).
     pub fn of_all(mut self) -> Self {
         self.points = self.candidates.places();
         if !self.is_line {
@@ -103,7 +105,7 @@ impl<'a> PoissonSampler<'a> {
         self
     }
 
-    /// Goes on turn by turn until so many are picked, or all.
+    /// Continues turn by turn until `wanted` points are picked, or all.
     pub fn pick(&mut self, wanted: usize) {
         while self.picked.len() < wanted && !self.is_over {
             self.picked_before = self.picked.len();
@@ -115,7 +117,7 @@ impl<'a> PoissonSampler<'a> {
     fn pick_turn<S: Simd>(&mut self, simd: S) {
         if self.octave != Some(octave(self.radius())) {
             if self.is_complete() {
-                // On to the turn at which there is something to pick.
+                // Skips to the turn at which there is something to pick.
                 let farthest2 = self.unpicked.farthest2();
                 if farthest2 < 1.0 {
                     return self.finish();
@@ -136,27 +138,27 @@ impl<'a> PoissonSampler<'a> {
         self.turn += 1;
     }
 
-    /// The radius of the next turn, in steps.
+    /// Radius of the next turn, in steps.
     fn radius(&self) -> f64 {
         (radius_at(self.turn) / self.candidates.step).max(1.0)
     }
 
-    /// Whether `rest` has all points that are to be picked, apart from coincident ones.
+    /// Whether `unpicked` has all points that are to be picked, except coincident ones.
     fn is_complete(&self) -> bool {
         self.octave.is_some() && self.part_log2 == 0
     }
 
-    /// Chooses cells, and the points to look at, for the next turns.
+    /// Chooses the points to consider, and the cells to find neighbours by, for the next turns.
     #[inline(always)]
     fn prepare<S: Simd>(&mut self, simd: S) {
         let radius = self.radius();
         let until = turn_at(radius * self.candidates.step / 2.0);
         if self.is_complete() {
-            // Of those picked before some may coincide.
+            // Some of the points picked before may coincide.
             let points = self.points.saturating_sub(self.picked.len());
             let log2 = self.cell_log2(radius, points);
-            // Cells may be twice as large as they might be while little is to be left out. The order on a line depends
-            // on what is.
+            // Cells may be twice as large as needed while little would be removed. On a line they
+            // are always rebuilt, since the order there depends on what is removed.
             let is_much = self.unpicked.points() / 4 * 3 > points;
             if self.is_beside {
                 if is_much {
@@ -181,8 +183,8 @@ impl<'a> PoissonSampler<'a> {
         self.octave = Some(octave(radius));
     }
 
-    /// Log2 of the edge of cells by which to find neighbours within a radius: the less a cell reaches beyond it the better,
-    /// while cells have many of so many points.
+    /// Log2 of the edge of cells by which neighbours within a radius are found. The less a cell
+    /// reaches beyond the radius the better, while cells hold many of `points` points.
     fn cell_log2(&self, radius: f64, points: usize) -> u32 {
         let octave = octave(radius);
         let is_dense =
@@ -190,7 +192,7 @@ impl<'a> PoissonSampler<'a> {
         (octave.saturating_sub(FINER)..octave).find(is_dense).unwrap_or(octave)
     }
 
-    /// Lists the points to look at for turns up to this one.
+    /// Lists the points to consider for turns up to `until`.
     #[inline(always)]
     fn choose_part(&mut self, until: u16) {
         let shared = self.candidates.shared_log2.chunks(GROUP);
@@ -200,7 +202,7 @@ impl<'a> PoissonSampler<'a> {
             let turns_below = self.turns_below.get(start..start + shared.len()).unwrap_or_default();
             let wanted = mask_of(shared, |&log2| log2 > self.part_log2)
                 | mask_of(turns_below, |&turn| turn <= until);
-            // Mostly there is nothing, which is seen at once.
+            // Mostly there is none, which this branch predicts well.
             if wanted != 0 {
                 let left = mask_of(turns, |&turn| turn == LAST_TURN);
                 push_indices(start as u32, wanted & left, &mut self.part);
@@ -208,15 +210,16 @@ impl<'a> PoissonSampler<'a> {
         }
     }
 
-    /// Which points are enough down to half a radius; 0 where most are needed.
+    /// Log2 of the edge of cells whose first points are enough down to half of `radius`; 0 if most
+    /// points are needed.
     fn part_log2(&self, radius: f64) -> u8 {
         let log2 = (radius / 2.0 * PART_EDGE).log2().floor().clamp(0.0, 31.0) as u8;
         if self.candidates.firsts[usize::from(log2)] as usize * 2 > self.points { 0 } else { log2 }
     }
 
-    /// Picks what can be picked at a radius: first what a cell below has picked first, then along the curve. On a
-    /// line that would pack points as tightly as can be and leave gaps of almost twice the radius, so there in an
-    /// order that leaves and returns.
+    /// Picks points at a radius: first those that a cell below has picked, then the others along
+    /// the curve. On a line the order of the curve would pack points as tightly as possible and
+    /// leave gaps of almost twice the radius, so there the order jumps back and forth.
     #[inline(always)]
     fn pick_at<S: Simd>(&mut self, simd: S, radius: f64) {
         let radius2 = (radius * radius) as f32;
@@ -260,7 +263,7 @@ impl<'a> PoissonSampler<'a> {
         }
     }
 
-    /// What is left coincides with what is picked: it comes last.
+    /// Appends the points that are left, which coincide with picked ones.
     fn finish(&mut self) {
         self.is_over = true;
         for i in 0..self.turns.len() {

@@ -1,23 +1,24 @@
-//! The points that thinning may still pick, along the Morton curve: how far each is from the picked ones, and
-//! which of them are near a place. Points of an octree cell stand together, so a table from cells to runs finds
-//! neighbours; distances are in space.
+//! The points that thinning may still pick, along the Morton curve, with their distances to the
+//! nearest picked point. A table of cells to ranges of points finds neighbours, since the points of
+//! an octree cell are contiguous; distances are computed in space, eight at a time.
 
 use crate::sample::tiles::{Cells, CellsBuilder, NONE, TILE_LOG2, Tile, between};
 use esker_points::fetch::fetch;
 use fearless_simd::{Simd, SimdBase, SimdCvtFloat, f32x8, i32x8};
 use std::ops::Range;
 
-/// Points of a block: loops over them are registers where they are compiled for such.
+/// Points of a block: a loop over them compiles to vector registers.
 const LANES: usize = 8;
-/// The edge of the cells by which few neighbours are found is at least so many radii, and less than twice as many.
+/// Cells that find neighbours have an edge of at least this many radii, and less than twice as
+/// many.
 const EDGE_RADII: f64 = 1.5;
-/// A tile of no more points is told as a whole.
+/// A tile with no more points is updated as a whole.
 const FEW: u32 = 12;
-/// Blocks before and behind that of a place whose points stand beside it.
+/// Blocks before and after that of a picked point that are updated with it.
 const BESIDE_BLOCKS: usize = 2;
-/// So many blocks before it is looked at, a block is asked for.
+/// Blocks between one that is examined and the one that is prefetched.
 const AHEAD: usize = 12;
-/// Log2 of the edge of the cells, in steps, by which few neighbours within a radius are found.
+/// Log2 of the edge, in steps, of the cells that find neighbours within `radius`.
 pub fn octave(radius: f64) -> u32 {
     ((radius * EDGE_RADII).log2().ceil().max(0.0) as u32).min(31)
 }
@@ -27,34 +28,35 @@ pub fn octave(radius: f64) -> u32 {
 #[repr(align(32))]
 struct BlockPoints([[i32; LANES]; 3]);
 
-/// A number for each of a block's points.
+/// A number for each point of a block.
 #[derive(Clone, Copy, Default)]
 #[repr(align(32))]
 struct BlockValues([f32; LANES]);
 
-/// Points in blocks, over which the innermost loop of a build runs. The last block's room that is left is at distance 0,
-/// which is never picked. What runs often is inlined, and so compiled for the processor that thinning finds.
+/// Points in blocks, over which the innermost loop of a build runs. Free places of the last block
+/// have distance 0, which is never picked. Hot functions are inlined, and so compiled for the
+/// vector instructions that are detected at run time.
 #[derive(Default)]
 pub struct Unpicked {
     q: Vec<BlockPoints>,
-    /// Square of the distance to the nearest picked point, where that is within the radius of the last telling;
-    /// else any that is not.
+    /// Square of the distance to the nearest picked point, if that is within the radius of the last
+    /// update; else any greater value.
     nearest2: Vec<BlockValues>,
-    /// The turn from which on each is picked sooner than others; empty where none is.
+    /// Turn from which on each point is picked at a smaller distance; empty if there is none.
     due: Vec<BlockValues>,
-    /// Which candidate each is; [`NONE`] where there is none.
+    /// Candidate at each place; [`NONE`] at free places.
     candidate: Vec<u32>,
-    /// The tile of each.
+    /// Tile of each point.
     tile_of: Vec<u32>,
     cells: Cells,
     /// Log2 of the edge of the cells.
     log2: u32,
-    /// Points there were when it was filled.
+    /// Number of points when it was last filled or shrunk.
     points: usize,
 }
 
 impl Unpicked {
-    /// Takes other points: candidates in order, all of them far from picked ones.
+    /// Replaces the points by `candidates`, in order, all of them far from picked points.
     pub fn refill(&mut self, q: &[[i32; 3]], candidates: &[u32], log2: u32) {
         let blocks = candidates.len().div_ceil(LANES);
         self.q.clear();
@@ -82,7 +84,8 @@ impl Unpicked {
         self.finish(candidates.len(), log2);
     }
 
-    /// Leaves out what is picked or coincides with it, and finds neighbours by other cells.
+    /// Removes points that are picked or coincide with picked ones, and finds neighbours by cells
+    /// of another size from then on.
     pub fn rebuild(&mut self, log2: u32) {
         let n = self.remove_picked();
         let mut builder = CellsBuilder::new(&mut self.cells, log2);
@@ -93,19 +96,21 @@ impl Unpicked {
         self.finish(n, log2);
     }
 
-    /// The same where no neighbours are found any more but those beside a place.
+    /// Removes points that are picked or coincide with picked ones. Only
+    /// [`Unpicked::update_beside`] may follow.
     pub fn shrink(&mut self) {
         let n = self.remove_picked();
         self.finish(n, self.log2);
     }
 
-    /// Moves what is neither picked nor coincides with what is to the front. How many that are.
+    /// Moves the points that remain to the front; returns their number.
     fn remove_picked(&mut self) -> usize {
         let mut n = 0;
         for block in 0..self.q.len() {
             let (places, BlockValues(nearest2)) = (self.q[block], self.nearest2[block]);
             for (lane, &nearest2) in nearest2.iter().enumerate() {
-                // Written in any case, to be written over: no guess what is left out goes wrong.
+                // Written in any case and overwritten if the point is removed: without a branch
+                // nothing is mispredicted.
                 self.q[n / LANES].set(n % LANES, places.get(lane));
                 self.nearest2[n / LANES].0[n % LANES] = nearest2;
                 self.candidate[n] = self.candidate[block * LANES + lane];
@@ -115,7 +120,7 @@ impl Unpicked {
         n
     }
 
-    /// There are so many points.
+    /// Cuts all columns to `n` points.
     fn finish(&mut self, n: usize, log2: u32) {
         self.log2 = log2;
         self.points = n;
@@ -135,22 +140,22 @@ impl Unpicked {
         self.log2
     }
 
-    /// How many points there were when they were last taken or left out.
+    /// Number of points when it was last filled or shrunk.
     pub fn points(&self) -> usize {
         self.points
     }
 
-    /// Number of places: points, and room that is left.
+    /// Number of places, including free ones.
     pub fn len(&self) -> usize {
         self.candidate.len()
     }
 
-    /// The candidate at a place; [`NONE`] where there is none.
+    /// Candidate at a place; [`NONE`] if it is free.
     pub fn candidate(&self, i: usize) -> u32 {
         self.candidate[i]
     }
 
-    /// Tells from which turn on each is due, by candidate.
+    /// Sets the turn from which on each point is due, by candidate.
     pub fn set_due(&mut self, turns: &[u16]) {
         let turn = |candidate: u32| turns.get(candidate as usize).copied().unwrap_or(u16::MAX);
         let blocks = self.candidate.as_chunks().0.iter();
@@ -165,13 +170,13 @@ impl Unpicked {
         farthest.to_array().into_iter().fold(0.0, f32::max)
     }
 
-    /// See [`Unpicked::nearest2`].
+    /// Square of the distance to the nearest picked point; see the field.
     #[inline(always)]
     pub fn nearest2(&self, i: usize) -> f32 {
         self.nearest2[i / LANES].0[i % LANES]
     }
 
-    /// The first place from `i` on which is so far, more than not at all, from picked points.
+    /// First place from `i` on whose squared distance is at least `least2`, which is positive.
     #[inline(always)]
     pub fn next_from(&self, i: usize, least2: f32) -> Option<usize> {
         let least2 = wide::f32x8::from(least2);
@@ -179,7 +184,8 @@ impl Unpicked {
         self.next(i, nearest2.map(|n| wide::f32x8::from(n.0).simd_ge(least2)))
     }
 
-    /// The same among those due by a turn, where that was told.
+    /// Variant of [`Unpicked::next_from`] among the points due by `turn`, after
+    /// [`Unpicked::set_due`].
     #[inline(always)]
     pub fn next_due_from(&self, i: usize, turn: u16, least2: f32) -> Option<usize> {
         let (turn, least2) = (wide::f32x8::from(f32::from(turn)), wide::f32x8::from(least2));
@@ -188,8 +194,8 @@ impl Unpicked {
         self.next(i, blocks.map(|(d, n)| wide::f32x8::from(d.0).simd_le(turn) & is_far(n)))
     }
 
-    /// The first place from `i` on which is wanted, of the blocks from its own on. (Skipping to it in an iterator that computes
-    /// walks there, unless a compiler sees that it need not.)
+    /// First place from `i` on that is wanted; `blocks` begins with the block of `i`. (Skipping in
+    /// an iterator that computes would walk there, unless the compiler sees that it need not.)
     #[inline(always)]
     fn next(&self, i: usize, blocks: impl Iterator<Item = wide::f32x8>) -> Option<usize> {
         let mut wanted = !0 << (i % LANES);
@@ -204,7 +210,7 @@ impl Unpicked {
         None
     }
 
-    /// Asks for what is read of a block in which something is picked.
+    /// Prefetches what is read of a block in which a point is picked.
     #[inline(always)]
     fn fetch(&self, block: usize) {
         if let Some(BlockPoints([x, _, z])) = self.q.get(block) {
@@ -215,11 +221,12 @@ impl Unpicked {
         }
     }
 
-    /// Tells all points within a radius of a place, itself among them, that it is picked.
+    /// Updates the distances of all points within a radius of the picked point at place `i`, itself
+    /// included.
     #[inline(always)]
     pub fn update_around<S: Simd>(&mut self, simd: S, i: usize, reach: i32) {
-        // Not inlined: it is large. The position is read there: handed over, its numbers would be stored one
-        // by one and loaded by twos, which waits for the stores.
+        // Not inlined, since it is large. The position is read inside: passed by value it would be
+        // stored number by number and loaded in pairs, which stalls store forwarding.
         simd.vectorize(
             #[inline(always)]
             move || {
@@ -229,7 +236,7 @@ impl Unpicked {
         );
     }
 
-    /// Tells the points that stand beside a place along the curve, most of those near it.
+    /// Updates the points beside a place along the curve, most of those near it.
     #[inline(always)]
     pub fn update_beside<S: Simd>(&mut self, simd: S, i: usize) {
         let p = self.q[i / LANES].get(i % LANES).map(|c| i32x8::splat(simd, c));
@@ -238,7 +245,7 @@ impl Unpicked {
         self.update_blocks(simd, first..end, p);
     }
 
-    /// Tells all points within a radius of a position that has no place.
+    /// Updates all points within a radius of a position that has no place.
     #[inline(always)]
     pub fn update_near<S: Simd>(&mut self, simd: S, p: &[i32; 3], reach: i32) {
         simd.vectorize(
@@ -247,10 +254,10 @@ impl Unpicked {
         );
     }
 
-    /// `own` is the tile of the position, if that is known.
+    /// Updates the cells around `p` tile by tile; `own` is the tile of `p`, or [`NONE`].
     #[inline(always)]
     fn update_tiles<S: Simd>(&mut self, simd: S, own: u32, p: [i32; 3], reach: i32) {
-        // No coordinate is negative, nor a reach.
+        // Neither coordinates nor the reach are negative.
         let low = p.map(|c| c.wrapping_sub(reach) >> self.log2);
         let high = p.map(|c| c.saturating_add(reach) >> self.log2);
         let (first, last) = (low.map(|c| c >> TILE_LOG2), high.map(|c| c >> TILE_LOG2));
@@ -262,13 +269,13 @@ impl Unpicked {
         loop {
             let tile = self.cells.find([x, y, z]);
             if tile != NONE {
-                // Of tiles between the outer ones, all cells.
+                // All cells of tiles between the outer ones.
                 let corner = [x, y, z];
                 let from = [0, 1, 2].map(|i| if corner[i] == first[i] { low[i] } else { 0 });
                 let to = [0, 1, 2].map(|i| if corner[i] == last[i] { high[i] } else { !0 });
                 self.update_tile(simd, tile, between([from, to]), p);
             }
-            // Wrapping: no tile lies at the end of all numbers.
+            // Additions wrap; no tile lies at the largest number.
             if x < last[0] {
                 x = x.wrapping_add(1);
             } else if y < last[1] {
@@ -281,8 +288,8 @@ impl Unpicked {
         }
     }
 
-    /// Tells the points in these cells of a tile, and some beside them: where cells follow each other along the
-    /// curve they are told at once, and a tile of few points as a whole.
+    /// Updates the points in `cells` of a tile, and some beside them: cells that are consecutive
+    /// along the curve are updated as one range, a tile with few points as a whole.
     #[inline(always)]
     fn update_tile<S: Simd>(&mut self, simd: S, tile: u32, cells: u64, p: [i32x8<S>; 3]) {
         let Tile { occupied, first, start } = self.cells.tiles[tile as usize];
@@ -292,24 +299,25 @@ impl Unpicked {
         }
         let mut wanted = occupied & cells;
         let others = occupied & !cells;
-        // The first point of an occupied cell.
+        // First point of an occupied cell.
         let point = |unpicked: &Self, cell: u32| {
             let before = (occupied & !(!0 << cell)).count_ones();
             unpicked.cells.first[first.wrapping_add(before) as usize]
         };
         while wanted != 0 {
-            // From the next cell on, up to the first one behind it that is left out.
+            // From the next wanted cell to the first one behind it that is not.
             let from = wanted.trailing_zeros();
             let behind = others & (!0 << from);
             let to = if behind == 0 { end } else { point(self, behind.trailing_zeros()) };
             self.update_run(simd, point(self, from), to, p);
-            // Those before the cell that is left out; all, where none is.
+            // Drops the cells before that one; all if there is none.
             wanted &= !(behind & behind.wrapping_neg()).wrapping_sub(1);
         }
     }
 
-    /// Differences are exact, and the rounding of their squares, the same everywhere, moves a radius by a ten
-    /// millionth. Points that share a block with others are told too, which does no harm.
+    /// Updates the blocks that contain the points `start..end`. Differences are exact; the squares
+    /// round the same on every machine, by a ten-millionth of a radius. Other points of the same
+    /// blocks are updated too, which does no harm.
     #[inline(always)]
     fn update_run<S: Simd>(&mut self, simd: S, start: u32, end: u32, p: [i32x8<S>; 3]) {
         self.update_blocks(simd, start as usize / LANES..(end as usize).div_ceil(LANES), p);
@@ -330,7 +338,7 @@ impl Unpicked {
 }
 
 impl BlockPoints {
-    /// The coordinates of a point of the block.
+    /// Coordinates of a point of the block.
     #[inline(always)]
     fn get(&self, lane: usize) -> [i32; 3] {
         [self.0[0][lane], self.0[1][lane], self.0[2][lane]]
