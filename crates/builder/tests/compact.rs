@@ -1,5 +1,6 @@
-//! Compact planes: their palette is a function of the points alone, whatever the threads, the memory and the interruptions; what
-//! is appended has the palette of what it is appended to; scans without colours have none.
+//! Compact planes: the palette is a function of the points alone, whatever the threads, the memory
+//! and the interruptions; appended scans share the palette of the old file; scans without colours
+//! have none.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -22,7 +23,8 @@ fn below(i: u64, n: u64) -> u64 {
     (mixed(x, 0x94d0_49bb_1331_11eb) >> 33) % n
 }
 
-/// Hills of many colours, in two inputs: of 16 bits in the high byte, which the first points hide, and of 8; and one without.
+/// Hills of many colours in two inputs, of 16 bits (in the high byte, which the first points hide)
+/// and of 8 bits; and one input without colours.
 fn coloured() -> Vec<Given> {
     let hills = |from: u64, n: u64| {
         let at = move |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
@@ -83,13 +85,14 @@ fn the_palette_is_the_same_under_another_memory_bound_and_near_its_colours() {
     assert!(a.metadata().palette.is_some());
     assert_eq!(a.metadata().palette, b.metadata().palette);
     assert_eq!(ample.palette_misfit, little.palette_misfit);
-    // Colours fill a cube of 200 steps a side and one of 90: 255 cells of it have edges of some 32 steps.
+    // Colours fill a cube of 200 steps a side and one of 90: 255 cells of it have edges of some 32
+    // steps.
     let misfit = ample.palette_misfit.unwrap();
     assert!(misfit.mean > 5.0 && misfit.mean < 18.0 && misfit.worst < 64.0, "{misfit:?}");
     assert!(misfit.mean < misfit.most && misfit.most <= misfit.worst, "{misfit:?}");
 }
 
-/// Stops after so many checks whether to stop; keeps what is noted.
+/// Cancels the task after `after` checks; keeps its notes.
 #[derive(Default)]
 struct Stops {
     checks: AtomicU64,
@@ -161,7 +164,7 @@ fn appending_keeps_the_palette_and_merging_trains_a_new_one() {
     assert_eq!(both.palette(), old.palette());
     assert!(both.palette().is_some());
     both.files().for_each(|file| assert!(verify(file, &Silent).is_ok()));
-    // One tree without a compact plane, and there is no palette for all.
+    // If one tree has no compact plane, the forest has no palette.
     let bare = Options { compact: false, ..options() };
     append_sources(&old, boxed(&sources[1..2]), &c, &bare, &Silent).unwrap();
     assert_eq!(forest(&c).palette(), None);

@@ -1,5 +1,5 @@
-//! A file's points are handed to the writer whole, or as the filter wants; whatever ends an export early leaves
-//! nothing behind.
+//! The points of a file are exported whole, or as a filter selects; an export that ends early
+//! leaves no file behind.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -16,7 +16,7 @@ use given::{Given, boxed, given, names_in};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Points of a hill, of two sources: one with classes and times, the other with neither.
+/// Points of a hill in two sources: one with classes and times, the other with intensities only.
 fn sources() -> Vec<Given> {
     let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
     let classed = given("a.las", [0.001; 3], (0..20_000).map(hill).collect())
@@ -33,7 +33,7 @@ fn built(folder: &Path) -> Forest {
     Forest::open(&out).unwrap()
 }
 
-/// The footer of the only file.
+/// Footer of the only file.
 fn footer(file: &Forest) -> &Footer {
     file.files().next().unwrap().footer()
 }
@@ -44,7 +44,7 @@ fn filter(change: impl FnOnce(&mut Filter)) -> Filter {
     filter
 }
 
-/// Lines of the export as text.
+/// Sorted lines of the export as text.
 fn lines(file: &Forest, folder: &Path, filter: &Filter) -> Vec<String> {
     let out = folder.join("out.csv");
     let report = export(file, &out, filter, &Silent).unwrap();
@@ -77,7 +77,8 @@ fn different_sources_are_exported_together_with_zeros_for_missing_attributes() {
 fn class_filters_match_only_points_that_have_a_class() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(folder.path());
-    // The bare points have zeros there, and no class; also where all classes that there are are wanted.
+    // Points of the second source are exported with zeros there, but have no class: not even a
+    // filter for all classes matches them.
     for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
         let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
         assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
@@ -108,7 +109,7 @@ fn attributes_converted_from_others_are_not_reported_as_zero() {
             (Forest::open(&file).unwrap(), folder.path().join(format!("out.{ending}")));
         export(&file, &out, &Filter::default(), &Silent).unwrap().notes
     };
-    // A record of LAS has one field for both.
+    // A LAS record has one field for both.
     let two = [fine.clone(), coarse.clone()];
     assert_eq!(notes(&two, "las"), [""; 0]);
     let zeros = "zero where a point's source had none: scan_angle, scan_angle_rank";
@@ -142,7 +143,7 @@ fn a_spacing_gives_an_even_sample_that_grows_with_it() {
         let wanted = filter(|f| f.max_spacing = Some(spacing));
         export(&file, &out, &wanted, &Silent).unwrap().points_out
     };
-    // 50 by 50 units: half the spacing, four times the points.
+    // 50 by 50 units: half the spacing gives four times the points.
     let points = [4.0, 2.0, 1.0].map(at);
     for pair in points.windows(2) {
         let ratio = pair[1] as f64 / pair[0] as f64;
@@ -152,7 +153,7 @@ fn a_spacing_gives_an_even_sample_that_grows_with_it() {
     assert_eq!(at(1e-6), 32_000);
 }
 
-/// Stops after so many checks whether to stop.
+/// Cancels the task after `after` checks.
 struct Stops {
     checks: AtomicU64,
     after: u64,

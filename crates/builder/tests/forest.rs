@@ -1,5 +1,5 @@
-//! Appending leaves the old file as it is and loses nothing of the new inputs; merging makes of a forest the
-//! tree that building everything at once makes.
+//! Appending leaves the old file unchanged and loses no point of the new inputs; merging makes a
+//! forest into the tree that building everything at once makes.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -21,7 +21,7 @@ fn options() -> Options {
     Options { node_capacity: 256, ..Default::default() }
 }
 
-/// Keeps what is noted.
+/// Keeps the notes of a task.
 #[derive(Default)]
 struct Notes(std::sync::Mutex<Vec<String>>);
 
@@ -91,7 +91,7 @@ fn hash(forest: &Forest) -> MultisetHash {
     sum
 }
 
-/// Records and points of all nodes, but for where their pages stand.
+/// Records and points of all nodes, without the offsets of their pages.
 fn nodes(file: &EskerFile) -> Vec<(esker_points::Node, PagePoints)> {
     let nodes = file.table().nodes.iter().zip(0..);
     let node = |(node, i): (&esker_points::Node, u32)| {
@@ -114,7 +114,7 @@ fn appending_leaves_the_old_file_unchanged() {
     assert_eq!((own.footer().points, forest.points()), (2000, 5000));
     against_sources(own, boxed(std::slice::from_ref(&b)), &Silent).unwrap();
 
-    // A forest is appended to as a file is; the list of the new one is whole.
+    // Forests are appended to like files; the list of the new forest is complete.
     let forest = folder.append("ab.esker", std::slice::from_ref(&c), "abc.esker");
     let own = forest.files().next().unwrap();
     let named: Vec<_> = own.metadata().forest.iter().map(|tree| tree.path.as_str()).collect();
@@ -130,7 +130,7 @@ fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_coun
     folder.build("a.esker", &[scan("a.las", 1, 300)]);
     let mut fine = scan("fine.las", 5, 1000);
     fine.info.grid.grid.scale = [0.003; 3];
-    // The lattice of hundredths reaches 21,474,836.47; this input's, moved, lies half outside.
+    // The lattice of hundredths reaches 21,474,836.47; half of this input, moved, lies outside.
     let mut far = scan("far.las", 9, 1000).at([21_474_790.0, 0.0, 0.0]);
     far.info.verbatim.clear();
     let outside = far.positions.iter().filter(|p| p[0] > 4647).count() as u64;
@@ -149,7 +149,7 @@ fn points_off_the_old_lattice_are_rounded_and_those_outside_are_refused_and_coun
         file.metadata().sources.iter().map(|s| s.refused.values().sum()).collect();
     assert_eq!(refused, [outside, 0]);
     against_sources(&file, boxed(&sources), &Silent).unwrap();
-    // One more that is outside is noticed.
+    // Another point outside is detected.
     let mut changed = sources.clone();
     let inside = changed[1].positions.iter().position(|p| p[0] <= 4647).unwrap();
     changed[1].positions[inside][0] = 100_000;
@@ -182,7 +182,7 @@ fn another_reference_system_is_refused_with_both_names_unless_ignored() {
     append(scan("b.las", 2, 300), &options()).unwrap();
 }
 
-/// Under one name there is one scale: with another the same stored value would be another one.
+/// A name has one scale; with another the same stored value would be a different one.
 #[test]
 fn attributes_of_different_scales_are_refused_with_both_names() {
     let of = |name: &str, scale: f64| {
@@ -209,7 +209,7 @@ fn attributes_of_different_scales_are_refused_with_both_names() {
         append_sources(&old, boxed(&[coarse]), &out, &options(), &Silent).unwrap_err(),
     );
     assert!(!out.exists());
-    // What rounding makes of a decimal number is the same.
+    // Differences by rounding of a decimal number are ignored.
     folder.append("fine.esker", &[of("again.las", 0.1 * 0.1)], "two.esker");
 }
 
@@ -244,7 +244,8 @@ fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
     assert_eq!(nodes(&merged), nodes(&whole));
     assert_eq!(merged.footer().hash, whole.footer().hash);
     assert!(merged.metadata().forest.is_empty());
-    // The sources are known as before, their blocks included; and the scans are those of the points.
+    // Sources are recorded as before, including their verbatim blocks; and the inputs match the
+    // points.
     let record = |s: &esker_format::SourceRecord| (s.path.clone(), s.points, s.format.clone());
     let mut known: Vec<_> = merged.metadata().sources.iter().map(record).collect();
     known.sort();
@@ -254,7 +255,7 @@ fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
         assert_eq!(merged.verbatim(i).unwrap(), [block]);
     }
     against_sources(&merged, boxed(&all), &Silent).unwrap();
-    // Trees over one place are thinned each by itself, which is said.
+    // Overlapping trees are thinned separately, which is noted.
     let filter = Filter { max_spacing: Some(2.0), ..Filter::default() };
     let thinned = |name: &str| {
         let forest = Forest::open(&folder.at(name)).unwrap();
@@ -262,7 +263,7 @@ fn a_merged_forest_is_the_tree_of_all_scans_built_at_once() {
         exported.notes.iter().any(|note| note.contains("trees overlap"))
     };
     assert!(thinned("abc.esker") && !thinned("merged.esker"));
-    // Named on their own, the same files make the same tree; twice named they are taken once.
+    // Named separately, the same files make the same tree; a file that is named twice is used once.
     let again = folder.merge(&["ab.esker", "abc.esker", "a.esker"], "again.esker");
     assert_eq!(nodes(&again), nodes(&whole));
 }
@@ -338,7 +339,7 @@ fn damage_found_while_merging_leaves_no_file() {
     folder.build("a.esker", &[scan("a.las", 1, 3000)]);
     folder.append("a.esker", &[scan("b.las", 2, 300)], "b.esker");
     let mut bytes = folder.bytes("a.esker");
-    // In the directory of the first page: what lies between planes is looked at by verify alone.
+    // In the directory of the first page: bytes between planes are checked by verify alone.
     bytes[100] ^= 4;
     std::fs::write(folder.at("a.esker"), bytes).unwrap();
     let error =

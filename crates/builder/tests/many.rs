@@ -1,5 +1,5 @@
-//! Very many inputs, and inputs whose headers lie about their bounds, cost no more than they should: every input is
-//! decoded a few times at most, however many there are.
+//! Very many inputs, and inputs with wrong bounds in their headers: every input is decoded a few
+//! times at most, however many there are.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 
 mod cloud;
@@ -70,7 +70,7 @@ impl Source for Counted {
     }
 }
 
-/// Tiles that lie beside each other on grids of their own, each claiming these bounds.
+/// Adjacent tiles on grids of their own, each of which claims these bounds.
 fn tiles(count: u64, claims: Option<[[f64; 3]; 2]>) -> Vec<Given> {
     let tile = |i: u64| {
         let point = |j: u64| [0, 1, 2].map(|axis| below(99 * i + 3 * j + axis, 9000));
@@ -102,7 +102,7 @@ fn claimed_bounds_that_are_too_large_do_not_coarsen_the_lattice() {
     let (report, file) = whole(&tiles(3, everything), &options());
     assert_eq!(file.metadata().lattice.scale, [0.001; 3]);
     assert_eq!(report.rounding_error_max, 0.0);
-    // Points that are so far apart do.
+    // Points that are really that far apart do.
     let mut far = tiles(2, None);
     far[1] = far[1].clone().at([1e8, 0.0, 0.0]);
     let (_, file) = whole(&far, &options());
@@ -134,6 +134,6 @@ fn inputs_of_different_reference_systems_are_refused_unless_ignored() {
     assert!(report.notes.iter().any(|n| n.contains("different coordinate")), "{:?}", report.notes);
     let file = EskerFile::open(&out).unwrap();
     assert_eq!(against_sources(&file, given::boxed(&mixed), &Silent).unwrap().points, 6);
-    // What says nothing agrees.
+    // An input without a reference system matches any.
     whole(&mixed[..2], &options());
 }

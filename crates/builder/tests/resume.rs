@@ -1,4 +1,5 @@
-//! A build that is cut short goes on where it was, and the file is the same to the byte; or it says why not.
+//! An interrupted build resumes where it was, and the file is the same to the byte; or the error
+//! says why it cannot.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -12,14 +13,14 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const LITTLE: Shares = Shares { buffer_bytes_max: 150_000, chunk_bytes_max: 300_000 };
-/// Rows fit memory, chunks do not.
+/// Rows fit into memory, chunks do not.
 const NO_SCRATCH: Shares = Shares { buffer_bytes_max: 1 << 30, ..LITTLE };
 
 fn below(i: u64, n: u64) -> i32 {
     ((i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33) % n) as i32
 }
 
-/// Hills in two inputs of other attributes, stacks larger than a chunk, and a far point.
+/// Hills in two inputs of different attributes, stacks larger than a chunk, and a distant point.
 fn sources() -> Vec<Given> {
     let hill = |i: u64| [below(2 * i, 50_000), below(2 * i + 1, 50_000), below(i, 300)];
     let a = (0..45_000).map(|i| if i % 3 == 0 { [7; 3] } else { hill(i) });
@@ -33,7 +34,7 @@ fn options(resume: Resume) -> Options {
     Options { node_capacity: 256, resume, ..Default::default() }
 }
 
-/// Stops after so many checks whether to stop; keeps what is noted.
+/// Cancels the task after `after` checks; keeps its notes.
 #[derive(Default)]
 struct Stops {
     checks: AtomicU64,
@@ -82,7 +83,7 @@ impl Workspace {
         self.out.path().join(".out.esker.journal")
     }
 
-    /// Builds, and stops after so many checks; how many there were.
+    /// Builds, and cancels after `after` checks. Returns the outcome and the number of checks.
     fn run(&self, sources: &[Given], resume: Resume, shares: Shares, after: u64) -> (Outcome, u64) {
         let scratch = Some(self.scratch.path().into());
         let options = Options { scratch, normals: self.normals, ..options(resume) };
@@ -100,7 +101,7 @@ impl Workspace {
         (outcome, task.checks.into_inner())
     }
 
-    /// Holds that the file alone is there; its bytes.
+    /// Asserts that only the output is left, and returns its bytes.
     fn file(&self) -> Vec<u8> {
         assert_eq!(names_in(self.out.path()), ["out.esker"]);
         assert_eq!(names_in(self.scratch.path()), [""; 0]);
@@ -120,7 +121,8 @@ fn cut_and_resumed(sources: &[Given], shares: Shares, cuts: u64) -> u64 {
     cut_and_resumed_with(NormalsMode::Keep, sources, shares, cuts)
 }
 
-/// Builds, cut at so many moments, and gone on with; how many had something kept.
+/// Builds, interrupted at `cuts` moments, and resumes. Returns how many of the builds had kept
+/// something.
 fn cut_and_resumed_with(normals: NormalsMode, sources: &[Given], shares: Shares, cuts: u64) -> u64 {
     let workspace = Workspace::with(normals);
     let (outcome, checks) = workspace.run(sources, Resume::Never, shares, u64::MAX);
@@ -137,7 +139,7 @@ fn cut_and_resumed_with(normals: NormalsMode, sources: &[Given], shares: Shares,
             Outcome::Nothing => assert_eq!(names_in(workspace.out.path()), [""; 0]),
             other => panic!("{after} of {checks}: {other:?}"),
         }
-        // Cut again in what is left, then to its end.
+        // Interrupts the rest again, then resumes to the end.
         workspace.run(sources, Resume::Now, shares, (checks - after) / 2);
         let (outcome, _) = workspace.run(sources, Resume::Now, shares, u64::MAX);
         assert_eq!(outcome, Outcome::Done, "{after} of {checks}");
@@ -164,7 +166,7 @@ fn a_cell_that_was_parted_halfway_is_resumed_there() {
     pool.install(|| {
         workspace.run(&sources, Resume::Never, shares, u64::MAX);
         let whole = workspace.file();
-        // Reading ends before, building begins behind.
+        // Reading ends before this range, sampling begins after it.
         for after in 8..20 {
             let workspace = Workspace::new();
             let (outcome, _) = workspace.run(&sources, Resume::Later, shares, after);
@@ -185,7 +187,7 @@ fn estimated_normals_of_a_resumed_build_are_the_same() {
 
 #[test]
 fn wrong_headers_are_not_measured_again_after_a_resume() {
-    // Bounds that are wrong, and colours that turn out to be of another depth.
+    // Wrong bounds, and colours that turn out to have another depth.
     let mut sources = sources();
     sources[1] = sources[1].clone().claiming(Some([[0.0; 3], [1.0; 3]]));
     let colours =
@@ -201,7 +203,7 @@ fn finished_chunks_are_kept_also_where_all_rows_are_in_memory() {
     assert_eq!(cut_and_resumed(&sources()[2..], NO_SCRATCH, 3), 0);
 }
 
-/// A build cut in the middle.
+/// A build interrupted in the middle.
 fn cut() -> (Workspace, Vec<u8>) {
     let workspace = Workspace::new();
     let (_, checks) = workspace.run(&sources(), Resume::Later, LITTLE, u64::MAX);
@@ -235,7 +237,8 @@ fn starting_over_an_interrupted_build_is_noted() {
         let result = build_shared(boxed(&sources()), &workspace.out(), &options, LITTLE, &task);
         (result, task.notes.into_inner().unwrap())
     };
-    // With other options, cut again; what is then gone on with is that build, not the one before.
+    // With other options, interrupted again: from then on that build is resumed, not the one
+    // before.
     let small = |options: &mut Options| options.compress = esker_format::Codec::Small;
     let (result, notes) = run(small, Resume::Later, checks / 2);
     assert!(matches!(result, Err(BuildError::Kept(_))), "{result:?}");
@@ -248,7 +251,7 @@ fn starting_over_an_interrupted_build_is_noted() {
     assert_eq!(notes, [""; 0]);
     let of_small = workspace.file();
     assert!(of_small.len() < whole.len());
-    // With the same options: there was something to go on with.
+    // With the same options: there was something to resume.
     let (workspace, _) = cut();
     let options =
         Options { scratch: Some(workspace.scratch.path().into()), ..options(Resume::Later) };
@@ -257,7 +260,7 @@ fn starting_over_an_interrupted_build_is_noted() {
     let notes = task.notes.into_inner().unwrap();
     assert!(notes[0].contains("--resume would have gone on"), "{notes:?}");
     assert!(workspace.file() == whole);
-    // Over a finished file nothing is to be told.
+    // Over a finished file nothing is noted.
     let task = Stops::after(u64::MAX);
     build_shared(boxed(&sources()), &workspace.out(), &options, LITTLE, &task).unwrap();
     assert_eq!(task.notes.into_inner().unwrap(), [""; 0]);
@@ -299,7 +302,7 @@ fn changed_options_and_inputs_are_named() {
     refused(&other, now(), LITTLE, &["the size of b was 0 bytes, and is 77 bytes"]);
     let twice = [sources(), sources()[1..2].to_vec()].concat();
     refused(&twice, now(), LITTLE, &["the input b was given 1 times, and is 2 times now"]);
-    // In which order they are named does not matter, nor does more memory, and nothing of all this has done harm.
+    // The order of inputs and more memory do not matter, and the refused builds have done no harm.
     let more = Shares { buffer_bytes_max: 1 << 30, chunk_bytes_max: 1 << 30 };
     let reversed: Vec<_> = sources().into_iter().rev().collect();
     with(&reversed, now(), more).unwrap();
@@ -324,7 +327,7 @@ fn a_changed_input_file_is_named() {
     let error = build_shared(sources(), &workspace.out(), &options(Resume::Now), LITTLE, &task);
     let error = error.unwrap_err().to_string();
     assert!(error.contains("the time of change of") && error.contains("a.xyz was"), "{error}");
-    // Without it the leftovers are deleted.
+    // A build without `--resume` deletes the leftovers.
     build(std::slice::from_ref(&scan), &workspace.out(), &options(Resume::Never), &task).unwrap();
     let mut names = names_in(workspace.out.path());
     names.sort();
@@ -387,9 +390,9 @@ fn damage_is_reported_or_harmless() {
         }
         let _ = std::fs::remove_file(workspace.out());
     }
-    // Rows are given back once they are built, so what was forgotten of that cannot be built again.
+    // Rows are freed once they are built, so those whose record was lost cannot be built again.
     assert!(refused > 0);
-    // Pages that are not what they were; scratch that is gone.
+    // Damaged pages; missing scratch files.
     restore(keep.out.path(), workspace.out.path());
     restore(keep.scratch.path(), workspace.scratch.path());
     let partial = workspace.out.path().join(".out.esker.partial");

@@ -1,4 +1,4 @@
-//! Whatever ends a build early, nothing is left behind, and the error says what and where.
+//! A build that ends early leaves no file behind, and the error says what happened and where.
 #![allow(clippy::unwrap_used, reason = "tests may unwrap, also outside of test functions")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
 
@@ -26,7 +26,7 @@ fn options() -> Options {
     Options { node_capacity: 256, ..Default::default() }
 }
 
-/// Stops after so many checks whether to stop.
+/// Cancels the task after `after` checks.
 struct Stops {
     checks: AtomicU64,
     after: u64,
@@ -63,7 +63,8 @@ fn a_build_can_be_cancelled_anywhere() {
 
 #[test]
 fn cancelling_while_nested_cells_are_sampled_is_harmless() {
-    // In an octant of each cell a lone point comes before 400 others, which may be left; the first octant has more of the kind.
+    // In one octant of each cell a lone point precedes 400 others, which may be left unsplit; the
+    // first octant holds more cells of the kind.
     let mut positions = Vec::new();
     for level in 6..12 {
         let half = 1u32 << level;
@@ -105,7 +106,7 @@ fn an_earlier_file_survives_a_build_that_fails() {
     assert_eq!(std::fs::read(&out).unwrap(), b"mine");
 }
 
-/// An input that breaks off.
+/// An input that ends too early.
 struct Broken(Given);
 
 impl Source for Broken {
@@ -153,7 +154,7 @@ fn folders_that_do_not_exist_are_named() {
     let error = build_sources(boxed(&sources()), &nowhere.join("a.esker"), &options(), &Silent);
     let text = error.unwrap_err().to_string();
     assert!(text.contains("nowhere"), "{text}");
-    // A folder in the place of the file.
+    // A folder at the path of the output.
     std::fs::create_dir(&out).unwrap();
     let error = build_sources(boxed(&sources()), &out, &options(), &Silent).unwrap_err();
     assert!(error.to_string().contains("out.esker"), "{error}");
@@ -168,7 +169,7 @@ fn a_folder_without_write_permission_is_named() {
     let closed = folder.path().join("closed");
     std::fs::create_dir(&closed).unwrap();
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).unwrap();
-    // The superuser writes everywhere; another folder of the system takes nobody's files.
+    // The superuser may write everywhere; `/proc` refuses files of anyone.
     let closed = if std::fs::File::create(closed.join("probe")).is_ok() {
         PathBuf::from("/proc")
     } else {

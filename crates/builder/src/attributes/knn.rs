@@ -1,29 +1,30 @@
-//! The k nearest neighbours of lattice points, exact within a reach. Points along the Morton curve are cut
-//! into runs that share a cell of the octree; boxes of runs, eight to a box above, are the index
-//! (`nearest.rs` searches it). What is found of a point depends only on the points within the reach of it.
+//! Runs a function for each lattice point on its k nearest neighbours, which are exact within a
+//! reach. Runs of an index (`knn_index.rs`) are searched in parallel (`knn_search.rs`). The result
+//! for a point depends only on the points within its reach.
 
 use crate::attributes::knn_index::KnnIndex;
 use crate::attributes::knn_search::{Neighbourhood, Search};
 use esker_points::morton;
 use rayon::prelude::*;
 
-/// Runs that one task asks about.
+/// Runs that one task searches.
 const TASK_RUNS: usize = 256;
 
-/// What is asked of each point.
+/// Parameters of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
-    /// KnnIndex wanted.
+    /// Number of neighbours.
     pub count: usize,
-    /// Where nothing can be said of these, twice as many are asked for, up to this number.
+    /// If a function returns nothing for these, the number is doubled, up to this one.
     pub count_max: usize,
-    /// How far neighbours may be, in steps of the first axis.
+    /// Greatest distance of neighbours, in steps of the first axis.
     pub reach: f64,
 }
 
 impl KnnIndex {
-    /// For every point that is `wanted`, what `estimate` makes of the steps from it to its nearest neighbours, in
-    /// Morton order; `none` where it has nothing to estimate.
+    /// Calls `estimate` for every point that is `wanted` with the steps from it to its nearest
+    /// neighbours, in Morton order. Returns the results of all points, `none` where there is no
+    /// result.
     pub fn map<T: Copy + Send + Sync>(
         &self,
         query: &Query,
@@ -34,7 +35,8 @@ impl KnnIndex {
         self.map_placed(query, wanted, |_, found| estimate(found.steps), none)
     }
 
-    /// The same where `estimate` is given the point's place and those of its neighbours as well.
+    /// Variant of [`KnnIndex::map`] that also passes the indices of the point and of its
+    /// neighbours.
     pub fn map_placed<T: Copy + Send + Sync>(
         &self,
         query: &Query,
@@ -77,7 +79,7 @@ impl KnnIndex {
     }
 }
 
-/// The Morton codes of positions, each once, in order.
+/// Returns the sorted Morton codes of positions, without duplicates.
 pub fn sorted_codes(positions: &[[u32; 3]]) -> Vec<u128> {
     let mut codes: Vec<u128> = positions.par_iter().map(|&p| morton::encode3(p)).collect();
     codes.par_sort_unstable();
@@ -94,7 +96,7 @@ mod tests {
         sorted_codes(points).into_iter().map(morton::decode3).collect()
     }
 
-    /// What is nearest by looking at all points.
+    /// Nearest neighbours by brute force.
     fn plain(points: &[[u32; 3]], i: usize, scale: [f64; 3], query: &Query) -> Vec<[f64; 3]> {
         let aspect = scale.map(|s| s / scale[0]);
         let mut all: Vec<(u32, usize, [f64; 3])> = Vec::new();
@@ -132,7 +134,7 @@ mod tests {
         }
     }
 
-    /// Points of several densities: a cube, a sheet, a line, a few strays anywhere.
+    /// Points of several densities: a cube, a sheet, a line, and a few strays anywhere.
     fn clouds() -> impl Strategy<Value = Vec<[u32; 3]>> {
         let at = |c: u32| (c..c + 40).prop_map(move |x| x);
         let cube = prop::collection::vec((at(1000), at(1000), at(1000)), 0..300);

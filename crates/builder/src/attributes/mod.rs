@@ -1,4 +1,5 @@
-//! Attributes that a build computes: normals, clip lines, tangents, palettes; and the neighbour search they rest on.
+//! Attributes that a build computes: normals, clip lines, tangents and palettes; and the search for
+//! nearest neighbours that they use.
 
 pub(crate) mod clips;
 pub mod density;

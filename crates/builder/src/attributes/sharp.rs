@@ -1,10 +1,9 @@
-//! Sharp edges of scanned surfaces: where the tangent planes of neighbouring points meet within their reach at an angle,
-//! each point gets the line in which they do, and is drawn on its own side of it only (zwicker2004, section 5).
-//!
-//! Near an edge a normal is blurred: its neighbours lie on both sides. So it first becomes that of the flattest
-//! plane near by that goes through the point, whose own neighbours lie on one side. What a point gets depends on points
-//! within the reach of normals alone, in three steps that share it: so it is the same however a cloud is cut into
-//! chunks.
+//! Detects sharp edges of scanned surfaces: where the tangent planes of neighbouring points meet
+//! nearby at an angle, each point gets the line of intersection as a clip line, and its splat is
+//! drawn on its own side only (`zwicker2004`, section 5). Normals are blurred near an edge, since
+//! neighbours lie on both sides, so a point first takes the flattest plane nearby that passes
+//! through it. The result depends only on points within the reach of normals. See
+//! docs/design/building.md.
 
 use crate::attributes::knn::{Query, sorted_codes};
 use crate::attributes::knn_index::KnnIndex;
@@ -15,60 +14,64 @@ use crate::attributes::normals::{
 use esker_points::{Clip, ClipLine, Grain, quant};
 use rayon::prelude::*;
 
-/// Neighbours that edges are looked for among, and flatter planes: in a corner the nearest clean ones are three spacings away.
+/// Neighbours among which edges, and flatter planes, are searched. In a corner the nearest planes
+/// of one side are three spacings away.
 const AROUND: usize = 32;
 const AROUND_FLAT: usize = 64;
-/// Shares of the reach: of planes, of the flattest near by, of edges. Together they are less than one.
+/// Shares of the reach: of planes, of flatter planes, of edges. Their sum is less than one.
 const PLANE_SHARE: f64 = 0.5;
 const FLAT_SHARE: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.1875;
-/// A plane goes through a point that is so many local spacings off it.
+/// Greatest distance of a point from a plane that passes through it, in local spacings.
 const THROUGH: f64 = 0.3;
-/// What being off a plane by a local spacing counts, in roughness.
+/// Roughness that a distance of one local spacing from a plane adds.
 const OFF: f64 = 0.1;
-/// Roughness under which a plane is flat, and no better one is looked for.
+/// Roughness below which a plane is flat, and no better one is searched.
 const FLAT: f64 = 1e-4;
-/// How much flatter another plane must be than a point's own.
+/// Share of the roughness of a point's own plane that another one must stay below.
 const FLATTER: f64 = 0.5;
-/// Cosine of the angle between planes that are one, and of that from which they meet in an edge: 15 and 30 degrees.
+/// Cosines of 15 and 30 degrees: planes below the first angle are the same, above the second they
+/// meet in an edge.
 const SAME: f64 = 0.966;
 const EDGE: f64 = 0.866;
-/// Local spacings from a point to an edge at most: what its splat reaches, and something for the low-pass.
+/// Greatest distance from a point to an edge, in local spacings: the reach of its splat, and a
+/// margin for the low-pass.
 const NEAR: f64 = 2.0;
-/// Share of the points of the same plane that may lie beyond a line, and how far beyond counts, in local spacings.
+/// Share of the points of the same plane that may lie beyond a line, and the distance from which
+/// they do, in local spacings.
 const BEYOND_SHARE: f64 = 0.2;
 const BEYOND: f64 = 0.35;
 
 type Vec3 = [f64; 3];
 
-/// What is known of a point that lies near an edge.
+/// Normal and clip lines of a point near an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// The code of its own side's normal.
+    /// Code of the normal on the point's own side.
     pub normal: [i16; 2],
-    /// Its lines, whose sides are fits as that normal sees them.
+    /// Clip lines, whose sides are relative to that normal.
     pub clip: Clip,
 }
 
-/// The tangent plane of a point.
+/// Tangent plane of a point.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     normal: Vec3,
-    /// Least variance over all.
+    /// Least variance over the sum of all.
     roughness: f64,
     /// Local distance of points.
     spacing: f64,
 }
 
-/// A line in which two points' planes meet.
+/// Line in which the planes of two points meet.
 #[derive(Clone, Copy, Debug)]
 struct Crease {
-    /// A place of it, against the point.
+    /// A position on the line, relative to the point.
     at: Vec3,
     along: Vec3,
-    /// Across it in the point's plane, away from what is kept.
+    /// Perpendicular to the line in the point's plane, away from the side that is kept.
     out: Vec3,
-    /// Whose plane it meets.
+    /// The point of the other plane.
     neighbour: Neighbour,
 }
 
@@ -77,7 +80,7 @@ struct Crease {
 struct Neighbour {
     place: usize,
     plane: Plane,
-    /// The offset to it.
+    /// Vector to the point.
     offset: Vec3,
 }
 
@@ -93,8 +96,8 @@ fn plus(a: Vec3, b: Vec3, times: f64) -> Vec3 {
     [0, 1, 2].map(|i| a[i] + b[i] * times)
 }
 
-/// Codes of the normals of `own` points, as [`crate::attributes::normals::estimate`] has them, and the edges near them; both
-/// lie along the Morton curve, `halo` as there.
+/// Detects edges. Returns the codes of the normals of `own` points, equal to those of
+/// [`crate::attributes::normals::estimate`], and the edges near them. The parameters are as there.
 pub fn detect(
     own: &[[u32; 3]],
     halo: &[[u32; 3]],
@@ -103,7 +106,7 @@ pub fn detect(
     let (points, place_of) = joined(own, &sorted_codes(halo));
     let index = KnnIndex::new(&points, bounds.scale);
     let query = |count, share: f64| Query { count, count_max: count, reach: bounds.reach * share };
-    // The nearest tell both the normal and the plane.
+    // Fits normals and planes to the nearest neighbours.
     let fits = index.map_placed(
         &Query { count: NEIGHBOURS, count_max: NEIGHBOURS_MAX, reach: bounds.reach },
         |_| true,
@@ -134,17 +137,18 @@ pub fn detect(
     (codes, place_of.into_par_iter().map(|place| found[place as usize]).collect())
 }
 
-/// What the nearest neighbours of a point tell.
+/// Normal and plane fitted to the nearest neighbours of a point.
 #[derive(Clone, Copy, Debug)]
 struct PointFit {
-    /// The code of its normal.
+    /// Code of the normal.
     normal: [i16; 2],
-    /// Its plane.
+    /// The plane.
     plane: Option<Plane>,
 }
 
 impl PointFit {
-    /// Of neighbours so many steps away: the normal of all of them, the plane of the nearest.
+    /// Fits the normal to all neighbours, which are at the offsets `steps`, and the plane to the
+    /// nearest.
     fn of(steps: &[Vec3], bounds: &Bounds) -> Self {
         let scale = bounds.scale;
         let found = flattest(steps, scale);
@@ -170,24 +174,25 @@ impl PointFit {
 }
 
 impl Plane {
-    /// Of a point and its neighbours, so many steps away, of which normal and variances are known.
+    /// Makes a plane of the normal and the variances that were fitted to neighbours at the offsets
+    /// `steps`.
     fn of(normal: Vec3, values: Vec3, steps: &[Vec3], scale: Vec3) -> Self {
         let lengths = steps.iter().map(|s| [0, 1, 2].map(|i| s[i] * scale[i])).map(|s| dot(s, s));
         let far = lengths.fold(0.0, f64::max).sqrt();
-        // A circle of this radius has so many points.
+        // A circle of this radius has `steps.len()` points.
         let spacing = far * (std::f64::consts::PI / steps.len() as f64).sqrt();
         Self { normal, roughness: values[2] / (values[0] + values[1] + values[2]), spacing }
     }
 }
 
-/// Points along the Morton curve, no two alike.
+/// Distinct points along the Morton curve.
 struct Cloud<'a> {
     points: &'a [[u32; 3]],
     scale: Vec3,
 }
 
 impl Cloud<'_> {
-    /// Neighbours' places, and the ways to them in the file's unit.
+    /// Indices of neighbours, and the vectors to them in the file's unit.
     fn offsets<'f>(
         &self,
         found: Neighbourhood<'f>,
@@ -197,7 +202,7 @@ impl Cloud<'_> {
         found.places.iter().map(|&place| place as usize).zip(found.steps.iter().map(offset))
     }
 
-    /// The flattest plane of a point's own and of those around that go through it.
+    /// Chooses the flattest of a point's own plane and of those nearby that pass through the point.
     fn flattest(&self, place: usize, found: Neighbourhood<'_>, fits: &[PointFit]) -> Option<Plane> {
         let own = fits[place].plane?;
         let (mut best, mut least) = (own, own.roughness * FLATTER);
@@ -213,7 +218,7 @@ impl Cloud<'_> {
         Some(best)
     }
 
-    /// The edge of a point, where it has one.
+    /// Detects the edge of a point.
     fn edge(
         &self,
         place: usize,
@@ -256,7 +261,7 @@ impl Cloud<'_> {
             let second = ends.iter().find(|m| is_other(first, m));
             lines = [self.line(place, &own, first), second.and_then(|m| self.line(place, &own, m))];
         } else {
-            // A corner that goes in: some of the plane lies beyond each line, none beyond both.
+            // At a concave corner, points of the plane lie beyond each line, but none beyond both.
             let pair = others.iter().enumerate().find_map(|(i, a)| {
                 let is_pair = |b: &&&Crease| {
                     is_other(a, b) && holds(&|offset| beyond(a, offset) && beyond(b, offset))
@@ -276,7 +281,8 @@ impl Cloud<'_> {
         (!clip.is_none()).then_some(Edge { normal, clip })
     }
 
-    /// The line as it is stored: worked out from the pair's first point, whichever of both asks.
+    /// The clip line to be stored. It is computed from the first point of the pair, so that both
+    /// points get the same line.
     fn line(&self, place: usize, own: &Plane, m: &Crease) -> Option<ClipLine> {
         let neighbour = &m.neighbour;
         let (first, (at, along)) = if place < neighbour.place {
@@ -284,7 +290,7 @@ impl Cloud<'_> {
         } else {
             (neighbour.place, intersect(&neighbour.plane, own, neighbour.offset.map(|w| -w)))
         };
-        // What is kept lies to the left, seen from where the normal points to.
+        // The kept side is to the left of the line, seen from the side that the normal points to.
         let turn = dot(cross(own.normal, along), m.out);
         let half = dot(neighbour.offset, neighbour.offset).sqrt();
         let half = if turn < 0.0 { half } else { -half };
@@ -296,8 +302,8 @@ impl Cloud<'_> {
     }
 }
 
-/// Where two planes meet, of points that far apart: the place nearest to the middle between both, against the first, and
-/// the line's direction.
+/// Intersects the planes of two points, `offset` apart. Returns the position on the line that is
+/// nearest to the middle between the points, relative to the first, and the direction of the line.
 fn intersect(a: &Plane, b: &Plane, offset: Vec3) -> (Vec3, Vec3) {
     let (a, b) = (a.normal, b.normal);
     let c = dot(a, b);
@@ -308,7 +314,7 @@ fn intersect(a: &Plane, b: &Plane, offset: Vec3) -> (Vec3, Vec3) {
     (at, cross(a, b).map(|v| v / squared.sqrt()))
 }
 
-/// Where the plane of a point meets that of a neighbour; `None` where that is too far away.
+/// Returns where the plane of a point meets that of a neighbour; `None` if that is too far away.
 fn crease(own: &Plane, neighbour: &Neighbour, same: &[Vec3]) -> Option<Crease> {
     let (at, along) = intersect(own, &neighbour.plane, neighbour.offset);
     let far = |from: Vec3| {
@@ -320,7 +326,7 @@ fn crease(own: &Plane, neighbour: &Neighbour, same: &[Vec3]) -> Option<Crease> {
         return None;
     }
     let across = cross(along, own.normal);
-    // What is kept is where the points of the plane are.
+    // The side that is kept has the points of the plane.
     let from_line = |offset: &Vec3| dot(across, plus(*offset, at, -1.0));
     let side = same.iter().map(from_line).sum::<f64>() + from_line(&[0.0; 3]);
     let out = if side > 0.0 { across.map(|v| -v) } else { across };

@@ -1,10 +1,9 @@
 //! Chooses the points that represent a cell, as many as a node holds, evenly, from the points that
 //! its children offer (`kanzok2015`, section 3.1, figure 1, but bottom-up). The *turn* of a point
-//! is the rung of the radius at which it was picked; it stays with the point and is its place in
-//! the order of its node. The cell above accepts a point in its turn from less than the whole
-//! radius on. So the samples of all levels, and the prefixes of each node, are beginnings of nearly
-//! one sequence. Points that no cell above has picked get their turns last, cell by cell: what is
-//! drawn of a cell must not depend on its neighbours.
+//! is the rung of the radius at which it was picked; it is its place in the order of its node, and
+//! the cell above accepts the point in its turn. So the samples of all levels are beginnings of
+//! nearly one sequence. Points that no cell above has picked get their turns last, cell by cell:
+//! what is drawn of a cell must not depend on its neighbours.
 
 use crate::sample::candidates::Candidates;
 use crate::sample::thin::PoissonSampler;
