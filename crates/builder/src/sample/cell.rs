@@ -176,9 +176,9 @@ impl Context {
             self.give(rows, child, (&turns[part], shares), above, &mut pending);
         }
         let parts = parts.into_iter();
-        let cut =
+        let ready =
             parts.map(|(pending, part)| ReadyCell { pending, taken: turns[part].to_vec(), above });
-        pending.below = Below::Ready(cut.collect());
+        pending.below = Below::Ready(ready.collect());
         pending
     }
 
@@ -427,7 +427,7 @@ impl Context {
             };
             quant::radius_code(spacings * spacing, spacing)
         };
-        // Neighbours mostly have the same radius.
+        // Consecutive points mostly have the same radius.
         let mut last = (0.0, code(0.0));
         let along_curve = points.iter().map(|&i| {
             let radius = pending.radii[i as usize];
