@@ -1,5 +1,6 @@
-//! Million splats a second by EWA splatting, as table 1 of zwicker2004: splats of a constant size in the picture,
-//! nine pixels in the mean, all facing the viewer and in view. One pass and three; linear in their number.
+//! Million splats a second by EWA splatting, as table 1 of zwicker2004: splats of a constant size
+//! in the picture, nine pixels in the mean, all facing the viewer and in view. One pass and three;
+//! linear in their number.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement")]
 
 #[path = "../tests/scene/mod.rs"]

@@ -1,6 +1,6 @@
-//! Milliseconds a pass at 1024 x 1024: `bench_passes [RUNS [least]]` draws a generated terrain of 1 and 5
-//! million points (nodes of 65,536 in Morton order, residuals, colours, with and without normals) and
-//! prints medians (or the least). Say with the figures which machine they are from.
+//! Milliseconds a pass at 1024 x 1024: `bench_passes [RUNS [least]]` draws a generated terrain of 1
+//! and 5 million points (nodes of 65,536 in Morton order, residuals, colours, with and without
+//! normals) and prints medians (or the least). Say with the figures which machine they are from.
 
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]

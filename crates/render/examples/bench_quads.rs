@@ -1,6 +1,7 @@
-//! Compute tiles against instanced quads for EWA splatting on a GPU: the same splats of nine pixels, blended by both. Quads are the
-//! passes of zwicker2004 section 6 as hardware draws them: a quad a splat, visibility by a depth test on what fragments write,
-//! attributes added up by blending, into targets of 16 bits a number and, where the device can, of 32.
+//! Compute tiles against instanced quads for EWA splatting on a GPU: the same splats of nine
+//! pixels, blended by both. Quads are the passes of zwicker2004 section 6 as hardware draws them: a
+//! quad a splat, visibility by a depth test on what fragments write, attributes added up by
+//! blending, into targets of 16 bits a number and, where the device can, of 32.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measurement")]
 
 #[path = "../tests/gpu/mod.rs"]
@@ -10,7 +11,7 @@ mod gpu;
 mod scene;
 
 use esker_lod::View;
-use esker_render::ewa::splat::{Disc, Lens, Placed};
+use esker_render::ewa::splat::{Disc, Lens, Placement};
 use esker_render::gpu::wgpu::{self, BufferUsages, Features, TextureFormat, util::DeviceExt};
 use esker_render::gpu::{GpuRenderer, Request};
 use esker_render::inputs::camera::Camera;
@@ -117,7 +118,7 @@ fn quads(
     let (mut splats, mut boxes) = (Vec::<u8>::new(), Vec::<u8>::new());
     for p in points {
         let at = Vec3::new(p.at.x as f32, -p.at.z as f32, (p.at.y + 4.0) as f32);
-        let Placed::Drawn(s, b) = Disc::round(at, Vec3::NEG_Z, radius).place(&lens) else {
+        let Placement::Drawn(s, b) = Disc::round(at, Vec3::NEG_Z, radius).place(&lens) else {
             continue;
         };
         let (form, z) = (s.form, s.inverse_depth);

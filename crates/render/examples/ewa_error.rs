@@ -1,5 +1,5 @@
-//! Plots the worst relative error of a projected splat's conic in `f32`, by its condition number: `ewa_error OUT.svg`.
-//! A million splats and views, extreme ones included, against `f64`.
+//! Plots the worst relative error of a projected splat's conic in `f32`, by its condition number:
+//! `ewa_error OUT.svg`. A million splats and views, extreme ones included, against `f64`.
 #![allow(clippy::print_stdout, reason = "a measurement")]
 
 #[allow(dead_code, reason = "shared with tests, which use more of it")]
@@ -9,7 +9,7 @@ mod exact;
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
-use esker_render::ewa::splat::Placed;
+use esker_render::ewa::splat::Placement;
 use std::fmt::Write;
 
 /// Bins of a decade of the condition number, and decades.
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut worst = [0f64; FINE * DECADES];
     for _ in 0..1_000_000 {
         let (disc, lens) = exact::case(&mut dice);
-        let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
+        let Placement::Drawn(splat, _) = disc.place(&lens) else { continue };
         if splat.is_by_rays() {
             continue;
         }

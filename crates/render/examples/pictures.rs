@@ -1,5 +1,5 @@
-//! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG files;
-//! with `ESKER_DATA` set, the bunny too.
+//! Draws synthetic scenes with and without normals, for the eye: `pictures FOLDER` writes PNG
+//! files; with `ESKER_DATA` set, the bunny too.
 
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 #[path = "../tests/scene/mod.rs"]
@@ -52,7 +52,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// A sphere on a floor before two walls, and a small sphere in front; one point in `1/points` of it.
+/// A sphere on a floor before two walls, and a small sphere in front; one point in `1/points` of
+/// it.
 fn still_life(points: usize) -> Scene {
     let mut dice = Dice(7);
     let side = (points as f64 / 3.0).sqrt() as usize;

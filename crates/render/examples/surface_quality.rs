@@ -1,6 +1,6 @@
-//! Measures surfaces against analytic scenes: `surface_quality FOLDER [SCENE...]` writes `surfaces.json` (a row a scene,
-//! density and kind of sample, with normals and without, as published and as drawn), `bleeding.json`, and a plot of
-//! each. Wall times are not measured here.
+//! Measures surfaces against analytic scenes: `surface_quality FOLDER [SCENE...]` writes
+//! `surfaces.json` (a row a scene, density and kind of sample, with normals and without, as
+//! published and as drawn), `bleeding.json`, and a plot of each. Wall times are not measured here.
 
 #[path = "surface_quality/plots.rs"]
 mod plots;
@@ -21,7 +21,8 @@ use truth::{Truth, walls, walls_view};
 /// Points a pixel.
 const DENSITIES: [f64; 7] = [0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
 const SIDE: u32 = 128;
-/// Frames of a slow way around, and how far a place on the surface moves between two of them, pixels.
+/// Frames of a slow way around, and how far a place on the surface moves between two of them,
+/// pixels.
 const WAY: (usize, f64) = (4, 0.25);
 /// Ways of drawing: their names, whether with normals, and whether as published.
 const WAYS: [(&str, bool, bool); 4] = [
@@ -132,8 +133,8 @@ fn panels(rows: &[Row]) -> Vec<Vec<Panel>> {
     scenes.iter().map(|scene| ERRORS.iter().map(|&e| panel(scene, e)).collect()).collect()
 }
 
-/// Shares of the pixels that show the far one of two walls, over the gap's ratio to the radius, as passes draw them and
-/// with the published intervals.
+/// Shares of the pixels that show the far one of two walls, over the gap's ratio to the radius, as
+/// passes draw them and with the published intervals.
 fn bleeding(out: &std::path::Path) -> Result<(), Box<dyn std::error::Error>> {
     const RATIOS: [f64; 8] = [0.25, 0.5, 0.75, 1.05, 1.5, 2.0, 3.0, 5.0];
     let (gap, mut rows, mut panels) = (0.01, Vec::new(), Vec::new());

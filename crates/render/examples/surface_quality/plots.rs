@@ -1,4 +1,5 @@
-//! Plots: panels of curves in a grid, as SVG. The horizontal axis is logarithmic, the vertical one begins at zero.
+//! Plots: panels of curves in a grid, as SVG. The horizontal axis is logarithmic, the vertical one
+//! begins at zero.
 
 use std::fmt::Write;
 

@@ -1,6 +1,6 @@
 //! The camera on the lattice: what a frame and a node give to each point's arithmetic (DESIGN
-//! section 4). The camera's lattice cell is subtracted as integers, only the difference becomes `f32`:
-//! its rounding is relative to the distance from the eye, so far coordinates do not jitter.
+//! section 4). The camera's lattice cell is subtracted as integers, only the difference becomes
+//! `f32`: its rounding is relative to the distance from the eye, so far coordinates do not jitter.
 //!
 //! A difference may need more than 32 bits, and a GPU has no wider integers: it is kept as
 //! `high * 2^16 + low`, two integers that are exact in `f32`, so that their sum rounds once.
@@ -104,8 +104,8 @@ impl Camera {
         Vec3::new(right.dot(v), up.dot(v), back.dot(v))
     }
 
-    /// Directions to the eye from the middles of eight pixels of a row, the first of which is given; right, up and back, of
-    /// unit length.
+    /// Directions to the eye from the middles of eight pixels of a row, the first of which is
+    /// given; right, up and back, of unit length.
     #[inline(always)]
     pub(crate) fn to_eye<S: Simd>(&self, simd: S, x: usize, y: usize) -> [f32x8<S>; 3] {
         let [middle_x, middle_y] = self.centre_px;
@@ -118,7 +118,8 @@ impl Camera {
         [left * per_length, per_length * down, per_length * self.focal_px]
     }
 
-    /// A place of the lattice against the eye, in steps: the same bits from whichever node it is asked.
+    /// A place of the lattice against the eye, in steps: the same bits from whichever node it is
+    /// asked.
     #[inline(always)]
     pub fn steps_from_eye(&self, at: [u32; 3]) -> Vec3 {
         let axis = |i: usize| {
@@ -163,8 +164,8 @@ pub struct NodePlace {
 }
 
 impl NodePlace {
-    /// Whole steps of the box from the eye, where no place in it is so far that high and low parts have to be apart:
-    /// the sum with an offset rounds to the same `f32`.
+    /// Whole steps of the box from the eye, where no place in it is so far that high and low parts
+    /// have to be apart: the sum with an offset rounds to the same `f32`.
     pub fn near(&self) -> Option<[i32; 3]> {
         /// With this the sum stays under 2^31, for the highest of hot positions as well.
         const HIGH_MAX: u32 = 1 << 14;
@@ -212,8 +213,9 @@ impl<'a> Positions<'a> {
         self.residual.is_some()
     }
 
-    /// Offsets of the points from `first` on, as many as there are and `out` takes: what [`Positions::offset`]
-    /// says of each, by straight loops that become SIMD. Returns their number.
+    /// Offsets of the points from `first` on, as many as there are and `out` takes: what
+    /// [`Positions::offset`] says of each, by straight loops that become SIMD. Returns their
+    /// number.
     #[inline(always)]
     pub fn offsets<const N: usize>(&self, first: usize, out: &mut [[u32; N]; 3]) -> usize {
         let count = N.min(self.len - first);

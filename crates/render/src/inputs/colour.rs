@@ -1,6 +1,6 @@
 //! Colours of points: what they come from ([`ColourBy`]), the maps from values to colours, and the
-//! tables between sRGB bytes and linear light. Averages and lighting are done in linear light; bytes are
-//! sRGB on both ends.
+//! tables between sRGB bytes and linear light. Averages and lighting are done in linear light;
+//! bytes are sRGB on both ends.
 
 use crate::simd::values::{Values, WHOLE};
 use fearless_simd::{Bytes, Simd, f32x8, u32x8};
@@ -89,8 +89,8 @@ impl Codebook {
 }
 
 /// A map from a range of values to colours; values as they are stored (where a schema scales an
-/// attribute, the caller scales the range back). What lies outside has the colour of the nearer end, what is
-/// no number is grey.
+/// attribute, the caller scales the range back). What lies outside has the colour of the nearer
+/// end, what is no number is grey.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourMap {
     /// Value of the first colour.
@@ -230,14 +230,15 @@ impl Encoder {
     }
 }
 
-/// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first; of a byte, to a
-/// hundredth of it.
+/// sRGB over linear light beyond its straight part, by powers of light's fourth root, lowest first;
+/// of a byte, to a hundredth of it.
 const CURVE: [f32; 5] = [-16.475_954, 50.014_74, 286.283_55, -85.552_58, 20.739_016];
 /// The straight part's slope, of a byte, and its end.
 const STRAIGHT: f32 = 12.92 * 255.0;
 const STRAIGHT_END: f32 = 0.003_130_8;
 
-/// sRGB bytes of eight colours in linear light, a word each, red lowest, opaque; clamped, and what is no number is black.
+/// sRGB bytes of eight colours in linear light, a word each, red lowest, opaque; clamped, and what
+/// is no number is black.
 #[inline(always)]
 pub(crate) fn words<S: Simd>([r, g, b]: [f32x8<S>; 3]) -> u32x8<S> {
     (bytes(r) | bytes(g) << 8) | (bytes(b) << 16 | 0xff00_0000)

@@ -1,20 +1,23 @@
-//! How densely a view is drawn, by the nodes of its cut: so that no pixel is without a point, which saves pull and push;
-//! or so that points share pixels, which are then averaged. The plan of a frame asks ([`crate::plan`]).
+//! How densely a view is drawn, by the nodes of its cut: so that no pixel is without a point, which
+//! saves pull and push; or so that points share pixels, which are then averaged. The plan of a
+//! frame asks ([`crate::plan`]).
 
 use esker_lod::{CompactOctree, View};
 use esker_points::{Lattice, Node};
 use glam::DVec3;
 
-/// A view is dense where points are drawn at most this far apart everywhere, pixels: then no pixel of the front
-/// surface is without a point of its own, and nothing is left to be pushed. Samples are even: their gaps are
-/// at most 1.42 times as wide as those of a Poisson-disk sample, whose circles of one spacing hold a point each.
+/// A view is dense where points are drawn at most this far apart everywhere, pixels: then no pixel
+/// of the front surface is without a point of its own, and nothing is left to be pushed. Samples
+/// are even: their gaps are at most 1.42 times as wide as those of a Poisson-disk sample, whose
+/// circles of one spacing hold a point each.
 pub const DENSE_PX: f64 = 0.5;
 
 /// Points crowd where most of them are drawn closer than this, pixels: about two share a pixel.
 pub const CROWDED_PX: f64 = 0.75;
 
-/// Whether these nodes, given with their entries in the octree of the cut, are drawn so densely that no pixel of
-/// their surfaces is without a point. Where something is drawn below a node, its points are among those.
+/// Whether these nodes, given with their entries in the octree of the cut, are drawn so densely
+/// that no pixel of their surfaces is without a point. Where something is drawn below a node, its
+/// points are among those.
 pub fn is_dense<'a>(
     view: &View,
     lattice: &Lattice,
@@ -32,8 +35,9 @@ pub fn is_dense<'a>(
     any && is_dense
 }
 
-/// Whether points crowd: half of those of the finest nodes (given with their entries in the octree of the cut, and the
-/// number drawn) are closer together on the picture than [`CROWDED_PX`], by the middle of their node.
+/// Whether points crowd: half of those of the finest nodes (given with their entries in the octree
+/// of the cut, and the number drawn) are closer together on the picture than [`CROWDED_PX`], by the
+/// middle of their node.
 pub fn is_crowded<'a>(
     view: &View,
     lattice: &Lattice,

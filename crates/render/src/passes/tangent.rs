@@ -8,8 +8,7 @@
 //! Of a plane told from depths n is so long that q is -1: then n.x and n.y are all that is needed of it.
 
 use crate::inputs::camera::Camera;
-use crate::simd::lanes::Lane;
-use crate::simd::values::Values;
+use crate::simd::values::{Lane, Values};
 use glam::Vec2;
 
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.

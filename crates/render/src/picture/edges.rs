@@ -1,14 +1,14 @@
-//! Edges of a depth image: the pixels beside a step from one surface to another or to the background.
-//! What goes wrong at silhouettes goes wrong there, so [`crate::passes::silhouette`] and [`crate::passes::antialias`] look at these
-//! pixels alone.
+//! Edges of a depth image: the pixels beside a step from one surface to another or to the
+//! background. What goes wrong at silhouettes goes wrong there, so [`crate::passes::silhouette`]
+//! and [`crate::passes::antialias`] look at these pixels alone.
 
 use crate::picture::marks::Marks;
 use crate::picture::windows::{eight, rows_around, windows};
 use crate::simd::values::{EIGHT, Values, bits};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8};
 
-/// The pixels of `depth` (infinite where there is nothing) of which a neighbour to the side, above or below is farther or
-/// nearer by more than the share `near` of its depth.
+/// The pixels of `depth` (infinite where there is nothing) of which a neighbour to the side, above
+/// or below is farther or nearer by more than the share `near` of its depth.
 pub fn edges(depth: &[f32], width: usize, near: f32) -> Marks {
     Marks::of_rows(width, depth.len() / width, |y, band| {
         let rows = rows_around(depth, width, y);

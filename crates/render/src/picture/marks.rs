@@ -1,5 +1,6 @@
-//! Marks: a bit for every pixel of a picture, by which the passes at outlines tell each other where to look. A picture's
-//! marks fit the caches, however many are set, and jobs of whole rows set them without sharing a word.
+//! Marks: a bit for every pixel of a picture, by which the passes at outlines tell each other where
+//! to look. A picture's marks fit the caches, however many are set, and jobs of whole rows set them
+//! without sharing a word.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -47,7 +48,8 @@ impl Marks {
         self.words[pixel / WORD] >> (pixel % WORD) & 1 == 1
     }
 
-    /// Marks of so many pixels, 1 to 64, from one on, the first in the lowest bit; none behind the last.
+    /// Marks of so many pixels, 1 to 64, from one on, the first in the lowest bit; none behind the
+    /// last.
     #[inline(always)]
     pub fn run(&self, pixel: usize, count: usize) -> u64 {
         let (i, shift) = (pixel / WORD, pixel % WORD);

@@ -1,5 +1,6 @@
-//! What is shaded: the colours and normals of a picture's pixels, wherever a method leaves them. Pull and push work on
-//! level 0 of a pyramid, a pixel's values side by side; splats are summed up plane by plane ([`crate::ewa::planes`]).
+//! What is shaded: the colours and normals of a picture's pixels, wherever a method leaves them.
+//! Pull and push work on level 0 of a pyramid, a pixel's values side by side; splats are summed up
+//! plane by plane ([`crate::ewa::planes`]).
 
 use crate::picture::pyramid::{Planes, Pyramid};
 use crate::simd::lanes::{LANES, four};
@@ -7,8 +8,8 @@ use crate::simd::values::{EIGHT, join};
 use fearless_simd::{Simd, f32x8};
 use glam::{Vec3, Vec4};
 
-/// Pixels with a colour, and a normal where the cloud has them. Which of them show anything the depth image tells; what the
-/// others hold means nothing.
+/// Pixels with a colour, and a normal where the cloud has them. Which of them show anything the
+/// depth image tells; what the others hold means nothing.
 pub trait Surface: Sync {
     /// Columns and rows.
     fn size(&self) -> [usize; 2];
@@ -18,7 +19,8 @@ pub trait Surface: Sync {
     fn row(&self, y: usize) -> impl SurfaceRow;
     /// The normal of a pixel.
     fn normal(&self, x: usize, y: usize) -> Vec3;
-    /// A normal of unit length for a pixel that has none, from around it; zero where there is none either.
+    /// A normal of unit length for a pixel that has none, from around it; zero where there is none
+    /// either.
     fn normal_around(&self, x: usize, y: usize) -> Vec3;
     /// Radius of the disc or ellipse that a pixel shows, pixels; of clouds without normals.
     fn radius_px(&self, x: usize, y: usize) -> f32;
@@ -28,8 +30,8 @@ pub trait Surface: Sync {
 pub trait SurfaceRow {
     /// Colours, linear light; any where the row has no more.
     fn tints<S: Simd>(&self, simd: S, x: usize) -> [f32x8<S>; 3];
-    /// Normals in view space (right, up, back), not of unit length, those to the right of them, and those below them; zeros
-    /// below the picture.
+    /// Normals in view space (right, up, back), not of unit length, those to the right of them, and
+    /// those below them; zeros below the picture.
     fn normals<S: Simd>(&self, simd: S, x: usize) -> [[f32x8<S>; 3]; 3];
 }
 

@@ -1,5 +1,5 @@
-//! Windows: a picture's rows seen eight pixels at a time, with what lies beside them. Beyond the picture it goes on as at its
-//! border.
+//! Windows: a picture's rows seen eight pixels at a time, with what lies beside them. Beyond the
+//! picture it goes on as at its border.
 
 use crate::simd::values::{EIGHT, load};
 use fearless_simd::{Simd, f32x8};
@@ -14,8 +14,8 @@ pub fn rows_around<T, const R: usize>(image: &[T], width: usize, y: usize) -> [&
     })
 }
 
-/// Eight pixels of each row from one on, and as many on either side as `N` has room for. `space` is where those at a
-/// border are put together.
+/// Eight pixels of each row from one on, and as many on either side as `N` has room for. `space` is
+/// where those at a border are put together.
 #[inline(always)]
 pub fn windows<'a, T: Copy, const R: usize, const N: usize>(
     rows: [&'a [T]; R],

@@ -1,28 +1,17 @@
-//! Four pixels at once, attribute by attribute: what pull, push and their like compute with. A [`Lane`] is a value of
-//! each of them, in a SIMD register. The pyramid's planes hold a pixel's four values side by side; here they are turned
-//! over on the way in, and back on the way out.
+//! Four pixels at once, attribute by attribute: what pull, push and their like compute with. A
+//! [`Lane`] is a value of each of them, in a SIMD register. The pyramid's planes hold a pixel's
+//! four values side by side; here they are turned over on the way in, and back on the way out.
 
 use crate::passes::tangent::{Lens, factor, turn};
-use crate::picture::pyramid::{INVALID, Level, RowMut};
-use crate::simd::values::Values;
-use glam::{BVec4A, Mat4, Vec2, Vec4};
+use crate::picture::pyramid::{FITTED, INVALID, Level, NORMALS, RowMut};
+use crate::simd::values::{Lane, Mask, Values};
+use glam::{Mat4, Vec2, Vec4};
 
 /// Pixels that are computed together.
 pub const LANES: usize = 4;
-/// A value of each.
-pub type Lane = Vec4;
-/// Yes or no for each.
-pub type Mask = BVec4A;
 
-/// Values of a pixel's plane ([`crate::picture::pyramid::Planes`]), which kernels are compiled for: there is none.
-pub const FLAT: usize = 0;
-/// Those of a plane told from depths.
-pub const FITTED: usize = 2;
-/// Those of a normal.
-pub const NORMALS: usize = 4;
-
-/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
-/// beyond a rim a plane is nobody's.
+/// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so
+/// many pixels at least: beyond a rim a plane is nobody's.
 const REACH_MIN_PX: f32 = 4.0;
 
 /// Attributes of four pixels, as [`Level`] has them.
@@ -34,12 +23,14 @@ pub struct Pixels {
     pub tint: [Lane; 4],
     /// Mean depth.
     pub depth: Lane,
-    /// The values of its plane, as many as there are: a tilt; or a normal, and the minor axis over the major one.
+    /// The values of its plane, as many as there are: a tilt; or a normal, and the minor axis over
+    /// the major one.
     pub plane: [Lane; 4],
 }
 
 impl Pixels {
-    /// Writes the lanes of a mask to every `step`th pixel of a row from `first` on, as far as the row goes.
+    /// Writes the lanes of a mask to every `step`th pixel of a row from `first` on, as far as the
+    /// row goes.
     #[inline(always)]
     pub fn write<const PLANE: usize>(
         &self,
@@ -56,8 +47,8 @@ impl Pixels {
         self.scatter::<PLANE>(to, row);
     }
 
-    /// Writes the lanes to every second of eight pixels of a row from `first` on: those to the left, or those to the
-    /// right. False where the row has not so many.
+    /// Writes the lanes to every second of eight pixels of a row from `first` on: those to the
+    /// left, or those to the right. False where the row has not so many.
     #[inline(always)]
     pub fn write_half<const PLANE: usize>(
         &self,
@@ -131,8 +122,8 @@ pub fn four(run: &[Vec4], missing: Vec4) -> [Lane; 4] {
     }
 }
 
-/// The first, third ... and the second, fourth ... of the first eight pixels of a run, attribute by attribute;
-/// `missing` where the run is shorter.
+/// The first, third ... and the second, fourth ... of the first eight pixels of a run, attribute by
+/// attribute; `missing` where the run is shorter.
 #[inline(always)]
 pub fn halves(run: &[Vec4], missing: Vec4) -> [[Lane; 4]; 2] {
     let of = |e: &[Vec4; 2 * LANES]| [[e[0], e[2], e[4], e[6]], [e[1], e[3], e[5], e[7]]];
@@ -201,8 +192,9 @@ pub fn halves_of_planes<const PLANE: usize>(normal: &[Vec4], tilt: &[Vec2]) -> [
     }
 }
 
-/// What depths on planes are multiplied by where they are moved from `from` by so many pixels; one where there are none.
-/// Of normals, `facing` is q at `from` ([`crate::passes::tangent`]), which of tilts is -1.
+/// What depths on planes are multiplied by where they are moved from `from` by so many pixels; one
+/// where there are none. Of normals, `facing` is q at `from` ([`crate::passes::tangent`]), which of
+/// tilts is -1.
 #[inline(always)]
 pub fn moved<const PLANE: usize, V: Values>(tilt: [V; 2], facing: V, by: [V; 2]) -> V {
     match PLANE {
@@ -246,8 +238,8 @@ pub fn counting(first: f32, step: f32) -> Lane {
     Vec4::new(0.0, 1.0, 2.0, 3.0) * step + first
 }
 
-/// What depths at the centres of ellipses are multiplied by for depths at the centres of the pixels, which are given.
-/// Of the ellipses: displacements, radii and planes.
+/// What depths at the centres of ellipses are multiplied by for depths at the centres of the
+/// pixels, which are given. Of the ellipses: displacements, radii and planes.
 #[inline(always)]
 pub fn to_centres<const PLANE: usize>(
     lens: &Lens,
@@ -268,8 +260,9 @@ pub fn to_centres<const PLANE: usize>(
     moved.max(1.0 - reach).min(1.0 + reach)
 }
 
-/// A row of a level attribute by attribute, with invalid pixels before its first and after its last. The depths of invalid
-/// pixels are infinite, and what their other attributes are means nothing.
+/// A row of a level attribute by attribute, with invalid pixels before its first and after its
+/// last. The depths of invalid pixels are infinite, and what their other attributes are means
+/// nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     /// Four pixels each, with the one before and the one after them.

@@ -1,13 +1,20 @@
-//! What arithmetic asks of a register of floats, whatever its width: one, four ([`crate::simd::lanes`]), or eight where the
-//! processor has them. Names and meanings are those of `glam`'s vectors.
+//! What arithmetic asks of a register of floats, whatever its width: one, four
+//! ([`crate::simd::lanes`]), or eight where the processor has them. Names and meanings are those of
+//! `glam`'s vectors.
 
 use fearless_simd::{ExtractToken, Select, Simd, SimdBase, SimdMask, f32x4, f32x8, mask32x8};
 use glam::{BVec4A, Vec4};
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
+/// A value of each of four pixels.
+pub type Lane = Vec4;
+/// Yes or no for each of four pixels.
+pub type Mask = BVec4A;
+
 /// Pixels of a row that go together where a processor may have registers of as many.
 pub const EIGHT: usize = 8;
-/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa are whole.
+/// Numbers from here on have no parts: what is added is rounded, and the last bits of the mantissa
+/// are whole.
 pub const WHOLE: f32 = 8_388_608.0;
 
 /// Four values, and four more.
@@ -19,7 +26,8 @@ pub fn join<S: Simd>(simd: S, first: Vec4, second: Vec4) -> f32x8<S> {
     )
 }
 
-/// Eight values. (Where `SimdBase` is in scope, which can load them too, its `min` and `max` are as well.)
+/// Eight values. (Where `SimdBase` is in scope, which can load them too, its `min` and `max` are as
+/// well.)
 #[inline(always)]
 pub fn load<S: Simd>(simd: S, values: &[f32; EIGHT]) -> f32x8<S> {
     f32x8::load_array_ref(simd, values)
@@ -92,7 +100,8 @@ pub trait Values:
     fn sqrt(self) -> Self;
     /// With others' signs.
     fn copysign(self, sign: Self) -> Self;
-    /// This times `factor` and `more`; rounded once where a processor does that at no cost, else twice.
+    /// This times `factor` and `more`; rounded once where a processor does that at no cost, else
+    /// twice.
     fn mul_add(self, factor: Self, more: Self) -> Self;
     /// Which are equal.
     fn cmpeq(self, other: Self) -> Self::Mask;
