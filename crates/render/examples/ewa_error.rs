@@ -1,5 +1,6 @@
-//! Plots the worst relative error of a projected splat's conic in `f32`, by its condition number:
-//! `ewa_error OUT.svg`. A million splats and views, extreme ones included, against `f64`.
+//! Plots the worst relative error of the conic of a projected splat in `f32` over its condition
+//! number: `ewa_error OUT.svg`. Compares a million splats and views, extreme ones included, with
+//! `f64`.
 #![allow(clippy::print_stdout, reason = "a measurement")]
 
 #[allow(dead_code, reason = "shared with tests, which use more of it")]
@@ -12,10 +13,10 @@ mod scene;
 use esker_render::ewa::splat::Placement;
 use std::fmt::Write;
 
-/// Bins of a decade of the condition number, and decades.
+/// Bins a decade of the condition number, and number of decades.
 const FINE: usize = 4;
 const DECADES: usize = 6;
-/// Pixels of a decade of the condition number and of the error.
+/// Pixels a decade of the condition number, and of the error.
 const WIDE: usize = 90;
 const HIGH: usize = 40;
 
