@@ -1,5 +1,6 @@
-//! Marks: one bit a pixel, by which the passes at silhouettes pass on which pixels to look at. The
-//! marks of a picture fit the caches, and jobs of whole rows set them without sharing a word.
+//! Marks: a set of pixels as one bit a pixel. A pass at silhouettes or creases marks the pixels
+//! that later ones look at. The marks of a picture fit the caches, and jobs of whole rows set them
+//! without sharing a word.
 
 use rayon::prelude::*;
 use std::ops::Range;

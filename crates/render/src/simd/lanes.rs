@@ -10,9 +10,8 @@ use glam::{Mat4, Vec2, Vec4};
 /// Pixels that are computed together.
 pub const LANES: usize = 4;
 
-/// Least reach, pixels, by which the centre of a pixel may lie nearer or farther than the centre of
-/// its ellipse. Beyond the rim of a disc its plane is not reliable, so depths are clamped to the
-/// radius or to this.
+/// Depths are moved by at most the radius of a disc, or by this many pixels if the radius is
+/// smaller: beyond the rim of a disc its plane is not reliable.
 const REACH_MIN_PX: f32 = 4.0;
 
 /// Attributes of four pixels of a [`Level`].
@@ -279,7 +278,7 @@ impl Line {
     pub const FRONT: usize = 0;
     /// First array of colour and radius.
     pub const TINT: usize = 4;
-    /// Mean depth.
+    /// Array of the mean depth.
     pub const DEPTH: usize = 8;
     /// First array of the tilt; or of the normal, the minor axis over the major one, and
     /// [`Line::FACING`].
