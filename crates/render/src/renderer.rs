@@ -29,7 +29,7 @@ use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 /// Difference of depth over width above which neighbouring pixels show different surfaces.
-const STEP_PX: f32 = 2.0;
+pub(crate) const STEP_PX: f32 = 2.0;
 
 /// Draws frames on the CPU and keeps its buffers between them.
 #[derive(Default)]

@@ -38,16 +38,16 @@ pub const EITHER: f32 = 3.0;
 
 /// Sine between the plane of a splat and the line of sight below which the centre decides which
 /// side of a line is kept.
-const FLAT: f32 = 0.1;
+pub(crate) const FLAT: f32 = 0.1;
 /// Factor of the radii of splats with lines. A point on an edge has neighbours on one side only,
 /// which would leave notches; the lines cut off what would stick out.
 pub const WIDER: f32 = 1.3;
 
 /// Sine between the plane of a splat and the line of sight below which the splat is seen as a
 /// stroke, whose low-pass may reach far beyond a line.
-const STROKE: f32 = 0.5;
+pub(crate) const STROKE: f32 = 0.5;
 /// Pixels by which a stroke may reach beyond its kept part, for the low-pass.
-const PAST: f32 = 1.0;
+pub(crate) const PAST: f32 = 1.0;
 
 /// Which pixels of a rectangle lie on the kept side of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -211,12 +211,13 @@ pub struct Inverse {
     pub inverse_depth: Vec3,
 }
 
+/// Sine between the plane and the line of sight below which rounding decides what is visible.
+pub(crate) const SINE_MIN: f32 = 1e-6;
+
 /// Inverse of equation 4 (`u = x M^-1`), relative to the position `from` in the picture; `None`
 /// where the eye lies in the plane in `f32`.
 #[inline]
 pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Option<Inverse> {
-    /// Sine between the plane and the line of sight below which rounding decides what is visible.
-    const SINE_MIN: f32 = 1e-6;
     let [a, b] = tangents;
     let normal = a.cross(b);
     let seen = normal.dot(p);

@@ -10,7 +10,7 @@ use fearless_simd::{Simd, f32x8};
 pub const WIDEST: f32 = ASPECT_MAX;
 /// Squared sine between a long axis and the normal below which the axis has no direction in the
 /// plane.
-const SINE_MIN: f32 = 1e-4;
+pub(crate) const SINE_MIN: f32 = 1e-4;
 
 /// Values of the codes of shapes.
 #[derive(Clone, Debug)]

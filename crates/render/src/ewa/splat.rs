@@ -11,15 +11,15 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 /// Extent in depth over depth above which a splat is evaluated by rays.
-pub(super) const REACH_MAX: f32 = 0.7;
+pub(crate) const REACH_MAX: f32 = 0.7;
 /// Condition number from which a splat is dropped: in `f32` the eye lies in its plane.
-pub(super) const CONDITION_MAX: f32 = 1e6;
+pub(crate) const CONDITION_MAX: f32 = 1e6;
 /// Extent in depth over depth above which weights follow the exact projected Gaussian. Below it,
 /// the centre of the ellipse is off by less than this share of the size of the splat.
-const EXACT_REACH: f32 = 0.02;
+pub(crate) const EXACT_REACH: f32 = 0.02;
 /// Distance over radius by which the visibility pass moves a splat back: splats that lie less than
 /// that behind the front are blended with it.
-const BACK: f32 = 1.0;
+pub(crate) const BACK: f32 = 1.0;
 
 /// Projection of splats.
 #[derive(Clone, Copy, Debug)]
@@ -155,8 +155,6 @@ impl Disc {
     /// Bounds in the picture of the part of the disc behind the near plane: those of a
     /// circumscribed octagon that is clipped at the near plane.
     fn bounds_before_near(&self, lens: &Lens) -> Option<[Vec2; 2]> {
-        /// Half the side of an octagon around the unit circle, rounded up.
-        const HALF: f32 = 0.414_22;
         const CORNERS: [[f32; 2]; 8] = [
             [1.0, HALF],
             [HALF, 1.0],
@@ -280,10 +278,12 @@ impl Ellipse<f32> {
 /// seen edge-on (`docs/design/splats.md`).
 pub const WIDENED: f32 = 0.875;
 /// Least amplitude, which keeps sums of weights, which are divided by, away from 0.
-const AMPLITUDE_MIN: f32 = 1e-12;
+pub(crate) const AMPLITUDE_MIN: f32 = 1e-12;
 
+/// Half the side of an octagon around the unit circle, rounded up.
+pub(crate) const HALF: f32 = 0.414_22;
 /// Bound on the rounding of positions in the picture, pixels.
-const MARGIN: f32 = 0.01;
+pub(crate) const MARGIN: f32 = 0.01;
 
 /// First pixels whose centres lie beyond `low` and beyond `high`, clamped to a picture of `size`
 /// pixels, with [`WHOLE`] added. A pixel with its centre exactly there may be in or out. NaN

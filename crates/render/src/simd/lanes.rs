@@ -12,7 +12,7 @@ pub const LANES: usize = 4;
 
 /// Depths are moved by at most the radius of a disc, or by this many pixels if the radius is
 /// smaller: beyond the rim of a disc its plane is not reliable.
-const REACH_MIN_PX: f32 = 4.0;
+pub(crate) const REACH_MIN_PX: f32 = 4.0;
 
 /// Attributes of four pixels of a [`Level`].
 #[derive(Clone, Copy)]
