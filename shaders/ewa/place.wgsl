@@ -21,7 +21,7 @@ override TANGENTS: bool = false;
 
 const REACH_MAX: f32 = 0.7;
 const CONDITION_MAX: f32 = 1e6;
-const MEND_REACH: f32 = 0.02;
+const EXACT_REACH: f32 = 0.02;
 const BACK: f32 = 1.0;
 const AMPLITUDE_MIN: f32 = 1e-12;
 const SINE_MIN: f32 = 1e-6;
@@ -130,7 +130,7 @@ fn ellipse(p: vec3<f32>, t_a: vec3<f32>, t_b: vec3<f32>, radius: f32) -> Placed 
     let reach = sqrt(depths);
     let grows = vec2<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z) / area * inverse;
     let back = back_of(p, radius);
-    let signed = select(amplitude, -amplitude, reach > MEND_REACH);
+    let signed = select(amplitude, -amplitude, reach > EXACT_REACH);
     return checked(Splat(
         vec4<f32>(origin, across, shear),
         vec4<f32>(along, signed, inverse / (1.0 + reach), inverse / (1.0 - reach)),

@@ -10,9 +10,7 @@ use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
 use esker_render::gpu::passes::ewa::{GpuEwa, Room};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{
-    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages,
-};
+use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -114,21 +112,10 @@ impl Wall {
 
     fn frame<'a, P>(&'a self, draws: &'a [DrawNode<'a, P>]) -> Frame<'a, P> {
         Frame {
-            view: &self.view,
-            lattice: &self.lattice,
-            draws,
-            octree: None,
             method: Method::Ewa,
-            colour: ColourBy::Plain,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
             skips_push: false,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(&self.view, &self.lattice, draws)
         }
     }
 

@@ -328,21 +328,9 @@ fn radii_follow_the_finest_drawn_cell() {
     let middle = DVec3::new(32.0, 0.0, 0.0);
     let view = View::look_at(middle - DVec3::Y * 60.0, middle, DVec3::Z, 1.0, 64, 64);
     let frame = Frame {
-        view: &view,
-        lattice: &lattice,
-        draws: &draws,
         octree: Some(&octree),
-        method: Method::PullPush,
-        colour: ColourBy::Plain,
         cull_back_faces: true,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
+        ..Frame::new(&view, &lattice, &draws)
     };
     let mut pyramid = Pyramid::default();
     assert_eq!(Renderer::default().base_level(&frame, &mut pyramid).unwrap(), 2);

@@ -7,7 +7,7 @@ use anyhow::Result;
 use esker_points::Node;
 use esker_render::inputs::camera::Camera;
 use esker_render::passes::project::{DrawList, EMPTY, project};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use esker_render::{ColourPlane, DrawNode, Frame, Method};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
@@ -103,21 +103,5 @@ pub fn frame_of<'a, P>(
     lattice: &'a esker_points::Lattice,
     draws: &'a [DrawNode<'a, P>],
 ) -> Frame<'a, P> {
-    Frame {
-        view,
-        lattice,
-        draws,
-        octree: None,
-        method: Method::Points,
-        colour: ColourBy::Plain,
-        cull_back_faces: false,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
-    }
+    Frame { method: Method::Points, ..Frame::new(view, lattice, draws) }
 }

@@ -11,8 +11,8 @@ use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
 use esker_render::picture::margin::{MARGIN_PX, goes_beyond};
 use esker_render::{
-    Asked, Background, Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FramePlan,
-    Method, SceneHas,
+    Codebook, ColourBy, ColourMap, ColourPlane, DrawNode, Frame, FrameOptions, FramePlan, Method,
+    SceneHas,
 };
 use esker_stream::Needs;
 use std::sync::Arc;
@@ -104,7 +104,7 @@ impl Look {
         let (method, colour) = (self.method, self.colouring.by);
         let Self { shines, evens_exposure, .. } = *self;
         let (smooths, fits_planes) = (true, true);
-        let asked = Asked {
+        let options = FrameOptions {
             method,
             colour,
             shines,
@@ -114,7 +114,7 @@ impl Look {
             is_crowded,
             evens_exposure,
         };
-        FramePlan::of(&has, &asked)
+        FramePlan::of(&has, &options)
     }
 
     /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
@@ -190,20 +190,10 @@ pub fn frame<'a, P>(
     method: Method,
 ) -> Frame<'a, P> {
     Frame {
-        view,
-        lattice: file.lattice(),
-        draws,
         octree: Some(octree),
         method,
         colour: colouring.by,
         cull_back_faces: file.has_oriented_normals() && method != Method::Points,
-        hides_points: false,
-        shines: true,
-        skips_push: true,
-        averages: true,
-        smooths: true,
-        fits_planes: true,
-        evens_exposure: false,
-        background: Background::default(),
+        ..Frame::new(view, file.lattice(), draws)
     }
 }

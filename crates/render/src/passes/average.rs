@@ -14,7 +14,7 @@ use crate::passes::gather::Lookup;
 use crate::passes::project::{is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
-use crate::simd::lanes::Lane;
+use crate::simd::values::Lane;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -11,9 +11,11 @@ use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
-use crate::picture::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
-use crate::simd::lanes::{FITTED, FLAT, LANES, Lane, NORMALS, Pixels, moved, only};
-use crate::simd::values::directions;
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, RowMut, for_each_row,
+};
+use crate::simd::lanes::{LANES, Pixels, moved, only};
+use crate::simd::values::{Lane, directions};
 use esker_points::Node;
 use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};

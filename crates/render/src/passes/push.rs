@@ -29,10 +29,10 @@
 
 use crate::passes::ellipse::covers_at;
 use crate::passes::tangent::Lens;
-use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, Line, NORMALS, Pixels, Run, halves, has_pixels, is_empty, moved, turned,
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, Pyramid, RowMut, Rows, for_each_band,
 };
+use crate::simd::lanes::{LANES, Line, Pixels, Run, halves, has_pixels, is_empty, moved, turned};
 use crate::simd::values::{Values, bits, dot, join, only};
 use fearless_simd::{
     ExtractToken, Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8,

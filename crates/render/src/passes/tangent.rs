@@ -10,8 +10,7 @@
 //! plane is scaled so that q is -1; then only n.x and n.y are needed.
 
 use crate::inputs::camera::Camera;
-use crate::simd::lanes::Lane;
-use crate::simd::values::Values;
+use crate::simd::values::{Lane, Values};
 use glam::Vec2;
 
 /// Steepest slope (depth over width) of planes: a nearly edge-on plane says little of its slope.

@@ -4,7 +4,7 @@
 use crate::exact::{Exact, case, coefficient_error, direction, lens, log_even};
 use crate::scene::Dice;
 use esker_render::ewa::mapping::{amplitude, mapping};
-use esker_render::ewa::splat::{Disc, Lens, Placed};
+use esker_render::ewa::splat::{Disc, Lens, Placement};
 use glam::{DVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::fmt::Write;
@@ -54,9 +54,9 @@ impl Worst {
         let (disc, lens) = case(dice);
         let exact = Exact::new(&disc, &lens);
         let (splat, bounds) = match disc.place(&lens) {
-            Placed::Drawn(splat, bounds) => (splat, bounds),
-            Placed::Outside => return,
-            Placed::Dropped => {
+            Placement::Drawn(splat, bounds) => (splat, bounds),
+            Placement::Outside => return,
+            Placement::Dropped => {
                 self.dropped += 1;
                 return;
             }
@@ -215,7 +215,7 @@ fn weights_follow_the_exact_projected_gaussian() {
         let centre = Vec3::new(slope.x, slope.y, 1.0) * depth;
         let disc =
             Disc::round(centre, direction(&mut dice), depth * (0.05 + 0.5 * dice.unit() as f32));
-        let Placed::Drawn(splat, _) = disc.place(&lens) else { continue };
+        let Placement::Drawn(splat, _) = disc.place(&lens) else { continue };
         let exact = Exact::new(&disc, &lens);
         let m = disc.mapping(lens.focal_px);
         if splat.is_by_rays() || m.condition() > 20.0 {

@@ -96,21 +96,5 @@ pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
 
 /// The frame with its planes in drawing memory.
 pub fn laid_frame<'a>(frame: &Frame<'a>, draws: &'a [DrawNode<'a, PlaneAt>]) -> Frame<'a, PlaneAt> {
-    Frame {
-        view: frame.view,
-        lattice: frame.lattice,
-        draws,
-        octree: frame.octree,
-        method: frame.method,
-        colour: frame.colour,
-        cull_back_faces: frame.cull_back_faces,
-        hides_points: frame.hides_points,
-        shines: frame.shines,
-        skips_push: frame.skips_push,
-        averages: frame.averages,
-        smooths: frame.smooths,
-        fits_planes: frame.fits_planes,
-        evens_exposure: frame.evens_exposure,
-        background: frame.background,
-    }
+    frame.with_draws(draws)
 }

@@ -4,7 +4,7 @@
 
 use esker_lod::View;
 use esker_points::{AttrType, Cell, Clip, Grain, Lattice, Node, morton, quant};
-use esker_render::{Background, ColourBy, ColourPlane, DrawNode, Frame, Method};
+use esker_render::{ColourBy, ColourPlane, DrawNode, Frame};
 use glam::DVec3;
 
 /// A point of a scene.
@@ -96,21 +96,9 @@ impl Scene {
     /// A frame with the usual settings.
     pub fn frame<'a>(&'a self, view: &'a View, draws: &'a [DrawNode<'a>]) -> Frame<'a> {
         Frame {
-            view,
-            lattice: &self.lattice,
-            draws,
-            octree: None,
-            method: Method::PullPush,
             colour: ColourBy::Rgb,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
-            skips_push: true,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(view, &self.lattice, draws)
         }
     }
 

@@ -5,7 +5,7 @@ use crate::frame::Stages;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::readback::ReadbackRing;
 use crate::gpu::device::{Counted, Gpu};
-use crate::plan::Pass;
+use crate::pass::Pass;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass, QuerySet};
 
 /// Passes that a frame can time; what comes after them is not timed.

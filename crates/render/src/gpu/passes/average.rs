@@ -11,7 +11,8 @@ use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::lookup::GpuLookup;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::pyramid::GpuLevel;
-use crate::plan::{FramePlan, Pass};
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 use wgpu::BufferUsages;
 
 /// Threads of a group.

@@ -8,8 +8,9 @@ use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::lookup::Won;
 use crate::gpu::memory::pyramid::GpuLevel;
+use crate::pass::Pass;
 use crate::passes::exposure::{CELL_PX, SLICES, SLOTS};
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
 /// The pass, made when it is first asked for.

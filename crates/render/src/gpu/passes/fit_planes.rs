@@ -7,9 +7,10 @@ use crate::gpu::device::shader::sources;
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pyramid::GpuLevel;
+use crate::pass::Pass;
 use crate::passes::fit_planes::SQUARE_PX;
 use crate::picture::pyramid::Planes;
-use crate::plan::{FramePlan, Pass};
+use crate::plan::FramePlan;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
 
 /// The pass, made when it is first asked for.

@@ -14,7 +14,8 @@ use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::table::CHUNK_POINTS;
-use crate::plan::{FramePlan, Pass};
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 use std::time::SystemTime;
 use wgpu::{TextureFormat, TextureUsages, TextureView};
 

@@ -11,7 +11,8 @@ use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::runs::Bounds;
-use crate::plan::{FramePlan, Pass};
+use crate::pass::Pass;
+use crate::plan::FramePlan;
 
 /// Threads of a group.
 const THREADS: u64 = 256;
