@@ -28,7 +28,7 @@ use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 /// Depth over width beyond which a step is none of a surface's own.
-const STEP_PX: f32 = 2.0;
+pub(crate) const STEP_PX: f32 = 2.0;
 
 /// Draws frames; keeps its buffers between them.
 #[derive(Default)]

@@ -36,15 +36,15 @@ pub const BOTH: f32 = 2.0;
 pub const EITHER: f32 = 3.0;
 
 /// Sine between a splat's plane and the line of sight under which it is seen flat.
-const FLAT: f32 = 0.1;
+pub(crate) const FLAT: f32 = 0.1;
 /// Radii of splats with lines over what they would be without: on an edge there are neighbours on one side only, and lines
 /// hold what would stick out.
 pub const WIDER: f32 = 1.3;
 
 /// The same sine under which a line may cross a splat so that its low-pass reaches far.
-const STROKE: f32 = 0.5;
+pub(crate) const STROKE: f32 = 0.5;
 /// Pixels by which a splat may reach past what is kept of it, for the low-pass.
-const PAST: f32 = 1.0;
+pub(crate) const PAST: f32 = 1.0;
 
 /// What of a rectangle of pixels lies on a line's kept side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -206,12 +206,13 @@ pub struct Inverse {
     pub inverse_depth: Vec3,
 }
 
+/// Sine between plane and line of sight under which rounding decides what is seen.
+pub(crate) const SINE_MIN: f32 = 1e-6;
+
 /// The inverse of equation 4 (`u = x M^-1`), from a place in the picture; `None` where the eye lies in the
 /// plane as far as `f32` can tell.
 #[inline]
 pub fn inverse(p: Vec3, tangents: [Vec3; 2], focal_px: f32, from: Vec2) -> Option<Inverse> {
-    /// Sine between plane and line of sight under which rounding decides what is seen.
-    const SINE_MIN: f32 = 1e-6;
     let [a, b] = tangents;
     let normal = a.cross(b);
     let seen = normal.dot(p);

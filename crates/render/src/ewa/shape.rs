@@ -8,7 +8,7 @@ use fearless_simd::{Simd, f32x8};
 /// A splat's longest half axis over the radius of a disc as large.
 pub const WIDEST: f32 = ASPECT_MAX;
 /// Square of the sine between a long axis and the normal under which it tells no direction.
-const SINE_MIN: f32 = 1e-4;
+pub(crate) const SINE_MIN: f32 = 1e-4;
 
 /// What the bytes of codes stand for.
 #[derive(Clone, Debug)]

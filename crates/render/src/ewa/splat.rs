@@ -10,15 +10,15 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 /// Reach over depth from which a splat is evaluated by rays.
-pub(super) const REACH_MAX: f32 = 0.7;
+pub(crate) const REACH_MAX: f32 = 0.7;
 /// Condition from which a splat is dropped: the eye lies in its plane as far as `f32` can tell.
-pub(super) const CONDITION_MAX: f32 = 1e6;
+pub(crate) const CONDITION_MAX: f32 = 1e6;
 /// Reach over depth from which weights follow the exact projected Gaussian. Under it a centre is less than
 /// this share of the splat's size from where it should be.
-const MEND_REACH: f32 = 0.02;
+pub(crate) const MEND_REACH: f32 = 0.02;
 /// How far the visibility pass moves a splat back, over its radius: what lies less than that behind the front
 /// is blended with it.
-const BACK: f32 = 1.0;
+pub(crate) const BACK: f32 = 1.0;
 
 /// The camera, as splats need it.
 #[derive(Clone, Copy, Debug)]
@@ -152,8 +152,6 @@ impl Disc {
     /// A box around what of the disc is behind the near plane, in the picture: that of an octagon around it,
     /// clipped.
     fn bounds_before_near(&self, lens: &Lens) -> Option<[Vec2; 2]> {
-        /// Half the side of an octagon around a circle, with something for rounding.
-        const HALF: f32 = 0.414_22;
         const CORNERS: [[f32; 2]; 8] = [
             [1.0, HALF],
             [HALF, 1.0],
@@ -272,10 +270,12 @@ impl Ellipse<f32> {
 /// off and nearer don't hide each other; but seen edge-on a plane is anywhere.
 pub const WIDENED: f32 = 0.875;
 /// Amplitudes are at least this: the least sum of weights that is divided by stays far from 0.
-const AMPLITUDE_MIN: f32 = 1e-12;
+pub(crate) const AMPLITUDE_MIN: f32 = 1e-12;
 
+/// Half the side of an octagon around a circle, with something for rounding.
+pub(crate) const HALF: f32 = 0.414_22;
 /// Rounding of places in the picture.
-const MARGIN: f32 = 0.01;
+pub(crate) const MARGIN: f32 = 0.01;
 
 /// First pixels whose middles are past the least and the greatest of places, in a picture of so many pixels, with
 /// [`WHOLE`] added; a middle that is the place itself may be either's. What is not a number is 0.

@@ -32,7 +32,7 @@ pub enum ColourBy {
 
 impl ColourBy {
     /// Its number, as the shaders have it.
-    pub fn number(&self) -> u32 {
+    pub const fn number(&self) -> u32 {
         match self {
             Self::Plain => 0,
             Self::Rgb => 1,

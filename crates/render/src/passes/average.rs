@@ -20,11 +20,11 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What is summed lies between 0 and so many steps.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Means of normals no part of which is more are of none.
 const NO_NORMAL: f32 = 2.0 / STEPS;
 /// Points of a pixel whose sums fit into 32 bits; of more one wins it.
-const POINTS_MAX: f32 = 262_144.0;
+pub(crate) const POINTS_MAX: f32 = 262_144.0;
 /// Points a job has.
 const JOB_POINTS: usize = 1 << 14;
 /// Points placed before they are added: the arithmetic is then free of branches.

@@ -19,17 +19,17 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 /// Pixels on a side of a cell. Smaller ones take texture for exposure, larger ones miss what changes within a scan.
 pub(crate) const CELL_PX: usize = 32;
 /// Bits of a depth below those that number its slice: eight slices double it, about what a cell is wide.
-const SLICE_BITS: u32 = 20;
+pub(crate) const SLICE_BITS: u32 = 20;
 /// Slices that are told apart: depths that differ by a multiple of 16 times share one.
 pub(crate) const SLICES: usize = 32;
 /// Slots of a cell: the first is of all scans, the others are a scan's each, by its number modulo theirs.
 pub(crate) const SLOTS: usize = 16;
 /// What is summed lies between 0 and so many steps: sums of a cell are whole numbers that `f32` has.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Colours are multiplied by so much at most, or its inverse: a difference beyond that is none of exposure.
-const GAIN_MAX: f32 = 2.0;
+pub(crate) const GAIN_MAX: f32 = 2.0;
 /// Added to means before they are divided: of what is nearly black there is no gain.
-const DARK: f32 = 1e-3;
+pub(crate) const DARK: f32 = 1e-3;
 
 /// What is added up for the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]

@@ -15,18 +15,18 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 /// Of the eight neighbours, how many must be in front. A gap one pixel wide has six.
-const SURROUNDED: usize = 6;
+pub(crate) const SURROUNDED: usize = 6;
 /// A gap of two pixels by two is all corners, which have five. It is one where in all eight directions what is in front begins
 /// within its own radius, and so many pixels: discs of samples farther apart would not close it either. (With three pixels
 /// what hidden nodes change in offices is over its bound.)
-const CORNERED: usize = 5;
-const WITHIN_PX: usize = 2;
+pub(crate) const CORNERED: usize = 5;
+pub(crate) const WITHIN_PX: usize = 2;
 /// How far in front they have to be, over their radius, with normals and without: where surfaces are as thin as their
 /// normals let them be, gaps show what lies nearer. And in pixels, at least.
-const BEFORE: [f32; 2] = [0.5, 1.0];
-const BEFORE_MIN_PX: f32 = 1.0;
+pub(crate) const BEFORE: [f32; 2] = [0.5, 1.0];
+pub(crate) const BEFORE_MIN_PX: f32 = 1.0;
 /// How often: a second time closes what the first has left one pixel wide.
-const ROUNDS: usize = 2;
+pub(crate) const ROUNDS: usize = 2;
 
 /// A pixel's new attributes.
 struct Patch {

@@ -22,35 +22,35 @@ pub const SQUARE_PX: usize = 4;
 /// one, floors seen aslant break into steps.
 pub const BARE_REACH: f32 = 2.0;
 /// Neighbours' distances from a plane count up to what so steep a slope makes of a square's width.
-const OFF_MAX: f32 = 1.0;
+pub(crate) const OFF_MAX: f32 = 1.0;
 /// Neighbours within the picture that may have no point: of what is thin, or ends here, no plane is told.
-const MISSING_MAX: f32 = 1.0;
+pub(crate) const MISSING_MAX: f32 = 1.0;
 /// Least area between two neighbours, over a square's: of what lies in a line no plane is told.
-const AREA_MIN: f32 = 0.2;
+pub(crate) const AREA_MIN: f32 = 0.2;
 /// What a plane's sum of distances is to be less by than another's, over the most that one counts: less is rounding.
-const BETTER: f32 = 1e-3;
+pub(crate) const BETTER: f32 = 1e-3;
 /// In the place of one over a depth beyond the picture.
 const OUTSIDE: f32 = -1.0;
 /// How much nearer a neighbour is told to be at most, so that all stays finite.
-const NEARER_MAX: f32 = 1e6;
+pub(crate) const NEARER_MAX: f32 = 1e6;
 /// The neighbours of a square: those beside it in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
 /// How planes are trusted.
 #[derive(Clone, Copy, Debug)]
-struct Trust {
+pub(crate) struct Trust {
     /// Length of the depth interval across a plane that all around are on, over the drawn radius.
-    reach: f32,
+    pub(crate) reach: f32,
     /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
-    off: [f32; 2],
+    pub(crate) off: [f32; 2],
 }
 
 /// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
-const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
+pub(crate) const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
 /// Where they crowd, means of all that lies there are what evens_exposure them out: with short intervals a scan flickers by 4 % more. Trusted
 /// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
-const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
 
 /// What is told of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

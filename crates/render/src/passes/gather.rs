@@ -24,27 +24,27 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// points' ellipses, which covers less than they do: with covering radii as they are, up to 0.2 % of a
 /// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
 /// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
+pub(crate) const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
 /// Added to radii in the picture, pixels, with normals and without: pixels are covered where their centres are. With 0.2 the far side shows
 /// through a sphere of half a point a pixel.
-const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
+pub(crate) const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
 /// How much of what pictures are stretched by away from their middle radii take. Greatest gaps of even samples are 0.84 spacings, and
 /// discs without normals 1.15 wide: only what is stretched by more than their ratio opens. With 0.87 arriving nodes pop by 2.1 %
 /// of a picture, with all of it by 3.4 (asked 2).
-const STRETCHED: f32 = 0.83;
+pub(crate) const STRETCHED: f32 = 0.83;
 /// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
 /// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
-const MINOR_FACTOR: f32 = 1.3;
+pub(crate) const MINOR_FACTOR: f32 = 1.3;
 /// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
 /// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
-const MINOR_MIN_PX: f32 = 1.4;
+pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
-const THICKNESS: f32 = 1.0;
+pub(crate) const THICKNESS: f32 = 1.0;
 /// Length of the depth interval over the drawn radius, at most, where planes are told from depths: what is told of steep
 /// ones is rough.
-const SLANT_REACH_MAX: f32 = 3.0;
+pub(crate) const SLANT_REACH_MAX: f32 = 3.0;
 /// Radii are clamped here, so that sums of depth and radius stay finite.
-const RADIUS_MAX: f32 = 1e30;
+pub(crate) const RADIUS_MAX: f32 = 1e30;
 
 /// What is made once a frame to look points up.
 pub struct Lookup<'a> {

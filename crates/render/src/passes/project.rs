@@ -93,7 +93,7 @@ impl DrawList {
 /// The code of no normal.
 pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
 /// The same, as it lies in a plane.
-const NO_NORMAL_BITS: u32 = 0x8000_8000;
+pub(crate) const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
 /// Draws all points into `target` (one value a pixel, row by row), which it clears first.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {

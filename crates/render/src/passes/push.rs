@@ -41,21 +41,21 @@ const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
 /// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels. Of narrower ones
 /// there is one in every pixel, and what they make of outlines is not to grow.
-const HIDING_PX: f32 = 24.0;
+pub(crate) const HIDING_PX: f32 = 24.0;
 
 /// So many of its radii a pixel may be from the centre of each of four ellipses that enclose it.
-const ENCLOSING: f32 = 1.15;
+pub(crate) const ENCLOSING: f32 = 1.15;
 
 /// How much of a pixel of the picture is what is interpolated there, where all four coarser ones have a part in it. With 0.8
 /// surfaces of a point a pixel flicker an eighth less, but colours are off by 3 to 7 % more.
-const SMOOTH: f32 = 0.5;
+pub(crate) const SMOOTH: f32 = 0.5;
 
 /// Square of the cosine (15 degrees) from which on normals are near each other: of a cube's edge a coarser pixel with three parts of
 /// one side and one of the other has no part in either.
-const NEAR: f32 = 0.933;
+pub(crate) const NEAR: f32 = 0.933;
 
 /// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
-const ROUNDING: f32 = 0.99999;
+pub(crate) const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest down to the picture.
 pub fn push(pyramid: &mut Pyramid) {

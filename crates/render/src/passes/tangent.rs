@@ -15,7 +15,7 @@ use glam::Vec2;
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
 /// Depths change by at most this factor in one move.
-const FACTOR_MAX: f32 = 2.0;
+pub(crate) const FACTOR_MAX: f32 = 2.0;
 
 /// How a picture's places see: what planes need of the camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -23,7 +23,7 @@ pub const NORMALS: usize = 4;
 
 /// Depths at pixels' centres are no farther from those of the ellipses' than discs reach, or so many pixels at least:
 /// beyond a rim a plane is nobody's.
-const REACH_MIN_PX: f32 = 4.0;
+pub(crate) const REACH_MIN_PX: f32 = 4.0;
 
 /// Attributes of four pixels, as [`Level`] has them.
 #[derive(Clone, Copy)]

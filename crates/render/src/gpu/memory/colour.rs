@@ -3,10 +3,25 @@
 //! shaders have no `f64`. And the table from linear light to sRGB bytes.
 
 use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::same_values;
 use crate::gpu::device::{Counted, Gpu};
-use crate::inputs::colour::{ColourBy, ENCODE_ENTRIES, Encoder, MapTable, hue};
+use crate::inputs::colour::{ColourBy, ColourMap, ENCODE_ENTRIES, Encoder, MapTable, Palette, hue};
 use esker_points::Lattice;
 use glam::Vec3;
+
+/// Any map: only the kinds of [`ColourBy`] have numbers.
+const MAP: ColourMap = ColourMap { low: 0.0, high: 1.0, palette: Palette::Grey };
+
+same_values!(common_encode == crate::inputs::colour { ENCODE_STEPS = ENCODE_ENTRIES });
+same_values!(common_colour == crate::inputs::colour {
+    BY_PLAIN = ColourBy::Plain.number(),
+    BY_RGB = ColourBy::Rgb.number(),
+    BY_VALUE = ColourBy::Scalar(MAP).number(),
+    BY_ELEVATION = ColourBy::Elevation(MAP).number(),
+    BY_EYE_DEPTH = ColourBy::EyeDepth(MAP).number(),
+    BY_CELL = ColourBy::Cell.number(),
+    BY_NORMAL = ColourBy::Normal.number(),
+});
 
 /// Runs of values at most.
 pub const RUNS_MAX: usize = 256;
@@ -100,7 +115,7 @@ pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inputs::colour::{Codebook, ColourMap, Palette};
+    use crate::inputs::colour::Codebook;
 
     fn looked_up(runs: &Runs, value: f64) -> Vec3 {
         if value.is_nan() {

@@ -1,8 +1,11 @@
 //! What all passes know of a frame, as the shaders read it (`shaders/common/frame.wgsl`).
 
 use crate::frame::{Background, Frame};
+use crate::gpu::device::shader::same_values;
 use crate::inputs::camera::Camera;
 use bytemuck::{Pod, Zeroable};
+
+same_values!(common_infinite == crate { INFINITE_BITS = f32::INFINITY.to_bits() });
 
 /// The uniform of a frame.
 #[repr(C)]

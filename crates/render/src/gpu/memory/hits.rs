@@ -4,9 +4,11 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::{Counted, Gpu};
 use wgpu::BufferUsages;
+
+same_values!(common_hits == crate::passes::project { NO_HIT = EMPTY >> 32 });
 
 /// Bytes of a pixel.
 pub const HIT_BYTES: u64 = 8;

@@ -6,13 +6,13 @@ use crate::frame::Frame;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::colour::Runs;
 use crate::gpu::memory::octree::GpuOctree;
 use crate::inputs::colour::{ColourBy, PLAIN, linear};
 use crate::plan::FramePlan;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Lattice;
 use esker_points::quant::radius_factor;
@@ -20,6 +20,10 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use wgpu::{Buffer, BufferUsages, ComputePass};
+
+same_values!(common_normal == crate::passes::project { NO_NORMAL = NO_NORMAL_BITS });
+same_values!(gather_fetch == crate::gpu::memory::lookup { ELSEWHERE = PAGES_AT_ONCE });
+without_twin!(common_lookup { HAS_COLOUR });
 
 /// Pages that one dispatch looks into: with the tables as many buffers as WebGPU's default limits allow.
 pub const PAGES_AT_ONCE: usize = 3;

@@ -3,11 +3,18 @@
 
 use crate::gpu::device::dispatch::fixed_uniform;
 use crate::gpu::device::error::GpuError;
+use crate::gpu::device::shader::{same_layout, same_values};
 use crate::gpu::device::{Counted, Gpu};
 use crate::picture::pyramid::Planes;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
+
+same_values!(common_plane == crate::simd::lanes { TOLD = FITTED, NORMAL = NORMALS });
+same_values!(common_tangent == crate::passes::tangent {
+    SLOPE_MAX,
+    FACTOR_MAX,
+    LEAST = f32::MIN_POSITIVE,
+});
 
 /// A level's shape, as the shaders read it (`shaders/common/level.wgsl`).
 #[repr(C)]

@@ -4,11 +4,14 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
 use std::cell::RefCell;
 use wgpu::BufferUsages;
+
+same_values!(common_runs == crate::gpu::memory::runs { RUN_POINTS });
+without_twin!(project_bounds { THREADS });
 
 /// Points of a run, and threads of a group that draws.
 pub const RUN_POINTS: u64 = 256;
@@ -156,18 +159,5 @@ impl Bounds {
     /// Where the changed shader does not build; the old one goes on.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernel.reload(gpu)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_shaders_count_runs_as_the_host_does() {
-        for source in [sources::PROJECT_ATOMICS, sources::PROJECT_BOUNDS] {
-            let line = format!("const RUN_POINTS: u32 = {RUN_POINTS}u;");
-            assert!(source.wgsl.contains(&line), "{}: {line}", source.file);
-        }
     }
 }

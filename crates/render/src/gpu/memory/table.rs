@@ -2,13 +2,31 @@
 //! chunks of their points. One dispatch goes over all chunks, never one over a node.
 
 use crate::frame::{ColourPlane, DrawNode};
+use crate::gpu::device::shader::{same_layout, same_values};
 use crate::inputs::camera::Camera;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::AttrType;
 use esker_points::clip::CLIP_BYTES;
 use esker_points::quant::{HOT_POSITION_BYTES, residual_bytes};
 use esker_points::tangents::TANGENT_BYTES;
+
+same_values!(common_draws == crate::gpu::memory::table {
+    CHUNK_POINTS,
+    NO_PAGE,
+    COLOUR_NONE,
+    COLOUR_RGBA,
+    COLOUR_U8 = scalar_kind(AttrType::U8),
+    COLOUR_I8 = scalar_kind(AttrType::I8),
+    COLOUR_U16 = scalar_kind(AttrType::U16),
+    COLOUR_I16 = scalar_kind(AttrType::I16),
+    COLOUR_U32 = scalar_kind(AttrType::U32),
+    COLOUR_I32 = scalar_kind(AttrType::I32),
+    COLOUR_U64 = scalar_kind(AttrType::U64),
+    COLOUR_I64 = scalar_kind(AttrType::I64),
+    COLOUR_F32 = scalar_kind(AttrType::F32),
+    COLOUR_F64 = scalar_kind(AttrType::F64),
+    COLOUR_INDEX,
+});
 
 /// Points of a chunk.
 pub const CHUNK_POINTS: u32 = 4096;
@@ -163,7 +181,7 @@ impl Draw {
     }
 }
 
-fn scalar_kind(ty: AttrType) -> u32 {
+const fn scalar_kind(ty: AttrType) -> u32 {
     COLOUR_SCALAR + ty as u32
 }
 
@@ -211,22 +229,3 @@ same_layout!(Draw {
     tangent_points
 });
 same_layout!(Chunk { draw, first, points });
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::gpu::device::shader::sources;
-
-    #[test]
-    fn the_shaders_number_points_by_the_same_constants() {
-        for source in [sources::PROJECT_ATOMICS, sources::PRIMITIVES_POINTS, sources::GATHER_FETCH]
-        {
-            let has =
-                |line: String| assert!(source.wgsl.contains(&line), "{}: {line}", source.file);
-            has(format!("const CHUNK_POINTS: u32 = {CHUNK_POINTS}u;"));
-            has(format!("const NO_PAGE: u32 = {NO_PAGE:#x}u;"));
-            has(format!("const COLOUR_RGBA: u32 = {COLOUR_RGBA}u;"));
-            has(format!("const COLOUR_F64: u32 = {}u;", scalar_kind(AttrType::F64)));
-        }
-    }
-}

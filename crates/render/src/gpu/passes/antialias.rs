@@ -4,9 +4,21 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::surface::Target;
 use wgpu::BindingResource;
+
+same_values!(antialias_antialias == crate::passes::antialias {
+    COVERAGE[..],
+    COVERAGE_SUM,
+    COLOUR[..] = [0.0, COLOUR[0], COLOUR[1], COLOUR[2], 0.0],
+    COLOUR_SUM,
+    STEEP,
+    INSET_PX,
+    STEP_PX,
+    CREASE,
+    FAR = f32::MAX,
+});
 
 /// Antialiasing, and the picture.
 pub struct Antialias {

@@ -3,7 +3,7 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
@@ -13,6 +13,18 @@ use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::pyramid::GpuLevel;
 use crate::plan::{FramePlan, Pass};
 use wgpu::BufferUsages;
+
+same_values!(common_average == crate::passes::average { STEPS, POINTS_MAX });
+same_values!(average_add == crate::passes::average { LEAST_REACH = f32::MIN_POSITIVE });
+without_twin!(common_average {
+    AT_SCALE,
+    AT_SLOPE,
+    AT_REACH,
+    AT_COUNT,
+    AT_COLOUR,
+    AT_NORMAL,
+    AT_DEPTH,
+});
 
 /// Threads of a group.
 const THREADS: u64 = 256;

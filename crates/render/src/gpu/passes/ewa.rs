@@ -11,6 +11,9 @@ use crate::ewa::{Options, Passes};
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::sources::constants::common_splats::TILE;
+use crate::gpu::device::shader::sources::constants::ewa_blend::{ATTRIBUTES, SINGLE, VISIBILITY};
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
@@ -23,10 +26,46 @@ use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::memory::table::CHUNK_POINTS;
 use crate::inputs::camera::Camera;
 use crate::plan::{FramePlan, Pass};
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use esker_points::Grain;
 use wgpu::{BufferUsages, CommandEncoder, ComputePass};
+
+same_values!(
+    ewa_place
+        == crate::ewa::splat {
+            REACH_MAX,
+            CONDITION_MAX,
+            MEND_REACH,
+            BACK,
+            AMPLITUDE_MIN,
+            MARGIN,
+            HALF,
+        }
+);
+same_values!(ewa_place == crate::ewa { SINE_MIN = mapping::SINE_MIN, AXIS_SINE_MIN = shape::SINE_MIN });
+same_values!(ewa_place == crate::ewa::clip {
+    CLIP_SHIFT_MAX = esker_points::clip::SHIFT_MAX,
+    CLIP_FLAT = FLAT,
+    CLIP_WIDER = WIDER,
+    CLIP_STROKE = STROKE,
+    CLIP_PAST = PAST,
+});
+same_values!(ewa_place == esker_points::tangents {
+    SHAPE_ROOM = ROOM,
+    SHAPE_LEAST = LEAST,
+    SHAPE_COARSER = COARSER,
+});
+same_values!(common_splats == crate::ewa::clip {
+    KEPT_WHOLE = WHOLE,
+    KEPT_ONE = ONE,
+    KEPT_BOTH = BOTH,
+    KEPT_EITHER = EITHER,
+});
+same_values!(common_splats == crate::ewa::splat { WIDENED });
+without_twin!(common_splats { DROPPED, NOTHING });
+without_twin!(ewa_place { NOT_DRAWN });
+without_twin!(ewa_sort { THREADS });
+without_twin!(ewa_blend { THREADS, BLOCKS, BATCH });
 
 /// Room for a batch: what does not fit goes into further ones, and tiles do without entries where these do not fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,8 +119,6 @@ impl Room {
 const ENTRIES_CHUNKS: u32 = 32;
 /// Bytes of a splat.
 const SPLAT_BYTES: u64 = size_of::<crate::ewa::splat::Splat>() as u64;
-/// Pixels on a side of a tile.
-const TILE: u32 = 16;
 
 /// The uniform of a batch.
 #[repr(C)]
@@ -242,11 +279,11 @@ impl GpuEwa {
         let batches = chunks.div_ceil(room.chunks).max(1);
         self.send(gpu, target, chunks, batches)?;
         let sweeps: &[u32] = match self.options.passes {
-            Passes::Three => &[0, 1],
-            Passes::One => &[2],
+            Passes::Three => &[VISIBILITY, ATTRIBUTES],
+            Passes::One => &[SINGLE],
         };
         for &sweep in sweeps {
-            let is_placed = sweep == 1 && batches == 1;
+            let is_placed = sweep == ATTRIBUTES && batches == 1;
             for batch in 0..batches {
                 if !is_placed {
                     let mut pass = timing.compute(encoder, Pass::Place);

@@ -3,7 +3,7 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::lookup::Won;
@@ -11,6 +11,11 @@ use crate::gpu::memory::pyramid::GpuLevel;
 use crate::passes::exposure::{CELL_PX, SLICES, SLOTS};
 use crate::plan::{FramePlan, Pass};
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
+
+same_values!(
+    common_exposure == crate::passes::exposure { CELL_PX, SLICE_BITS, SLICES, SLOTS, STEPS }
+);
+same_values!(exposure_apply == crate::passes::exposure { GAIN_MAX, DARK });
 
 /// The pass, made when it is first asked for.
 #[derive(Default)]

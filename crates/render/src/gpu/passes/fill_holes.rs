@@ -5,12 +5,20 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::surface::Target;
+use crate::passes::fill_holes::ROUNDS;
 use crate::picture::pyramid::Planes;
 
-/// How often: as the twin does.
-const ROUNDS: usize = 2;
+same_values!(fill_holes_find == crate::passes::fill_holes { SURROUNDED, CORNERED, WITHIN_PX });
+same_values!(common_around == crate::passes::fill_holes {
+    BEFORE_NORMALS = BEFORE[0],
+    BEFORE_BARE = BEFORE[1],
+    BEFORE_MIN_PX,
+});
+same_values!(fill_holes_depth == crate::simd::lanes { REACH_MIN_PX });
+same_values!(common_step == crate::renderer { STEP_PX });
+without_twin!(common_marks { EDGE, GAP });
 
 /// The pass.
 pub struct FillHoles {

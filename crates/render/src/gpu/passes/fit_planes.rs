@@ -3,7 +3,7 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Kernel, groups_of};
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pyramid::GpuLevel;
@@ -11,6 +11,24 @@ use crate::passes::fit_planes::SQUARE_PX;
 use crate::picture::pyramid::Planes;
 use crate::plan::{FramePlan, Pass};
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass};
+
+same_values!(common_squares == crate::passes::fit_planes { SQUARE_PX });
+same_values!(fit_planes_fit == crate::passes::fit_planes {
+    BARE_REACH,
+    OFF_MAX,
+    TRUST_APART[..] = [APART.reach, APART.off[0], APART.off[1]],
+    TRUST_CROWDED[..] = [CROWDED.reach, CROWDED.off[0], CROWDED.off[1]],
+    MISSING_MAX,
+    AREA_MIN,
+    BETTER,
+    NEARER_MAX,
+    LEAST_SUM = f32::MIN_POSITIVE,
+});
+same_values!(fit_planes_tilt == crate::passes::gather {
+    BARE_REACH = crate::passes::fit_planes::BARE_REACH,
+    SLANT_REACH_MAX,
+    RADIUS_MARGIN_PX = RADIUS_MARGIN_PX[1],
+});
 
 /// The pass, made when it is first asked for.
 #[derive(Default)]

@@ -3,7 +3,7 @@
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::lookup::{GpuLookup, Won};
 use crate::gpu::memory::pyramid::GpuPyramid;
@@ -12,6 +12,19 @@ use crate::gpu::passes::fit_planes::FitPlanes;
 use crate::picture::pyramid::Planes;
 use crate::plan::FramePlan;
 use wgpu::ComputePass;
+
+same_values!(gather_gather == crate::passes::gather {
+    RADIUS_FACTOR_NORMALS = RADIUS_FACTOR[0],
+    RADIUS_FACTOR_BARE = RADIUS_FACTOR[1],
+    RADIUS_MARGIN_PX_NORMALS = RADIUS_MARGIN_PX[0],
+    RADIUS_MARGIN_PX_BARE = RADIUS_MARGIN_PX[1],
+    MINOR_FACTOR,
+    MINOR_MIN_PX,
+    BARE_REACH = crate::passes::fit_planes::BARE_REACH,
+    THICKNESS,
+});
+same_values!(common_radius == crate::passes::gather { RADIUS_MAX });
+same_values!(common_seen == crate::passes::gather { STRETCHED });
 
 /// The pass.
 pub struct Gather {

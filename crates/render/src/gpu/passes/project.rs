@@ -4,7 +4,7 @@
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{sources, without_twin};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::cut::GpuCut;
@@ -12,6 +12,8 @@ use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
 use crate::gpu::memory::runs::Bounds;
 use crate::plan::{FramePlan, Pass};
+
+without_twin!(project_atomics { ROUNDING });
 
 /// Threads of a group.
 const THREADS: u64 = 256;

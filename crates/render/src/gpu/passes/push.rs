@@ -5,11 +5,14 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::pyramid::{GpuLevel, GpuPyramid};
 use crate::gpu::passes::pull::level_resources;
 use crate::picture::pyramid::Planes;
+
+same_values!(push_push == crate::passes::push { HIDING_PX, ENCLOSING, SMOOTH, NEAR, ROUNDING });
+without_twin!(common_ellipse { FACING });
 
 /// The pass.
 pub struct Push {

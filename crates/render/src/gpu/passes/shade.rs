@@ -4,9 +4,21 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::surface::Target;
+
+same_values!(shade_shade == crate::passes::shade {
+    KEY[..] = KEY.to_array(),
+    KEY_SHARE,
+    EYE_SHARE,
+    SKY_SHARE,
+    GROUND_SHARE,
+    SHINE,
+    EDGE[..] = [EDGE.0, EDGE.1],
+    DOME[..] = [DOME.0, DOME.1],
+});
+same_values!(shade_shade == crate::passes::smooth_depth { REACH, BEHIND_MAX });
 
 /// Lighting.
 pub struct Shade {

@@ -5,19 +5,43 @@ use crate::gpu::device::dispatch::{Dispatch, Groups, fixed_uniform};
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::{Beside, Kernel};
 use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::sources::constants;
+use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::surface::Target;
-use crate::same_layout;
 use bytemuck::{Pod, Zeroable};
 use std::thread;
 use wgpu::{BindingResource, BufferBinding, BufferSize, BufferUsages};
 
+same_values!(silhouette_rims == crate::passes::silhouette::rim {
+    OPEN_PX[..] = [OPEN_PX.0, OPEN_PX.1],
+    SLOPE_RADII[..],
+    STEEPER,
+    SLOPE_REACH_MIN,
+    WIDTH_RADII,
+    LINE_WIDTH[..] = [LINE_WIDTH.0, LINE_WIDTH.1],
+    LINE_SIDE,
+    LINE_RADIUS_MAX_PX,
+});
+same_values!(common_overhang == crate::passes::silhouette::rim {
+    OVERHANG[..] = [OVERHANG[1], OVERHANG[0]],
+    OVERHANG_MIN_PX[..] = [OVERHANG_MIN_PX[1], OVERHANG_MIN_PX[0]],
+    LINE_OVERHANG_PX,
+});
+same_values!(
+    silhouette_settle
+        == crate::passes::silhouette { ALONE, ALONE_RADIUS_PX, STEEPEST, MIRRORED_PX, RISE_MAX }
+);
+same_values!(common_source == crate::passes::silhouette { PIXEL_BITS, PIXEL_MASK });
+without_twin!(common_turns { ROW_TILES });
+without_twin!(silhouette_waves { SIDE, LANES });
+
 /// Turns, and waves of half a turn: all together as many as the twin's at most.
-const TURNS: u32 = 16;
-const HALF_WAVES: u32 = 8;
+const TURNS: u32 = constants::common_turns::TURNS;
+const HALF_WAVES: u32 = constants::silhouette_waves::HALO;
 const _: () = assert!(TURNS * 2 * HALF_WAVES == crate::passes::silhouette::WAVES);
 /// Pixels on a side of a tile.
-const TILE: u32 = 16;
+const TILE: u32 = constants::common_turns::TILE;
 /// Bytes from one uniform in a buffer to the next: what WebGPU promises.
 const UNIFORM_STRIDE: usize = 256;
 

@@ -5,11 +5,14 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::shader::sources;
+use crate::gpu::device::shader::{same_values, sources, without_twin};
 use crate::gpu::surface::Target;
+use crate::passes::smooth_depth::STEPS;
 
-/// Distances of the taps, pixels, a round each.
-const STEPS: [u32; 4] = [8, 4, 2, 1];
+same_values!(common_smoothing == crate::passes::smooth_depth { SLOPE_MAX });
+same_values!(smooth_depth_smooth == crate::passes::smooth_depth { TAPS[..], RADIUS_PER_STEP[..] });
+same_values!(smooth_depth_radius == crate::passes::smooth_depth { EVERY });
+without_twin!(smooth_depth_radius { LANES });
 
 /// The pass.
 pub struct SmoothDepth {
@@ -24,8 +27,8 @@ impl SmoothDepth {
     /// # Errors
     /// Where a shader is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let smooth = |step: u32, down: f64| {
-            let constants = [("STEP", f64::from(step)), ("DOWN", down)];
+        let smooth = |step: usize, down: f64| {
+            let constants = [("STEP", step as f64), ("DOWN", down)];
             Kernel::new(gpu, sources::SMOOTH_DEPTH_SMOOTH, "main", &constants)
         };
         let rounds = STEPS.iter().map(|&step| Ok([smooth(step, 0.0)?, smooth(step, 1.0)?]));
