@@ -31,10 +31,10 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
@@ -121,10 +121,10 @@ impl Feedback {
         self.newest.take()
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.count.reload(gpu)? | self.tiles.reload(gpu)?)
     }

@@ -3,15 +3,15 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use crate::gpu::device::readback;
-use crate::gpu::device::{Gpu, Request, all_interfaces};
+use crate::gpu::device::{Gpu, GpuRequest, all_interfaces};
 
 /// A device of each kind that the machine has; says so where it has none.
 pub(crate) fn gpus() -> Vec<Gpu> {
-    let request = |backends, is_minimal| Request {
+    let request = |backends, is_minimal| GpuRequest {
         backends,
         allow_software: true,
         is_minimal,
-        ..Request::default()
+        ..GpuRequest::default()
     };
     let requests = all_interfaces().iter().flat_map(|&b| [request(b, false), request(b, true)]);
     let gpus: Vec<Gpu> = requests.filter_map(|r| Gpu::open(&r).ok()).collect();

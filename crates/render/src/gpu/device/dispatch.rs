@@ -2,7 +2,7 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
-use crate::gpu::device::{Counted, Gpu, Runs};
+use crate::gpu::device::{Counted, DispatchCount, Gpu};
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferUsages, ComputePass};
 
 /// Pixels on a side of a group of the kernels that go over pictures.
@@ -14,7 +14,7 @@ pub struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     bind: wgpu::BindGroup,
     groups: Groups,
-    runs: Runs,
+    runs: DispatchCount,
 }
 
 /// How many groups run.
@@ -23,7 +23,7 @@ pub enum Groups {
     /// So many.
     Fixed([u32; 2]),
     /// As many as three words of a buffer say, from this byte on.
-    Told(wgpu::Buffer, u64),
+    Indirect(wgpu::Buffer, u64),
 }
 
 impl Dispatch {
@@ -61,13 +61,13 @@ impl Dispatch {
         Self { pipeline, bind, groups, runs }
     }
 
-    /// Runs it.
+    /// DispatchCount it.
     pub fn run(&self, pass: &mut ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind, &[]);
         match &self.groups {
             &Groups::Fixed([x, y]) => pass.dispatch_workgroups(x, y, 1),
-            Groups::Told(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
+            Groups::Indirect(buffer, first) => pass.dispatch_workgroups_indirect(buffer, *first),
         }
         self.runs.count();
     }
@@ -76,7 +76,7 @@ impl Dispatch {
 /// A uniform that never changes.
 ///
 /// # Errors
-/// Where memory is refused.
+/// If memory is refused.
 pub(crate) fn fixed_uniform(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<Counted, GpuError> {
     let buffer = gpu.buffer_mapped(label, bytes.len() as u64, BufferUsages::UNIFORM, true)?;
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {

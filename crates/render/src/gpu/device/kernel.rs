@@ -4,7 +4,7 @@
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::{Source, folder};
-use crate::gpu::device::{Gpu, Runs};
+use crate::gpu::device::{DispatchCount, Gpu};
 use std::thread::{self, Scope, ScopedJoinHandle};
 use std::time::SystemTime;
 
@@ -16,14 +16,14 @@ pub struct Kernel {
     is_zeroed: bool,
     pipeline: wgpu::ComputePipeline,
     changed: Option<SystemTime>,
-    runs: Runs,
+    runs: DispatchCount,
 }
 
 impl Kernel {
     /// Builds the entry point of a shader; `constants` are its `override`s.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn new(
         gpu: &Gpu,
         source: Source,
@@ -37,7 +37,7 @@ impl Kernel {
     /// Worth it where that memory is large.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn unzeroed(
         gpu: &Gpu,
         source: Source,
@@ -63,7 +63,7 @@ impl Kernel {
     /// Makes it anew where its shader has changed on the disk (where [`crate::gpu::device::shader::folder`] is). Whether it has.
     ///
     /// # Errors
-    /// Where the changed shader does not build; the kernel is as it was.
+    /// If the changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let Some(folder) = folder() else { return Ok(false) };
         let (text, changed) = self.source.read(&folder)?;
@@ -82,7 +82,7 @@ impl Kernel {
     }
 
     /// What counts its runs.
-    pub fn runs(&self) -> &Runs {
+    pub fn runs(&self) -> &DispatchCount {
         &self.runs
     }
 
@@ -102,7 +102,7 @@ impl Kernel {
         })
     }
 
-    /// Runs it over so many groups.
+    /// DispatchCount it over so many groups.
     pub fn dispatch(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -117,9 +117,9 @@ impl Kernel {
 }
 
 /// What is made on a thread of its own: a driver compiles on the thread that asks it to.
-pub struct Beside<'s, T>(ScopedJoinHandle<'s, Result<T, GpuError>>);
+pub struct Compilation<'s, T>(ScopedJoinHandle<'s, Result<T, GpuError>>);
 
-impl<'s, T: Send + 's> Beside<'s, T> {
+impl<'s, T: Send + 's> Compilation<'s, T> {
     /// Begins to make it.
     ///
     /// # Errors
@@ -135,7 +135,7 @@ impl<'s, T: Send + 's> Beside<'s, T> {
     /// What was made.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn get(self) -> Result<T, GpuError> {
         self.0.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }

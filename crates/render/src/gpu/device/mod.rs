@@ -31,7 +31,7 @@ pub enum ProjectPath {
 
 /// What is asked of a GPU.
 #[derive(Clone, Copy, Debug)]
-pub struct Request {
+pub struct GpuRequest {
     /// Interfaces to look at.
     pub backends: Backends,
     /// Whether a software driver counts.
@@ -42,7 +42,7 @@ pub struct Request {
     pub is_minimal: bool,
 }
 
-impl Default for Request {
+impl Default for GpuRequest {
     fn default() -> Self {
         Self { backends: interfaces(), allow_software: false, path: None, is_minimal: false }
     }
@@ -64,7 +64,7 @@ pub fn all_interfaces() -> &'static [Backends] {
     const ALL: [Backends; 4] = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
     static HAS_OTHERS: OnceLock<bool> = OnceLock::new();
     let others = &ALL[..3];
-    let is_real = |&backends| choose(&Request { backends, ..Request::default() }).is_ok();
+    let is_real = |&backends| choose(&GpuRequest { backends, ..GpuRequest::default() }).is_ok();
     if *HAS_OTHERS.get_or_init(|| others.iter().any(is_real)) { others } else { &ALL }
 }
 
@@ -106,14 +106,14 @@ struct State {
     gate: Arc<Gate>,
     bytes: AtomicU64,
     peak_bytes: AtomicU64,
-    runs: Runs,
+    runs: DispatchCount,
 }
 
 /// How often kernels were run on a device, and point primitives drawn.
 #[derive(Clone, Debug, Default)]
-pub struct Runs(Arc<AtomicU64>);
+pub struct DispatchCount(Arc<AtomicU64>);
 
-impl Runs {
+impl DispatchCount {
     /// Counts one.
     pub fn count(&self) {
         self.0.fetch_add(1, Relaxed);
@@ -179,7 +179,7 @@ impl Gpu {
     ///
     /// # Errors
     /// Where there is none, with what was looked at.
-    pub fn open(request: &Request) -> Result<Self, GpuError> {
+    pub fn open(request: &GpuRequest) -> Result<Self, GpuError> {
         let adapter = choose(request)?;
         let descriptor = descriptor(&adapter, request);
         // Before there is a device: to make one only to let it go takes time, and drivers to the end.
@@ -244,7 +244,7 @@ impl Gpu {
     /// A buffer, counted.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn buffer(
         &self,
         label: &str,
@@ -257,7 +257,7 @@ impl Gpu {
     /// As [`Gpu::buffer`]; where `is_mapped`, it can be written at once.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn buffer_mapped(
         &self,
         label: &str,
@@ -287,7 +287,7 @@ impl Gpu {
     }
 
     /// What counts the runs of kernels.
-    pub fn runs(&self) -> &Runs {
+    pub fn runs(&self) -> &DispatchCount {
         &self.state.runs
     }
 
@@ -354,7 +354,7 @@ pub fn is_software(info: &wgpu::AdapterInfo) -> bool {
         || ["llvmpipe", "softpipe", "swiftshader", "basic render"].iter().any(|s| name.contains(s))
 }
 
-fn choose(request: &Request) -> Result<wgpu::Adapter, GpuError> {
+fn choose(request: &GpuRequest) -> Result<wgpu::Adapter, GpuError> {
     let all = adapters(request.backends);
     let seen: Vec<String> = all
         .iter()
@@ -380,7 +380,10 @@ fn choose(request: &Request) -> Result<wgpu::Adapter, GpuError> {
 
 /// The device to ask an adapter for: WebGPU's default limits, with buffers as large as there are; and those
 /// of the features that the passes know to use.
-pub fn descriptor(adapter: &wgpu::Adapter, request: &Request) -> wgpu::DeviceDescriptor<'static> {
+pub fn descriptor(
+    adapter: &wgpu::Adapter,
+    request: &GpuRequest,
+) -> wgpu::DeviceDescriptor<'static> {
     let has = adapter.limits();
     let mut limits = Limits::default();
     let mut features = Features::empty();

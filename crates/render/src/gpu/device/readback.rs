@@ -30,7 +30,7 @@ impl<T> ReadbackRing<T> {
     /// A ring of buffers of so many bytes.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self, GpuError> {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let free = (0..RING).map(|_| gpu.buffer(label, bytes, usage)).collect::<Result<_, _>>()?;

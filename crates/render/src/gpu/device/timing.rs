@@ -35,7 +35,7 @@ impl Timing {
     /// Of a device; one without timestamps times nothing.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         if !gpu.tier.has_timestamps {
             return Ok(Self::default());

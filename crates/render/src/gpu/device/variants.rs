@@ -26,7 +26,7 @@ impl<const N: usize> Variants<N> {
     /// The kernel with these values.
     ///
     /// # Errors
-    /// Where the driver refuses it.
+    /// If the driver refuses the shader.
     pub fn get(&mut self, gpu: &Gpu, values: Values<N>) -> Result<&Kernel, GpuError> {
         match self.kernels.entry(values) {
             Entry::Occupied(known) => Ok(known.into_mut()),
@@ -48,7 +48,7 @@ impl<const N: usize> Variants<N> {
     /// [`Kernel::reload`] for all that there are.
     ///
     /// # Errors
-    /// Where the changed shader does not build; the kernel is as it was.
+    /// If the changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let mut any = false;
         for kernel in self.kernels.values_mut() {

@@ -23,19 +23,19 @@ same_values!(common_colour == crate::inputs::colour {
     BY_NORMAL = ColourBy::Normal.number(),
 });
 
-/// Runs of values at most.
+/// ColourRuns of values at most.
 pub const RUNS_MAX: usize = 256;
 
 /// All doubles that are numbers, in runs of one colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Runs {
+pub struct ColourRuns {
     /// Where they begin, as [`ordered`] bits, rising from [`ordered`] negative infinity; and their colours.
     pub runs: Vec<(u64, Vec3)>,
     /// Colour of what is no number.
     pub no_number: Vec3,
 }
 
-impl Runs {
+impl ColourRuns {
     /// Those of what a frame maps; `None` where it maps nothing.
     pub fn of(by: &ColourBy, lattice: &Lattice) -> Option<Self> {
         match by {
@@ -100,7 +100,7 @@ fn value_of(ordered: u64) -> f64 {
 /// The table of `shaders/common/encode.wgsl`, for a uniform binding.
 ///
 /// # Errors
-/// Where memory is refused.
+/// If memory is refused.
 pub fn encode_table(gpu: &Gpu) -> Result<Counted, GpuError> {
     let mut bytes: Vec<u8> = (0..=ENCODE_ENTRIES)
         .map(|i| Encoder::get().bytes(Vec3::splat(i as f32 / ENCODE_ENTRIES as f32))[0])
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
     use crate::inputs::colour::Codebook;
 
-    fn looked_up(runs: &Runs, value: f64) -> Vec3 {
+    fn looked_up(runs: &ColourRuns, value: f64) -> Vec3 {
         if value.is_nan() {
             return runs.no_number;
         }
@@ -135,8 +135,8 @@ mod tests {
             for &high in &values {
                 let map = ColourMap { low, high, palette: Palette::Viridis };
                 let table = MapTable::new(&map);
-                let runs = Runs::of(&ColourBy::Scalar(map), &lattice).unwrap();
-                let heights = Runs::of(&ColourBy::Elevation(map), &lattice).unwrap();
+                let runs = ColourRuns::of(&ColourBy::Scalar(map), &lattice).unwrap();
+                let heights = ColourRuns::of(&ColourBy::Elevation(map), &lattice).unwrap();
                 assert!(runs.runs.len() <= RUNS_MAX && heights.runs.len() <= RUNS_MAX);
                 assert!(runs.runs.is_sorted_by(|a, b| a.0 < b.0));
                 let between = (0..200).map(|i| low + (high - low) * (f64::from(i) / 199.0));
@@ -156,7 +156,7 @@ mod tests {
         let along = Codebook::Along(Palette::Viridis);
         for book in [Codebook::Classes, Codebook::Labels, along, own] {
             let (runs, colours) =
-                (Runs::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
+                (ColourRuns::of(&ColourBy::Codes(book), &lattice).unwrap(), book.colours());
             for v in [-3.0, -0.0, 0.0, 0.9, 2.0, 17.5, 22.0, 254.0, 255.0, 300.0, f64::NAN] {
                 assert_eq!(looked_up(&runs, v), colours[usize::from(v as u8)], "{v} of {book:?}");
             }

@@ -3,11 +3,10 @@
 //! buffers that stay and grow by doubling.
 
 use crate::frame::Frame;
-use crate::gpu::PlaneAt;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::pool::NodePool;
-use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE};
+use crate::gpu::memory::table::{CHUNK_POINTS, Chunk, Draw, NO_PAGE, PlaneAt};
 use crate::inputs::camera::Camera;
 use crate::plan::FramePlan;
 use std::collections::BTreeSet;
@@ -64,7 +63,7 @@ impl GpuCut {
     /// Of nothing.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             rows: Vec::new(),
@@ -190,7 +189,7 @@ impl GpuCut {
     /// Takes the nodes of a frame and sends the tables with the next submission.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fill(
         &mut self,
         gpu: &Gpu,

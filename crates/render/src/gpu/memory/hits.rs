@@ -24,7 +24,7 @@ impl Hits {
     /// Of no pixels.
     ///
     /// # Errors
-    /// Where the driver refuses the shader.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let clear = Kernel::new(gpu, sources::PROJECT_CLEAR, "main", &[])?;
         Ok(Self { buffer: None, pixels: 0, clear })
@@ -62,10 +62,10 @@ impl Hits {
         }
     }
 
-    /// Makes the kernel anew where its shader has changed on the disk.
+    /// Rebuilds the kernel if its shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.clear.reload(gpu)
     }

@@ -9,7 +9,7 @@ use crate::gpu::device::shader::sources;
 use crate::gpu::device::shader::{same_layout, same_values, without_twin};
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
-use crate::gpu::memory::colour::Runs;
+use crate::gpu::memory::colour::ColourRuns;
 use crate::gpu::memory::octree::GpuOctree;
 use crate::inputs::colour::{ColourBy, PLAIN, linear};
 use crate::plan::FramePlan;
@@ -34,7 +34,7 @@ const NO_SUCH_PAGE: u32 = u32::MAX - 1;
 
 /// The points that won pixels, as projection left them, and where their planes lie.
 #[derive(Clone, Copy, Debug)]
-pub struct Won<'a> {
+pub struct WinningPoints<'a> {
     /// The frame's uniform.
     pub uniform: &'a Buffer,
     /// Pixels in a row, rows.
@@ -51,7 +51,7 @@ pub struct Won<'a> {
     pub counts: &'a Buffer,
 }
 
-impl Won<'_> {
+impl WinningPoints<'_> {
     /// Groups of 256 pixels.
     pub(crate) fn groups(&self) -> [u32; 3] {
         groups_of(u64::from(self.size[0]) * u64::from(self.size[1]))
@@ -98,10 +98,10 @@ pub struct GpuLookup {
 }
 
 impl GpuLookup {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Ok(Self {
@@ -122,7 +122,7 @@ impl GpuLookup {
     /// Takes the octree and the colours of a frame; what has not changed since the last is not made again.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn set<P>(&mut self, gpu: &Gpu, frame: &Frame<'_, P>) -> Result<(), GpuError> {
         self.octree.set(gpu, frame.octree)?;
         let cells = self.octree.len() as u32;
@@ -133,7 +133,7 @@ impl GpuLookup {
         self.tables.cells = cells;
         if !is_known {
             (self.lattice, self.colour) = (Some(*frame.lattice), frame.colour);
-            self.tables.take(Runs::of(&frame.colour, frame.lattice));
+            self.tables.take(ColourRuns::of(&frame.colour, frame.lattice));
         }
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&*self.tables));
         Ok(())
@@ -153,7 +153,7 @@ impl GpuLookup {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         plan: &FramePlan,
         to: [&Buffer; 2],
     ) -> Result<(), GpuError> {
@@ -166,7 +166,7 @@ impl GpuLookup {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         [any, clips]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
         self.run(gpu, pass, won, [0, 0, 0, 1, 0], [any, clips])
@@ -177,7 +177,7 @@ impl GpuLookup {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         [any, clips]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
         self.run(gpu, pass, won, [0, 0, 0, 0, 1], [any, clips])
@@ -187,7 +187,7 @@ impl GpuLookup {
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         constants: [u32; 5],
         [geometry, paint]: [&Buffer; 2],
     ) -> Result<(), GpuError> {
@@ -223,10 +223,10 @@ impl GpuLookup {
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernels.reload(gpu)
     }
@@ -249,8 +249,8 @@ fn tables() -> Lookup {
 }
 
 impl Lookup {
-    fn take(&mut self, runs: Option<Runs>) {
-        // Runs that are not used begin above all values.
+    fn take(&mut self, runs: Option<ColourRuns>) {
+        // ColourRuns that are not used begin above all values.
         self.starts = [[[u32::MAX; 2]; 2]; 128];
         let Some(runs) = runs else { return };
         for (i, (start, colour)) in runs.runs.into_iter().enumerate() {

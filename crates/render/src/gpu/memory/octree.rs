@@ -27,7 +27,7 @@ impl GpuOctree {
     /// Without cells.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self { cells: Vec::new(), buffer: buffer(gpu, 1)? })
     }

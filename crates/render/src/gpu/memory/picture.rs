@@ -25,7 +25,7 @@ impl GpuPicture {
     /// Room for a picture, given with its margin; at least one pixel.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu, size: [u32; 2], margin_px: u32) -> Result<Self, GpuError> {
         let [width, height] = size.map(|side| side.max(1));
         let [inner_width, inner_height] = [width, height].map(|side| side - 2 * margin_px);

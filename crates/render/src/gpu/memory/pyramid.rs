@@ -63,7 +63,7 @@ impl GpuPyramid {
     /// Takes the shape for a picture. Whether its buffers are new.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fit(
         &mut self,
         gpu: &Gpu,

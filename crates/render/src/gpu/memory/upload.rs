@@ -60,7 +60,7 @@ impl UploadRing {
     /// So many runs, mapped, to be lent.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn runs(gpu: &Gpu, count: usize) -> Result<Vec<UploadRun>, GpuError> {
         let usage = BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC;
         let run = |_| {

@@ -63,7 +63,7 @@ impl Average {
     /// Takes the memory that a plan needs, and gives back what it does not.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn fit(&mut self, gpu: &Gpu, pixels: u64, plan: &FramePlan) -> Result<(), GpuError> {
         let bytes = if plan.averages() { Self::bytes(pixels, plan) } else { 0 };
         if self.sums.as_ref().map_or(0, |sums| sums.size()) != bytes.next_multiple_of(16) {
@@ -78,8 +78,8 @@ impl Average {
     /// Replaces what the winners brought to the picture's level by means.
     ///
     /// # Errors
-    /// Where a shader is refused.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// If the driver refuses a shader.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -121,10 +121,10 @@ impl Average {
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.begin.reload(gpu)? | self.add.reload(gpu)? | self.finish.reload(gpu)?)
     }

@@ -6,7 +6,7 @@ use crate::gpu::device::kernel::{Kernel, groups_of};
 use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::timing::Timing;
 use crate::gpu::device::{Counted, Gpu};
-use crate::gpu::memory::lookup::Won;
+use crate::gpu::memory::lookup::WinningPoints;
 use crate::gpu::memory::pyramid::GpuLevel;
 use crate::passes::exposure::{CELL_PX, SLICES, SLOTS};
 use crate::plan::{FramePlan, Pass};
@@ -52,7 +52,7 @@ impl Exposure {
     /// Takes what a plan needs, and gives back what it does not.
     ///
     /// # Errors
-    /// Where memory or a shader is refused.
+    /// If the driver refuses a shader or memory.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
         if !plan.evens_exposure() {
             *self = Self::default();
@@ -84,7 +84,7 @@ impl Exposure {
         &self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         paint: &Buffer,
     ) {
         let (Some(Kernels { slot, .. }), Some(memory)) = (&self.kernels, &self.memory) else {
@@ -122,10 +122,10 @@ impl Exposure {
         }
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let Some(Kernels { slot, add, apply }) = &mut self.kernels else { return Ok(false) };
         Ok(slot.reload(gpu)? | add.reload(gpu)? | apply.reload(gpu)?)

@@ -6,7 +6,7 @@ use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
 use crate::gpu::device::shader::{same_values, sources, without_twin};
-use crate::gpu::surface::Target;
+use crate::gpu::target::SurfaceTarget;
 use crate::passes::fill_holes::ROUNDS;
 use crate::picture::pyramid::Planes;
 
@@ -29,10 +29,10 @@ pub struct FillHoles {
 }
 
 impl FillHoles {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let constants = [("NORMALS", f64::from(planes == Planes::Normals))];
         let moved = [("PLANE", planes.values() as f64)];
@@ -46,10 +46,10 @@ impl FillHoles {
         })
     }
 
-    /// What fills [`Target::depth`] and the marks, and closes the gaps of level 0.
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// What fills [`SurfaceTarget::depth`] and the marks, and closes the gaps of level 0.
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let base = target.base();
-        let &Target { depth, marks, .. } = target;
+        let &SurfaceTarget { depth, marks, .. } = target;
         let image = [&base.front, &base.depth, depth, &base.plane, &base.tint];
         let find = [depth, &base.tint, marks];
         let fill = [marks, depth, &base.front, &base.tint, &base.plane];

@@ -60,7 +60,7 @@ impl FitPlanes {
     /// Takes what a plan needs, and gives back what it does not.
     ///
     /// # Errors
-    /// Where memory or a shader is refused.
+    /// If the driver refuses a shader or memory.
     pub fn fit(&mut self, gpu: &Gpu, size: [u32; 2], plan: &FramePlan) -> Result<(), GpuError> {
         if plan.planes() != Planes::Fitted {
             self.memory = None;
@@ -132,10 +132,10 @@ impl FitPlanes {
         tilt.dispatch(pass, &tilt.bind(gpu, &buffers), groups_of(pixels));
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let Some(Kernels { nearest, tell, tilt }) = &mut self.kernels else {
             return Ok(false);

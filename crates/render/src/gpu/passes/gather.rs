@@ -5,7 +5,7 @@ use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
-use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::gpu::memory::pyramid::GpuPyramid;
 use crate::gpu::passes::exposure::Exposure;
 use crate::gpu::passes::fit_planes::FitPlanes;
@@ -50,14 +50,14 @@ impl Gather {
     /// Fills level 0 of a pyramid, which has the picture's size. Adds to the first of the counts.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         plan: &FramePlan,
         lookup: &mut GpuLookup,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         pyramid: &GpuPyramid,
     ) -> Result<(), GpuError> {
         let Some(level) = pyramid.levels.first() else { return Ok(()) };
@@ -83,10 +83,10 @@ impl Gather {
         Ok(())
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         Ok(self.kernels.reload(gpu)? | self.fit_planes.reload(gpu)? | self.exposure.reload(gpu)?)
     }

@@ -31,10 +31,10 @@ pub struct Primitives {
     pipelines: [[wgpu::RenderPipeline; 2]; 2],
     changed: Option<SystemTime>,
     pack: Kernel,
-    target: Option<Target>,
+    target: Option<Attachments>,
 }
 
-struct Target {
+struct Attachments {
     size: [u32; 2],
     drawn: TextureView,
     depth: TextureView,
@@ -44,7 +44,7 @@ impl Primitives {
     /// On any device.
     ///
     /// # Errors
-    /// Where the driver refuses a shader.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let source = sources::PRIMITIVES_POINTS;
         let changed = folder().and_then(|f| source.read(&f).ok()).and_then(|(_, time)| time);
@@ -83,7 +83,7 @@ impl Primitives {
             texture.create_view(&Default::default())
         };
         let usage = TextureUsages::RENDER_ATTACHMENT;
-        self.target = Some(Target {
+        self.target = Some(Attachments {
             size,
             drawn: view("drawn points", DRAWN, usage | TextureUsages::TEXTURE_BINDING),
             depth: view("depth of points", DEPTH, usage),
@@ -92,7 +92,7 @@ impl Primitives {
     }
 
     /// Draws the cut into `hits`.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -127,7 +127,7 @@ impl Primitives {
         &self,
         gpu: &Gpu,
         uniform: &wgpu::Buffer,
-        target: &Target,
+        target: &Attachments,
         hits: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
@@ -142,10 +142,10 @@ impl Primitives {
         })
     }
 
-    /// Makes the pipelines anew where a shader has changed on the disk (debug runs only).
+    /// Rebuilds the pipelines if a shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let packs = self.pack.reload(gpu)?;
         let Some(folder) = folder() else { return Ok(packs) };
@@ -162,7 +162,7 @@ impl Primitives {
 
 fn begin<'e>(
     encoder: &'e mut wgpu::CommandEncoder,
-    target: &Target,
+    target: &Attachments,
     timing: &mut Timing,
 ) -> wgpu::RenderPass<'e> {
     /// All ones, as the integers that a float clears to.

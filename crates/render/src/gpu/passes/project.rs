@@ -10,7 +10,7 @@ use crate::gpu::device::variants::Variants;
 use crate::gpu::memory::cut::GpuCut;
 use crate::gpu::memory::hits::Hits;
 use crate::gpu::memory::pool::NodePool;
-use crate::gpu::memory::runs::Bounds;
+use crate::gpu::passes::bounds::Bounds;
 use crate::plan::{FramePlan, Pass};
 
 without_twin!(project_atomics { ROUNDING });
@@ -31,7 +31,7 @@ impl Project {
     /// On a device with 64-bit atomics; `skips_runs` for all but measurements of what it saves.
     ///
     /// # Errors
-    /// Where the driver refuses the shader.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, true, true)
     }
@@ -69,8 +69,8 @@ impl Project {
     /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
     ///
     /// # Errors
-    /// Where memory is refused.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads is named, one by one")]
+    /// If memory is refused.
+    #[allow(clippy::too_many_arguments, reason = "each input of a pass has its own argument")]
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -106,10 +106,10 @@ impl Project {
         self.bounds.submitted(pool);
     }
 
-    /// Makes the kernels anew where their shader has changed on the disk.
+    /// Rebuilds the kernels if their shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the old one goes on.
+    /// If the changed shader does not build; the old one stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         let bounds = self.bounds.reload(gpu)?;
         Ok(self.kernels.reload(gpu)? || bounds)

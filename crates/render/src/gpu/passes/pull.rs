@@ -15,10 +15,10 @@ pub struct Pull {
 }
 
 impl Pull {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let constants = [("PLANE", planes.values() as f64)];
         Ok(Self { kernel: Kernel::new(gpu, sources::PULL_PULL, "main", &constants)? })

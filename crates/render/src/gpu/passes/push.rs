@@ -24,10 +24,10 @@ pub struct Push {
 }
 
 impl Push {
-    /// For pyramids whose pixels carry these planes.
+    /// Builds the kernels for pyramids whose pixels carry `planes`.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let mut kernels = Variants::new(sources::PUSH_PUSH, ["PLANE", "SMOOTHS"]);
         kernels.get(gpu, [planes.values() as u32, 0])?;
@@ -42,7 +42,7 @@ impl Push {
     /// are smoothed where asked. `uniform` is the frame's.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn dispatches(
         &mut self,
         gpu: &Gpu,

@@ -6,7 +6,7 @@ use crate::gpu::device::shader::sources;
 use crate::gpu::device::variants::Variants;
 use crate::gpu::device::{Counted, Gpu};
 use crate::gpu::memory::colour::encode_table;
-use crate::gpu::memory::lookup::{GpuLookup, Won};
+use crate::gpu::memory::lookup::{GpuLookup, WinningPoints};
 use crate::gpu::memory::picture::GpuPicture;
 use crate::plan::FramePlan;
 use wgpu::{BufferUsages, ComputePass};
@@ -25,10 +25,10 @@ pub struct Resolve {
 }
 
 impl Resolve {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             encode: encode_table(gpu)?,
@@ -42,14 +42,14 @@ impl Resolve {
     /// both counts.
     ///
     /// # Errors
-    /// Where a shader or memory is refused.
+    /// If the driver refuses a shader or memory.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
         pass: &mut ComputePass<'_>,
         plan: &FramePlan,
         lookup: &mut GpuLookup,
-        won: &Won<'_>,
+        won: &WinningPoints<'_>,
         picture: &GpuPicture,
     ) -> Result<(), GpuError> {
         let pixels = u64::from(won.size[0]) * u64::from(won.size[1]);
@@ -78,16 +78,16 @@ impl Resolve {
     /// Gives back the memory of the last picture.
     ///
     /// # Errors
-    /// Where memory is refused.
+    /// If memory is refused.
     pub fn release(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         fit(gpu, &mut self.paint, 1)?;
         fit(gpu, &mut self.geometry, 1)
     }
 
-    /// Makes kernels anew whose shaders have changed on the disk (debug runs only).
+    /// Rebuilds the kernels whose shaders have changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where a changed shader does not build; its kernel is as it was.
+    /// If a changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernels.reload(gpu)
     }

@@ -6,7 +6,7 @@ use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
 use crate::gpu::device::shader::{same_values, sources};
 use crate::gpu::device::variants::Variants;
-use crate::gpu::surface::Target;
+use crate::gpu::target::SurfaceTarget;
 
 same_values!(shade_shade == crate::passes::shade {
     KEY[..] = KEY.to_array(),
@@ -28,31 +28,31 @@ pub struct Shade {
 }
 
 impl Shade {
-    /// For pyramids with normals or without.
+    /// Builds the kernels for pyramids with or without normals.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu, has_normals: bool) -> Result<Self, GpuError> {
         let mut kernels = Variants::new(sources::SHADE_SHADE, ["NORMALS", "SHINES"]);
         kernels.get(gpu, [u32::from(has_normals), 1])?;
         Ok(Self { kernels, has_normals })
     }
 
-    /// What lights level 0 into [`Target::shaded`], with highlights or without.
+    /// What lights level 0 into [`SurfaceTarget::shaded`], with highlights or without.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn dispatches(
         &mut self,
         gpu: &Gpu,
-        target: &Target<'_>,
+        target: &SurfaceTarget<'_>,
         shines: bool,
     ) -> Result<Vec<Dispatch>, GpuError> {
         let (base, levels) = (target.base(), &target.pyramid.levels);
         let coarse = levels.get(1).unwrap_or(base);
         let depth = if self.has_normals { &target.picture.depth } else { target.spare };
         let (tint, normal, coarse) = (&base.tint, &base.plane, &coarse.plane);
-        let &Target { smoothing, sources, shaded, .. } = target;
+        let &SurfaceTarget { smoothing, sources, shaded, .. } = target;
         let buffers = [smoothing, depth, tint, normal, coarse, sources, shaded];
         let kernel = self.kernels.get(gpu, [self.has_normals, shines].map(u32::from))?;
         Ok(vec![target.dispatch(gpu, kernel, &buffers)])

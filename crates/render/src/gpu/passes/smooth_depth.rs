@@ -6,7 +6,7 @@ use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
 use crate::gpu::device::shader::{same_values, sources, without_twin};
-use crate::gpu::surface::Target;
+use crate::gpu::target::SurfaceTarget;
 use crate::passes::smooth_depth::STEPS;
 
 same_values!(common_smoothing == crate::passes::smooth_depth { SLOPE_MAX });
@@ -22,10 +22,10 @@ pub struct SmoothDepth {
 }
 
 impl SmoothDepth {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where a shader is refused.
+    /// If the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let smooth = |step: usize, down: f64| {
             let constants = [("STEP", step as f64), ("DOWN", down)];
@@ -38,8 +38,8 @@ impl SmoothDepth {
         })
     }
 
-    /// What finds the mean radius and smooths the picture's depth into [`Target::spare`].
-    pub fn dispatches(&self, gpu: &Gpu, target: &Target<'_>) -> Vec<Dispatch> {
+    /// What finds the mean radius and smooths the picture's depth into [`SurfaceTarget::spare`].
+    pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let depth = &target.picture.depth;
         let radius = [depth, &target.base().tint, target.sources, target.smoothing];
         let mut all = vec![target.one_group(gpu, &self.radius, &radius)];

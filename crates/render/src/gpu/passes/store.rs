@@ -14,10 +14,10 @@ pub struct Store {
 }
 
 impl Store {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where the shader is refused.
+    /// If the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self { kernel: Kernel::new(gpu, sources::PICTURE_STORE, "main", &[])? })
     }

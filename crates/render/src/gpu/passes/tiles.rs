@@ -19,10 +19,10 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// For a device.
+    /// Creates it on a device.
     ///
     /// # Errors
-    /// Where the shader or memory is refused.
+    /// If the driver refuses the shader or memory.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let constants = [("TILES", TILES as f64)];
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
@@ -44,10 +44,10 @@ impl Tiles {
         &self.buffer
     }
 
-    /// Makes the kernel anew where its shader has changed on the disk (debug runs only).
+    /// Rebuilds the kernel if its shader has changed on disk (debug runs only).
     ///
     /// # Errors
-    /// Where the changed shader does not build; the kernel is as it was.
+    /// If the changed shader does not build; the old kernel stays.
     pub fn reload(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
         self.kernel.reload(gpu)
     }
