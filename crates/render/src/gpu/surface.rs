@@ -142,25 +142,25 @@ impl Kernels {
     fn new(gpu: &Gpu, planes: Planes) -> Result<Self, GpuError> {
         let has_normals = planes == Planes::Normals;
         thread::scope(|scope| {
-            let silhouette = Compilation::begin(scope, || Silhouette::new(gpu, has_normals))?;
-            let fill_holes = Compilation::begin(scope, || FillHoles::new(gpu, planes))?;
-            let push = Compilation::begin(scope, || Push::new(gpu, planes))?;
-            let shade = Compilation::begin(scope, || {
+            let silhouette = Compilation::start(scope, || Silhouette::new(gpu, has_normals))?;
+            let fill_holes = Compilation::start(scope, || FillHoles::new(gpu, planes))?;
+            let push = Compilation::start(scope, || Push::new(gpu, planes))?;
+            let shade = Compilation::start(scope, || {
                 Ok((Shade::new(gpu, has_normals)?, Antialias::new(gpu, has_normals)?))
             })?;
-            let smooth_depth = Compilation::begin(scope, || {
+            let smooth_depth = Compilation::start(scope, || {
                 if has_normals { Ok(None) } else { SmoothDepth::new(gpu).map(Some) }
             })?;
             let edges = Kernel::new(gpu, sources::EWA_EDGES, "main", &[])?;
             let pull = Pull::new(gpu, planes)?;
-            let (shade, antialias) = shade.get()?;
+            let (shade, antialias) = shade.finish()?;
             Ok(Self {
                 edges,
                 pull,
-                push: push.get()?,
-                fill_holes: fill_holes.get()?,
-                silhouette: silhouette.get()?,
-                smooth_depth: smooth_depth.get()?,
+                push: push.finish()?,
+                fill_holes: fill_holes.finish()?,
+                silhouette: silhouette.finish()?,
+                smooth_depth: smooth_depth.finish()?,
                 shade,
                 antialias,
             })

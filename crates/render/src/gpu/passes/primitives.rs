@@ -114,7 +114,7 @@ impl Primitives {
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &[]) else { continue };
             pass.set_bind_group(0, &bind, &[]);
             pass.draw(0..CHUNK_POINTS, 0..work.range.len() as u32);
-            gpu.runs().count();
+            gpu.dispatch_count().add_one();
         }
         drop(pass);
         let bind = self.bind_pack(gpu, uniform, target, to);

@@ -73,10 +73,10 @@ impl Silhouette {
         let normals = f64::from(has_normals);
         thread::scope(|scope| {
             let [rims, waves] = [
-                Compilation::begin(scope, || {
+                Compilation::start(scope, || {
                     Kernel::new(gpu, sources::SILHOUETTE_RIMS, "main", &[("NORMALS", normals)])
                 })?,
-                Compilation::begin(scope, || {
+                Compilation::start(scope, || {
                     Kernel::unzeroed(
                         gpu,
                         sources::SILHOUETTE_WAVES,
@@ -89,8 +89,8 @@ impl Silhouette {
                 start: Kernel::new(gpu, sources::SILHOUETTE_START, "main", &[])?,
                 tiles: Kernel::new(gpu, sources::SILHOUETTE_TILES, "main", &[])?,
                 settle: Kernel::new(gpu, sources::SILHOUETTE_SETTLE, "main", &[])?,
-                rims: rims.get()?,
-                waves: waves.get()?,
+                rims: rims.finish()?,
+                waves: waves.finish()?,
                 halves: halves(gpu)?,
             })
         })
