@@ -1,7 +1,8 @@
 //! Links and validates the shaders of `shaders/`, and generates `shaders.rs` from them: the linked
 //! texts, the layouts of structures and the values of constants, which Rust compares with its own
 //! (`same_layout!`, `same_values!`). A shader that naga refuses fails the build. Each file
-//! `shaders/PASS/NAME.wgsl` becomes `sources::PASS_NAME`; files of `shaders/common` are only included.
+//! `shaders/PASS/NAME.wgsl` becomes `sources::PASS_NAME`; files of `shaders/common` are only
+//! included.
 
 #[path = "src/gpu/device/link.rs"]
 #[allow(dead_code, reason = "the crate uses more of it")]

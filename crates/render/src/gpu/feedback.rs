@@ -1,6 +1,6 @@
-//! Results of a frame that reach the host some frames later: counts, times, and the depth tiles by which
-//! the LOD thread finds hidden nodes. They are copied after the frame's passes, and polled, never waited
-//! for.
+//! Results of a frame that reach the host some frames later: counts, times, and the depth tiles by
+//! which the LOD thread finds hidden nodes. They are copied after the frame's passes, and polled,
+//! never waited for.
 
 use crate::frame::{Method, Stats};
 use crate::gpu::device::error::GpuError;
@@ -19,7 +19,8 @@ const COUNTS_BYTES: u64 = 16;
 
 /// Counts, times and depth tiles of frames.
 pub struct Feedback {
-    /// Four words: pixels with a winning point, pixels that show a surface, splats drawn, splats dropped.
+    /// Four words: pixels with a winning point, pixels that show a surface, splats drawn, splats
+    /// dropped.
     pub counts: Counted,
     /// Times of the passes.
     pub timing: Timing,
@@ -56,8 +57,8 @@ impl Feedback {
         encoder.clear_buffer(&self.counts, 0, None);
     }
 
-    /// Ends a frame, after its passes: counts the pixels of `picture` and encodes the copies. `stats` has
-    /// the counts that the host already knows.
+    /// Ends a frame, after its passes: counts the pixels of `picture` and encodes the copies.
+    /// `stats` has the counts that the host already knows.
     pub fn end(
         &mut self,
         gpu: &Gpu,
@@ -111,8 +112,8 @@ impl Feedback {
         }
     }
 
-    /// Counts and times of the newest frame whose counts have arrived; the times are zero if the device
-    /// has no timestamps.
+    /// Counts and times of the newest frame whose counts have arrived; the times are zero if the
+    /// device has no timestamps.
     pub fn stats(&mut self, gpu: &Gpu) -> Option<Stats> {
         self.arrive(gpu);
         self.stats

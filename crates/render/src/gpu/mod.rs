@@ -1,5 +1,5 @@
-//! The passes on a GPU, by wgpu. Each has shaders in `shaders/`, a host file here, a CPU pass of the
-//! same name (its twin), and a test that compares both. One thread submits, maps and polls.
+//! The passes on a GPU, by wgpu. Each has shaders in `shaders/`, a host file here, a CPU pass of
+//! the same name (its twin), and a test that compares both. One thread submits, maps and polls.
 
 pub mod device;
 pub mod feedback;

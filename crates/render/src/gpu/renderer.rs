@@ -1,5 +1,5 @@
-//! A frame on the GPU: encodes the passes of the frame's plan into one command buffer and submits it
-//! once. Only [`GpuRenderer::read`] waits for the GPU. Twin: [`crate::renderer`].
+//! A frame on the GPU: encodes the passes of the frame's plan into one command buffer and submits
+//! it once. Only [`GpuRenderer::read`] waits for the GPU. Twin: [`crate::renderer`].
 
 use crate::frame::{Frame, Method, Picture, Stats};
 use crate::gpu::device::error::GpuError;
@@ -34,7 +34,8 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, TextureView};
 /// Bytes a pixel of the widest plane of pictures and pyramids.
 const PIXEL_BYTES_MAX: u64 = 16;
 
-/// Draws frames on a GPU, and keeps its buffers from frame to frame. Only the render thread uses it.
+/// Draws frames on a GPU, and keeps its buffers from frame to frame. Only the render thread uses
+/// it.
 pub struct GpuRenderer {
     gpu: Gpu,
     uniform: Counted,
@@ -100,7 +101,8 @@ impl GpuRenderer {
     /// Draws a frame whose planes are in `pool`: encodes and submits, and does not wait.
     ///
     /// # Errors
-    /// If the view makes no valid camera or is too large, memory is refused, or the device has failed.
+    /// If the view makes no valid camera or is too large, memory is refused, or the device has
+    /// failed.
     pub fn render(&mut self, frame: &Frame<'_, PlaneAt>, pool: &NodePool) -> Result<(), GpuError> {
         let encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.render_after(encoder, frame, pool)
@@ -165,8 +167,8 @@ impl GpuRenderer {
             && bytes <= self.gpu.tier.binding_bytes_max
     }
 
-    /// Creates the picture, the frame buffer and the pyramid that a frame needs, and releases what it
-    /// does not need.
+    /// Creates the picture, the frame buffer and the pyramid that a frame needs, and releases what
+    /// it does not need.
     fn fit(&mut self, camera: &Camera, plan: &FramePlan) -> Result<(), GpuError> {
         let (size, margin_px) = (camera.size, camera.margin_px);
         let [width, height] = size;
@@ -356,8 +358,8 @@ impl GpuRenderer {
         self.feedback.end(&self.gpu, encoder, &self.uniform, picture, of);
     }
 
-    /// The newest picture as a texture for a window: `rgba8unorm` with sRGB bytes and straight alpha. A
-    /// frame of another size has another texture.
+    /// The newest picture as a texture for a window: `rgba8unorm` with sRGB bytes and straight
+    /// alpha. A frame of another size has another texture.
     pub fn texture(&self) -> Option<&TextureView> {
         self.output.as_ref().map(|output| &output.view)
     }
@@ -386,13 +388,14 @@ impl GpuRenderer {
         Ok(cropped)
     }
 
-    /// Counts and times of the newest frame whose counts have arrived; does not wait. The times are zero
-    /// if the device has no timestamps.
+    /// Counts and times of the newest frame whose counts have arrived; does not wait. The times are
+    /// zero if the device has no timestamps.
     pub fn stats(&mut self) -> Option<Stats> {
         self.feedback.stats(&self.gpu)
     }
 
-    /// The newest depth tiles that have arrived, with the view that they were drawn from; does not wait.
+    /// The newest depth tiles that have arrived, with the view that they were drawn from; does not
+    /// wait.
     pub fn feedback(&mut self) -> Option<DepthFeedback> {
         self.feedback.depth(&self.gpu)
     }
@@ -412,8 +415,8 @@ impl GpuRenderer {
         (&self.hits, &self.cut)
     }
 
-    /// Rebuilds the kernels whose shaders have changed in [`crate::gpu::device::shader::folder`]. Whether
-    /// any has.
+    /// Rebuilds the kernels whose shaders have changed in [`crate::gpu::device::shader::folder`].
+    /// Whether any has.
     ///
     /// # Errors
     /// If a changed shader does not build; the old kernel stays.
@@ -432,8 +435,8 @@ impl GpuRenderer {
     }
 }
 
-/// The winning points of the frame buffer, and the tables and pages that they refer to; `None` before
-/// there is a frame buffer.
+/// The winning points of the frame buffer, and the tables and pages that they refer to; `None`
+/// before there is a frame buffer.
 fn winning<'a>(
     uniform: &'a Buffer,
     picture: &GpuPicture,

@@ -1,6 +1,6 @@
 //! The passes from a filled level 0 of the pyramid to the picture: pull, push, fill_holes,
-//! silhouette, smooth_depth, shade and antialias. Kernels are built when a scene first needs them, and
-//! bound once for each pyramid and picture; a frame then only runs their dispatches.
+//! silhouette, smooth_depth, shade and antialias. Kernels are built when a scene first needs them,
+//! and bound once for each pyramid and picture; a frame then only runs their dispatches.
 
 use crate::gpu::device::dispatch::Dispatch;
 use crate::gpu::device::error::GpuError;
@@ -58,12 +58,14 @@ pub struct Choices {
 
 /// Dispatches over one pyramid and picture.
 struct Bound {
-    /// Buffers that identify what is bound: the uniform, a plane of the pyramid, one of the picture.
+    /// Buffers that identify what is bound: the uniform, a plane of the pyramid, one of the
+    /// picture.
     to: [wgpu::Buffer; 3],
-    /// Stages of each choice so far: when a moving camera alternates between two choices, neither is
-    /// bound again.
+    /// Stages of each choice so far: when a moving camera alternates between two choices, neither
+    /// is bound again.
     stages: Vec<(Choices, Vec<Stage>)>,
-    /// Held here so that its bytes are counted, and for tests; bind groups alone would keep it alive.
+    /// Held here so that its bytes are counted, and for tests; bind groups alone would keep it
+    /// alive.
     scratch: Scratch,
 }
 
@@ -210,8 +212,8 @@ impl Kernels {
 }
 
 impl Surface {
-    /// Adds the passes of `plan` to the commands of a frame. Level 0 of `pyramid` is filled, `picture`
-    /// has its size, and `uniform` holds the [`crate::gpu::memory::frame::FrameUniform`].
+    /// Adds the passes of `plan` to the commands of a frame. Level 0 of `pyramid` is filled,
+    /// `picture` has its size, and `uniform` holds the [`crate::gpu::memory::frame::FrameUniform`].
     ///
     /// # Errors
     /// If the driver refuses a shader or memory.

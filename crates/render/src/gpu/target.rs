@@ -19,8 +19,9 @@ pub struct SurfaceTarget<'a> {
     pub picture: &'a GpuPicture,
     /// Bits of `shaders/common/marks.wgsl`, a word a pixel.
     pub marks: &'a Counted,
-    /// Depth after fill_holes, `f32` a pixel, from which [`crate::gpu::passes::silhouette`] makes the
-    /// picture's. Afterwards it holds depth smoothed along rows, and then [`SurfaceTarget::shaded`].
+    /// Depth after fill_holes, `f32` a pixel, from which [`crate::gpu::passes::silhouette`] makes
+    /// the picture's. Afterwards it holds depth smoothed along rows, and then
+    /// [`SurfaceTarget::shaded`].
     pub depth: &'a Counted,
     /// Source of each pixel, a word a pixel (`shaders/common/source.wgsl`).
     pub sources: &'a Counted,

@@ -1,5 +1,5 @@
-//! Helpers of the tests of this folder: devices on every adapter, with its own limits and with those that
-//! WebGPU guarantees; and reading a buffer.
+//! Helpers of the tests of this folder: devices on every adapter, with its own limits and with
+//! those that WebGPU guarantees; and reading a buffer.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use crate::gpu::device::readback;

@@ -1,4 +1,5 @@
-//! A dispatch that is ready to run in every frame: a kernel with its bindings and number of workgroups.
+//! A dispatch that is ready to run in every frame: a kernel with its bindings and number of
+//! workgroups.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;

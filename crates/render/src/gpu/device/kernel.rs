@@ -1,6 +1,6 @@
-//! A kernel: one entry point of a shader with values for its `override`s, as a compute pipeline. In a
-//! debug run a kernel is rebuilt when its shader has changed on disk; if the new one does not build, the
-//! error is reported and the old one stays.
+//! A kernel: one entry point of a shader with values for its `override`s, as a compute pipeline. In
+//! a debug run a kernel is rebuilt when its shader has changed on disk; if the new one does not
+//! build, the error is reported and the old one stays.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::{Source, folder};
@@ -33,8 +33,8 @@ impl Kernel {
         Self::build(gpu, source, entry, constants, true)
     }
 
-    /// Builds a kernel like [`Kernel::new`] whose workgroup memory is not zeroed first: the shader reads
-    /// only what it has written. It saves time if that memory is large.
+    /// Builds a kernel like [`Kernel::new`] whose workgroup memory is not zeroed first: the shader
+    /// reads only what it has written. It saves time if that memory is large.
     ///
     /// # Errors
     /// If the driver refuses the shader.
@@ -60,8 +60,8 @@ impl Kernel {
         Ok(Self { source, entry, constants, is_zeroed, pipeline, changed, count })
     }
 
-    /// Rebuilds the kernel if its shader has changed in [`crate::gpu::device::shader::folder`]. Whether it
-    /// has.
+    /// Rebuilds the kernel if its shader has changed in [`crate::gpu::device::shader::folder`].
+    /// Whether it has.
     ///
     /// # Errors
     /// If the changed shader does not build; the old kernel stays.

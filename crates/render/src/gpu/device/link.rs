@@ -1,6 +1,6 @@
 //! Links shaders: replaces a line `// include common/frame.wgsl` by that file of `shaders/`, once a
-//! shader. Used when the crate is built (`build.rs`) and, in debug runs, when a shader has changed on
-//! disk.
+//! shader. Used when the crate is built (`build.rs`) and, in debug runs, when a shader has changed
+//! on disk.
 
 use std::path::{Path, PathBuf};
 

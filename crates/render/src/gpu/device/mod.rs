@@ -48,8 +48,8 @@ impl Default for GpuRequest {
     }
 }
 
-/// Interfaces that are searched by default. On Linux OpenGL is left out without a display, because its
-/// libraries then write messages to standard error.
+/// Interfaces that are searched by default. On Linux OpenGL is left out without a display, because
+/// its libraries then write messages to standard error.
 fn interfaces() -> Backends {
     let has_display =
         ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
@@ -57,9 +57,9 @@ fn interfaces() -> Backends {
     if looks_at_gl { Backends::PRIMARY | Backends::GL } else { Backends::PRIMARY }
 }
 
-/// Interfaces whose devices can exist at the same time, for tests on all adapters of the system. OpenGL
-/// is among them only if no other interface has a hardware GPU: NVIDIA's driver (580.159, Linux) hangs
-/// when a thread that used its OpenGL ends while another thread drops a Vulkan device.
+/// Interfaces whose devices can exist at the same time, for tests on all adapters of the system.
+/// OpenGL is among them only if no other interface has a hardware GPU: NVIDIA's driver (580.159,
+/// Linux) hangs when a thread that used its OpenGL ends while another thread drops a Vulkan device.
 pub fn all_interfaces() -> &'static [Backends] {
     const ALL: [Backends; 4] = [Backends::VULKAN, Backends::METAL, Backends::DX12, Backends::GL];
     static HAS_OTHERS: OnceLock<bool> = OnceLock::new();
@@ -85,8 +85,8 @@ pub struct Tier {
     pub is_software: bool,
 }
 
-/// A device with its queue. Clones are handles to the same device. Only the render thread submits, maps
-/// and polls.
+/// A device with its queue. Clones are handles to the same device. Only the render thread submits,
+/// maps and polls.
 #[derive(Clone)]
 pub struct Gpu {
     /// The device.
@@ -120,8 +120,8 @@ impl DispatchCount {
     }
 }
 
-/// Guard of mapped memory that other threads write to: shut when the device is lost, before the device
-/// frees that memory.
+/// Guard of mapped memory that other threads write to: shut when the device is lost, before the
+/// device frees that memory.
 #[derive(Debug, Default)]
 pub struct Gate {
     is_shut: RwLock<bool>,
@@ -183,7 +183,8 @@ impl Gpu {
     pub fn open(request: &GpuRequest) -> Result<Self, GpuError> {
         let adapter = choose(request)?;
         let descriptor = descriptor(&adapter, request);
-        // Checked before the device exists: creating a device only to drop it is slow and strains drivers.
+        // Checked before the device exists: creating a device only to drop it is slow and strains
+        // drivers.
         path_of(descriptor.required_features, &adapter.get_info(), request.path)?;
         let made = pollster::block_on(adapter.request_device(&descriptor));
         let (device, queue) = made.map_err(|e| GpuError::NoDevice {
@@ -316,8 +317,8 @@ impl State {
 
 /// All adapters of `backends`, the best first.
 pub fn adapters(backends: Backends) -> Vec<wgpu::Adapter> {
-    /// Never dropped: dropping the last instance unloads the driver, and NVIDIA's (580.159, Linux) then
-    /// crashes threads that used it and are just ending.
+    /// Never dropped: dropping the last instance unloads the driver, and NVIDIA's (580.159, Linux)
+    /// then crashes threads that used it and are just ending.
     static KEPT: OnceLock<wgpu::Instance> = OnceLock::new();
     let mut adapters = quiet::while_probing(|| {
         if backends.contains(Backends::VULKAN) {
@@ -379,8 +380,8 @@ fn choose(request: &GpuRequest) -> Result<wgpu::Adapter, GpuError> {
     })
 }
 
-/// Descriptor of the device to request: WebGPU's default limits, but the largest buffers that the adapter
-/// has, and those of its features that the passes can use.
+/// Descriptor of the device to request: WebGPU's default limits, but the largest buffers that the
+/// adapter has, and those of its features that the passes can use.
 pub fn descriptor(
     adapter: &wgpu::Adapter,
     request: &GpuRequest,
@@ -431,7 +432,8 @@ fn path_of(
     wanted: Option<ProjectPath>,
 ) -> Result<ProjectPath, GpuError> {
     let atomics = Features::SHADER_INT64 | Features::SHADER_INT64_ATOMIC_MIN_MAX;
-    // The pass reads pixels before it writes them; Metal's 64-bit atomics have a minimum, but no load.
+    // The pass reads pixels before it writes them; Metal's 64-bit atomics have a minimum, but no
+    // load.
     let has_atomics = features.contains(atomics) && info.backend != wgpu::Backend::Metal;
     match wanted {
         Some(ProjectPath::Atomics) if !has_atomics => {

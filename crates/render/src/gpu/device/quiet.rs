@@ -1,7 +1,9 @@
-//! Silences drivers while adapters are enumerated. On Linux without a desktop a layer of Mesa writes
-//! "error: XDG_RUNTIME_DIR is invalid or not set" to standard error although nothing is wrong.
+//! Silences drivers while adapters are enumerated. On Linux without a desktop a layer of Mesa
+//! writes "error: XDG_RUNTIME_DIR is invalid or not set" to standard error although nothing is
+//! wrong.
 
-/// Calls `probe`, which enumerates adapters; without a desktop, standard error is discarded meanwhile.
+/// Calls `probe`, which enumerates adapters; without a desktop, standard error is discarded
+/// meanwhile.
 #[cfg(target_os = "linux")]
 pub fn while_probing<T>(probe: impl FnOnce() -> T) -> T {
     use std::sync::{Mutex, PoisonError};

@@ -1,5 +1,6 @@
-//! Reads buffers of the GPU: a ring of small buffers that frames copy into and that are polled, never
-//! waited for; and a read that waits, for pictures that go to a file. Only the render thread calls it.
+//! Reads buffers of the GPU: a ring of small buffers that frames copy into and that are polled,
+//! never waited for; and a read that waits, for pictures that go to a file. Only the render thread
+//! calls it.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::{Counted, Gpu};
@@ -17,8 +18,8 @@ const MAPPED: u8 = 1;
 /// State of a mapping: refused.
 const FAILED: u8 = 2;
 
-/// Copies on their way to the host, each with a value that identifies it. A frame without a free buffer
-/// is left out.
+/// Copies on their way to the host, each with a value that identifies it. A frame without a free
+/// buffer is left out.
 #[derive(Debug)]
 pub struct ReadbackRing<T> {
     free: Vec<Counted>,
@@ -44,8 +45,8 @@ impl<T> ReadbackRing<T> {
         !self.free.is_empty()
     }
 
-    /// Encodes a copy of the first `bytes` (a multiple of 4) of `source`, identified by `of`. Whether a
-    /// buffer was free.
+    /// Encodes a copy of the first `bytes` (a multiple of 4) of `source`, identified by `of`.
+    /// Whether a buffer was free.
     pub fn copy(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -71,8 +72,8 @@ impl<T> ReadbackRing<T> {
         }
     }
 
-    /// The newest copy that has arrived since the last call, with its bytes. The caller has polled the
-    /// device.
+    /// The newest copy that has arrived since the last call, with its bytes. The caller has polled
+    /// the device.
     pub fn newest(&mut self) -> Option<(T, Vec<u8>)> {
         let mut newest = None;
         while let Some((buffer, of, state)) = self.flying.pop_front() {

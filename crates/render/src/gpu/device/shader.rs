@@ -35,9 +35,10 @@ macro_rules! same_layout {
     };
 }
 
-/// Fails the build if constants of a shader differ from those of a Rust module, which are visible by
-/// their names: `same_values!(push_push == crate::passes::push { NEAR, WEIGHTS[..], ONE = EIGHT[0] });`
-/// `[..]` is for vectors and arrays; without an expression the constant in Rust has the same name.
+/// Fails the build if constants of a shader differ from those of a Rust module, which are visible
+/// by their names: `same_values!(push_push == crate::passes::push { NEAR, WEIGHTS[..], ONE =
+/// EIGHT[0] });` `[..]` is for vectors and arrays; without an expression the constant in Rust has
+/// the same name.
 macro_rules! same_values {
     ($shader:ident == $($twin:ident)::+ {
         $($name:ident $([$($all:tt)+])? $(= $value:expr)?),* $(,)?

@@ -1,5 +1,6 @@
-//! Times of the passes on the GPU, by timestamps around them, which are read back a few frames later. A
-//! device without timestamps gives no times, and a frame without a free buffer is not timed.
+//! Times of the passes on the GPU, by timestamps around them, which are read back a few frames
+//! later. A device without timestamps gives no times, and a frame without a free buffer is not
+//! timed.
 
 use crate::frame::Stages;
 use crate::gpu::device::error::GpuError;

@@ -1,5 +1,5 @@
-//! Kernels of one shader that differ in the values of their `override`s; each is built when it is first
-//! used.
+//! Kernels of one shader that differ in the values of their `override`s; each is built when it is
+//! first used.
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;

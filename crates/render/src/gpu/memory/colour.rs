@@ -1,6 +1,7 @@
-//! Colours for the shaders (`shaders/common/colour.wgsl`). Whatever is mapped becomes runs of values of one
-//! colour each, which are found here by asking the map itself: so both agree on every value, though
-//! shaders have no `f64`. And the table from linear light to sRGB bytes.
+//! Colour tables of the shaders (`shaders/common/colour.wgsl`): a colour map becomes runs of
+//! doubles, each of one colour, whose ends are found by evaluating the map itself. So CPU and GPU
+//! agree on every value, though shaders have no `f64`. Also the table from linear light to sRGB
+//! bytes.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::same_values;
@@ -9,7 +10,7 @@ use crate::inputs::colour::{ColourBy, ColourMap, ENCODE_ENTRIES, Encoder, MapTab
 use esker_points::Lattice;
 use glam::Vec3;
 
-/// Any map: only the kinds of [`ColourBy`] have numbers.
+/// Any colour map; the number of a [`ColourBy`] does not depend on it.
 const MAP: ColourMap = ColourMap { low: 0.0, high: 1.0, palette: Palette::Grey };
 
 same_values!(common_encode == crate::inputs::colour { ENCODE_STEPS = ENCODE_ENTRIES });
@@ -23,20 +24,21 @@ same_values!(common_colour == crate::inputs::colour {
     BY_NORMAL = ColourBy::Normal.number(),
 });
 
-/// ColourRuns of values at most.
+/// Number of runs at most.
 pub const RUNS_MAX: usize = 256;
 
-/// All doubles that are numbers, in runs of one colour.
+/// All doubles but NaN, in runs of one colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourRuns {
-    /// Where they begin, as [`ordered`] bits, rising from [`ordered`] negative infinity; and their colours.
+    /// First value of each run, as [`ordered`] bits, and its colour. The first run begins at
+    /// negative infinity.
     pub runs: Vec<(u64, Vec3)>,
-    /// Colour of what is no number.
+    /// Colour of NaN.
     pub no_number: Vec3,
 }
 
 impl ColourRuns {
-    /// Those of what a frame maps; `None` where it maps nothing.
+    /// Runs of the values that a frame maps to colours; `None` if it maps none.
     pub fn of(by: &ColourBy, lattice: &Lattice) -> Option<Self> {
         match by {
             ColourBy::Scalar(map) | ColourBy::EyeDepth(map) => {
@@ -60,8 +62,8 @@ impl ColourRuns {
         }
     }
 
-    /// By halving between values of different entries. Entries rise or fall with the value, but where a map has
-    /// no extent those of the greatest values may be the same on both sides of `low`: hence from there.
+    /// Finds the ends of runs by bisection between values with different entries. Entries are
+    /// monotonic, except at `low` in a map without extent, hence `low` is one of the ends.
     fn found(entry: impl Fn(f64) -> usize, low: f64, colours: &[Vec3], no_number: usize) -> Self {
         let first = ordered(f64::NEG_INFINITY);
         let mut ends = [first, ordered(-f64::MAX), ordered(low), ordered(f64::MAX)].to_vec();
@@ -73,7 +75,7 @@ impl ColourRuns {
         for pair in ends.windows(2) {
             let (mut from, to) = (pair[0], pair[1]);
             while at(from) != at(to) && runs.len() < RUNS_MAX {
-                // The first value that has another entry than `from`.
+                // Bisects to the first value with another entry than `from`.
                 let (mut same, mut other) = (from, to);
                 while other - same > 1 {
                     let middle = same + (other - same) / 2;
@@ -87,7 +89,7 @@ impl ColourRuns {
     }
 }
 
-/// Bits of a double in an order that unsigned comparison follows.
+/// Bits of a double, mapped so that they compare as unsigned numbers like the doubles.
 pub fn ordered(value: f64) -> u64 {
     let bits = value.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
@@ -97,7 +99,7 @@ fn value_of(ordered: u64) -> f64 {
     f64::from_bits(if ordered >> 63 == 1 { ordered & !(1 << 63) } else { !ordered })
 }
 
-/// The table of `shaders/common/encode.wgsl`, for a uniform binding.
+/// Creates the uniform `EncodeTable` of `shaders/common/encode.wgsl`.
 ///
 /// # Errors
 /// If memory is refused.

@@ -1,7 +1,7 @@
-//! Runs of a page of GPU memory: 2 KiB each, which is 256 hot positions, counted from the page's first
-//! byte. Each run has a bounding box, by which drawing skips runs outside the picture without reading
-//! them. A box is computed from all bytes of its run, whatever they belong to, and is stale once they
-//! are written to, so that no box outlives the plane that it was computed from.
+//! Runs of a page of GPU memory: 2 KiB each, which is 256 hot positions, counted from the page's
+//! first byte. Each run has a bounding box, by which drawing skips runs outside the picture without
+//! reading them. A box is computed from all bytes of its run, whatever they belong to, and is stale
+//! once they are written to, so that no box outlives the plane that it was computed from.
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::shader::same_values;

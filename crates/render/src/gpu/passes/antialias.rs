@@ -1,4 +1,5 @@
-//! Antialiasing on the GPU ([`crate::passes::antialias`] is the twin), which writes the picture.
+//! Antialias on the GPU: smooths silhouettes and creases, and writes the picture. Twin:
+//! [`crate::passes::antialias`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -20,7 +21,7 @@ same_values!(antialias_antialias == crate::passes::antialias {
     FAR = f32::MAX,
 });
 
-/// Antialiasing, and the picture.
+/// The pass.
 pub struct Antialias {
     kernel: Kernel,
 }
@@ -35,7 +36,7 @@ impl Antialias {
         Ok(Self { kernel: Kernel::new(gpu, sources::ANTIALIAS_ANTIALIAS, "main", &constants)? })
     }
 
-    /// What makes the picture of [`SurfaceTarget::shaded`].
+    /// Dispatches that write the picture from [`SurfaceTarget::shaded`].
     pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let (picture, base) = (target.picture, target.base());
         let view = picture.texture.create_view(&Default::default());

@@ -1,5 +1,6 @@
-//! Average on the GPU: means of the points that share a pixel ([`crate::passes::average`] is the twin). A dispatch over the
-//! pixels before and after, between them one over the points for each combination of pages.
+//! Average on the GPU: averages the points of each pixel's front surface. A dispatch over the
+//! pixels comes before and after one over the points for each combination of pages. Paper:
+//! `schuetz2021`. Twin: [`crate::passes::average`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::groups_of;
@@ -26,7 +27,7 @@ without_twin!(common_average {
     AT_DEPTH,
 });
 
-/// Threads of a group.
+/// Threads of a workgroup.
 const THREADS: u64 = 256;
 
 /// The pass.
@@ -50,17 +51,17 @@ impl Default for Average {
 }
 
 impl Average {
-    /// Bytes of the sums of a picture (`shaders/common/average.wgsl`).
+    /// Bytes of the sums of a picture (`words` in `shaders/common/average.wgsl`).
     fn bytes(pixels: u64, plan: &FramePlan) -> u64 {
         pixels * if plan.carries_normals { 48 } else { 36 }
     }
 
-    /// Whether a device binds the sums of a picture of so many pixels.
+    /// Whether the device can bind the sums of a picture of `pixels` pixels.
     pub fn fits(gpu: &Gpu, pixels: u64, plan: &FramePlan) -> bool {
         Self::bytes(pixels, plan) <= gpu.tier.binding_bytes_max
     }
 
-    /// Takes the memory that a plan needs, and gives back what it does not.
+    /// Allocates the sums if `plan` needs them, else releases them.
     ///
     /// # Errors
     /// If memory is refused.
@@ -75,7 +76,7 @@ impl Average {
         Ok(())
     }
 
-    /// Replaces what the winners brought to the picture's level by means.
+    /// Encodes the replacement of the winning points' attributes in `level` by averages.
     ///
     /// # Errors
     /// If the driver refuses a shader.
@@ -105,7 +106,7 @@ impl Average {
             let Some(colours) = cut.colours(work, pool) else { continue };
             let more = [colours, &**sums, lookup.uniform()];
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &more) else { continue };
-            // A group of threads a chunk.
+            // A workgroup a chunk.
             add.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
         }
         let finish = self.finish.get(gpu, normals)?;

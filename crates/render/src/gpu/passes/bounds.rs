@@ -10,7 +10,8 @@ use wgpu::BufferUsages;
 
 without_twin!(project_bounds { THREADS });
 
-/// Lists of runs begin at multiples of this number of words: the alignment of bound ranges, 256 bytes.
+/// Lists of runs begin at multiples of this number of words: the alignment of bound ranges, 256
+/// bytes.
 const LIST_STEP: usize = 64;
 /// Items of a workgroup of [`groups_of`]: a run has a workgroup of its own.
 const GROUP: u64 = 256;
@@ -33,8 +34,8 @@ impl Bounds {
         Ok(Self { kernel, list: Vec::new(), buffer: None })
     }
 
-    /// Uploads the numbers of the stale runs of `pool` and encodes the computation of their boxes. They
-    /// stay stale until [`Bounds::submitted`].
+    /// Uploads the numbers of the stale runs of `pool` and encodes the computation of their boxes.
+    /// They stay stale until [`Bounds::submitted`].
     ///
     /// # Errors
     /// If memory is refused.
@@ -92,7 +93,8 @@ impl Bounds {
         Ok(())
     }
 
-    /// To be called after the submission of what was encoded, and of all writes to `pool` before it.
+    /// To be called after the submission of what was encoded, and of all writes to `pool` before
+    /// it.
     pub fn submitted(&self, pool: &NodePool) {
         pool.runs().for_each(|(_, runs)| runs.settle());
     }

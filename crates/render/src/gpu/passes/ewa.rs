@@ -1,10 +1,12 @@
-//! EWA splatting on the GPU: turns the points into splats batch by batch, so that memory is bounded,
-//! sorts the splats of a batch into tiles of 16 x 16 pixels, and blends them: a workgroup a tile, a
-//! thread a pixel, sums in registers. In the first sweep over the batches each pixel finds its front
-//! surface, in the second it sums attributes; a frame of one batch makes its splats once.
+//! EWA splatting on the GPU: turns the points into splats batch by batch, so that memory is
+//! bounded, sorts the splats of a batch into tiles of 16 x 16 pixels, and blends them: a workgroup
+//! a tile, a thread a pixel, sums in registers. In the first sweep over the batches each pixel
+//! finds its front surface, in the second it sums attributes; a frame of one batch makes its splats
+//! once.
 //!
-//! Tiles are used, not instanced quads, because blending into 32-bit targets is an optional feature of
-//! devices and 16-bit targets overflow. Twin: [`crate::ewa`]. Paper: `zwicker2004`, sections 4 to 6.
+//! Tiles are used, not instanced quads, because blending into 32-bit targets is an optional feature
+//! of devices and 16-bit targets overflow. Twin: [`crate::ewa`]. Paper: `zwicker2004`, sections 4
+//! to 6.
 
 use crate::ewa::{Options, Passes};
 use crate::gpu::device::error::GpuError;
@@ -95,8 +97,8 @@ impl BatchCapacity {
         Self::of(chunks.clamp(1, Self::default().chunks))
     }
 
-    /// The part that a frame of `chunks` chunks needs, rounded up to a power of two, so that a few more
-    /// chunks allocate nothing. Even few splats can be large and have many entries.
+    /// The part that a frame of `chunks` chunks needs, rounded up to a power of two, so that a few
+    /// more chunks allocate nothing. Even few splats can be large and have many entries.
     fn needed(self, chunks: u32) -> Self {
         let chunks = chunks.clamp(1, self.chunks).next_power_of_two().min(self.chunks);
         Self { chunks, entries: self.entries.min(Self::of(chunks.max(ENTRIES_CHUNKS)).entries) }
@@ -166,8 +168,8 @@ pub struct GpuEwa {
     pub options: Options,
     capacity: BatchCapacity,
     list: Kernel,
-    /// Variants: whether there are normals, the source of colours, whether a filter hides points, whether
-    /// splats are clipped, and whether they have shapes.
+    /// Variants: whether there are normals, the source of colours, whether a filter hides points,
+    /// whether splats are clipped, and whether they have shapes.
     place: Variants<5>,
     begin: Kernel,
     fill: Kernel,
@@ -227,7 +229,7 @@ pub struct EwaTarget<'a> {
 }
 
 impl GpuEwa {
-    /// Creates it on a device.
+    /// Builds the kernels that all variants share.
     ///
     /// # Errors
     /// If the driver refuses a shader.

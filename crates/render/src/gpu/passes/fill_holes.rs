@@ -1,5 +1,6 @@
-//! FillHoles on the GPU ([`crate::passes::fill_holes`] and [`crate::picture::edges`] are the twins): the depth image, its edges, and two rounds of
-//! finding gaps and closing them.
+//! Fill holes on the GPU: writes the depth image of level 0, finds its edges, and finds and closes
+//! gaps in two rounds. Paper: `rosenthal2008`. Twins: [`crate::passes::fill_holes`],
+//! [`crate::picture::edges`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -23,7 +24,7 @@ without_twin!(common_marks { EDGE, GAP });
 /// The pass.
 pub struct FillHoles {
     depth: Kernel,
-    /// In the first round, and later.
+    /// Kernels of the first round, which also finds edges, and of later rounds.
     find: [Kernel; 2],
     fill: Kernel,
 }
@@ -46,7 +47,7 @@ impl FillHoles {
         })
     }
 
-    /// What fills [`SurfaceTarget::depth`] and the marks, and closes the gaps of level 0.
+    /// Dispatches that fill [`SurfaceTarget::depth`] and the marks, and close the gaps of level 0.
     pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let base = target.base();
         let &SurfaceTarget { depth, marks, .. } = target;

@@ -1,5 +1,6 @@
-//! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a dispatch for each
-//! combination of pages. Runs of points that are off the picture are not read. Twin: [`crate::passes::project`].
+//! Project by compute: one 64-bit atomic minimum a point (`shaders/project/atomics.wgsl`), a
+//! dispatch for each combination of pages. Runs of points outside the picture are not read. Paper:
+//! `schuetz2021`. Twin: [`crate::passes::project`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::error::GpuError;
@@ -15,12 +16,12 @@ use crate::plan::{FramePlan, Pass};
 
 without_twin!(project_atomics { ROUNDING });
 
-/// Threads of a group.
+/// Threads of a workgroup.
 const THREADS: u64 = 256;
 
 /// The pass.
 pub struct Project {
-    /// By the tests that points pass, and what is measured.
+    /// Variants: the two tests of points, and the two switches below.
     kernels: Variants<4>,
     touches_pixels: bool,
     skips_runs: bool,
@@ -28,7 +29,7 @@ pub struct Project {
 }
 
 impl Project {
-    /// On a device with 64-bit atomics; `skips_runs` for all but measurements of what it saves.
+    /// Creates the pass on a device with 64-bit atomics.
     ///
     /// # Errors
     /// If the driver refuses the shader.
@@ -36,19 +37,20 @@ impl Project {
         Self::with(gpu, true, true)
     }
 
-    /// Everything but the frame buffer, which is neither cleared nor read nor written: what the pass is
-    /// compared with when it is measured.
+    /// Creates a pass that neither clears nor reads nor writes the frame buffer, for comparison in
+    /// benchmarks.
     ///
     /// # Errors
-    /// As [`Project::new`].
+    /// If the driver refuses the shader.
     pub fn without_pixels(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, false, true)
     }
 
-    /// The same pixels, but all points are read: what skipping runs is compared with.
+    /// Creates a pass that skips no runs and draws the same pixels, for comparison in tests and
+    /// benchmarks.
     ///
     /// # Errors
-    /// As [`Project::new`].
+    /// If the driver refuses the shader.
     pub fn without_skips(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, true, false)
     }
@@ -57,7 +59,7 @@ impl Project {
         let constants = ["CULLS_BACK_FACES", "HIDES_POINTS", "TOUCHES_PIXELS", "SKIPS_RUNS"];
         let kernels = Variants::new(sources::PROJECT_ATOMICS, constants);
         let mut pass = Self { kernels, touches_pixels, skips_runs, bounds: Bounds::new(gpu)? };
-        // A driver that refuses the shader does so before anything is drawn.
+        // Built here so that a driver refuses the shader before anything is drawn.
         pass.kernels.get(gpu, pass.variant([0, 0]))?;
         Ok(pass)
     }
@@ -66,7 +68,7 @@ impl Project {
         [culls, hides, u32::from(self.touches_pixels), u32::from(self.skips_runs)]
     }
 
-    /// Draws the cut into `hits`, which it clears first, after the boxes of runs that were written to.
+    /// Encodes the boxes of stale runs, the clearing of `hits`, and the drawing of the cut to it.
     ///
     /// # Errors
     /// If memory is refused.
@@ -95,13 +97,13 @@ impl Project {
             let Some(boxes) = pool.boxes(work.pages.position as usize) else { continue };
             let bound = [target, boxes];
             let Some(bind) = cut.bind(gpu, &layout, uniform, work, pool, &bound) else { continue };
-            // A group of threads a chunk.
+            // A workgroup a chunk.
             kernel.dispatch(&mut pass, &bind, groups_of(work.range.len() as u64 * THREADS));
         }
         Ok(())
     }
 
-    /// After the commands were submitted.
+    /// To be called after the submission of the commands.
     pub fn submitted(&self, pool: &NodePool) {
         self.bounds.submitted(pool);
     }

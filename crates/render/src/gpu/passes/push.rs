@@ -1,5 +1,7 @@
-//! Push on the GPU ([`crate::passes::push`] is the twin): a dispatch a level, the coarsest first. With normals, pixels of
-//! the coarser levels that have none then inherit one, for [`crate::gpu::passes::shade`].
+//! Push on the GPU: a dispatch a level, the coarsest first. In clouds with normals, pixels of the
+//! coarser levels without a normal then inherit one from the level above, for
+//! [`crate::gpu::passes::shade`]. Paper: `marroquim2007`, section 3.3. Twin:
+//! [`crate::passes::push`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -16,10 +18,11 @@ without_twin!(common_ellipse { FACING });
 
 /// The pass.
 pub struct Push {
-    /// By the values of the planes that pixels carry, and whether those that stay are smoothed.
+    /// Variants: number of values of a pixel's plane, and whether pixels that are kept are
+    /// smoothed.
     kernels: Variants<2>,
     planes: Planes,
-    /// With normals only.
+    /// `None` without normals.
     inherit: Option<Kernel>,
 }
 
@@ -38,8 +41,8 @@ impl Push {
         Ok(Self { kernels, planes, inherit })
     }
 
-    /// What fills the levels of a pyramid that was pulled, from the second coarsest down to the picture, whose pixels that stay
-    /// are smoothed where asked. `uniform` is the frame's.
+    /// Dispatches that fill the levels of a pulled pyramid, from the second coarsest down to level
+    /// 0, whose kept pixels are smoothed if `smooths`. `uniform` is the frame's.
     ///
     /// # Errors
     /// If the driver refuses the shader.

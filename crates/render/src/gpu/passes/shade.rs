@@ -1,4 +1,5 @@
-//! Shade on the GPU ([`crate::passes::shade`] is the twin).
+//! Shade on the GPU: lights level 0 with a deferred Phong model. Paper: `marroquim2007`, section
+//! 3.4. Twin: [`crate::passes::shade`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -20,9 +21,9 @@ same_values!(shade_shade == crate::passes::shade {
 });
 same_values!(shade_shade == crate::passes::smooth_depth { REACH, BEHIND_MAX });
 
-/// Lighting.
+/// The pass.
 pub struct Shade {
-    /// By whether pixels carry normals, and whether there are highlights.
+    /// Variants: whether pixels carry normals, and whether surfaces have highlights.
     kernels: Variants<2>,
     has_normals: bool,
 }
@@ -38,7 +39,7 @@ impl Shade {
         Ok(Self { kernels, has_normals })
     }
 
-    /// What lights level 0 into [`SurfaceTarget::shaded`], with highlights or without.
+    /// Dispatches that light level 0 to [`SurfaceTarget::shaded`], with highlights if `shines`.
     ///
     /// # Errors
     /// If the driver refuses the shader.

@@ -1,7 +1,7 @@
 //! Silhouette on the GPU: finds the rims of surfaces that discs drew beyond their samples, removes
-//! pixels from there inwards in waves, and writes the depth image that remains. Waves run in turns over
-//! the tiles of the picture that they can reach. Attributes stay in place: a plane of sources gives the
-//! pixel whose attributes each pixel shows. Twin: [`crate::passes::silhouette`].
+//! pixels from there inwards in waves, and writes the depth image that remains. Waves run in turns
+//! over the tiles of the picture that they can reach. Attributes stay in place: a plane of sources
+//! gives the pixel whose attributes each pixel shows. Twin: [`crate::passes::silhouette`].
 
 use crate::gpu::device::dispatch::{Dispatch, Groups, fixed_uniform};
 use crate::gpu::device::error::GpuError;

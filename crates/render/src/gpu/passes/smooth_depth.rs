@@ -1,5 +1,6 @@
-//! Smoothing of the depth image on the GPU ([`crate::passes::smooth_depth`] is the twin), for clouds without normals. How wide it
-//! has to be is known on the GPU alone: all rounds are dispatched, and those that are not needed leave at once.
+//! Smooth depth on the GPU, for clouds without normals: smooths the depth image, from which shade
+//! computes normals. Only the GPU knows how wide it has to be: all rounds are dispatched, and those
+//! that are not needed end at once. Twin: [`crate::passes::smooth_depth`].
 
 use crate::gpu::device::Gpu;
 use crate::gpu::device::dispatch::Dispatch;
@@ -17,12 +18,12 @@ without_twin!(smooth_depth_radius { LANES });
 /// The pass.
 pub struct SmoothDepth {
     radius: Kernel,
-    /// Along rows and columns, a round each.
+    /// Kernels along rows and along columns, for each round.
     smooth: Vec<[Kernel; 2]>,
 }
 
 impl SmoothDepth {
-    /// Creates it on a device.
+    /// Builds the kernels.
     ///
     /// # Errors
     /// If the driver refuses a shader.
@@ -38,7 +39,8 @@ impl SmoothDepth {
         })
     }
 
-    /// What finds the mean radius and smooths the picture's depth into [`SurfaceTarget::spare`].
+    /// Dispatches that compute the mean radius and smooth the picture's depth to
+    /// [`SurfaceTarget::spare`].
     pub fn dispatches(&self, gpu: &Gpu, target: &SurfaceTarget<'_>) -> Vec<Dispatch> {
         let depth = &target.picture.depth;
         let radius = [depth, &target.base().tint, target.sources, target.smoothing];

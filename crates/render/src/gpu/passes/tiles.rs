@@ -1,5 +1,6 @@
-//! Depth tiles of a finished picture on the GPU, from which the next frame's hidden nodes are told
-//! ([`esker_lod::tiles_of`] is the twin). The buffer is small, to be read back some frames later.
+//! Depth tiles of a finished picture, by which the LOD thread finds nodes that are hidden in the
+//! next views. Their buffer is small and is read back some frames later. Twin:
+//! [`esker_lod::tiles_of`].
 
 use crate::gpu::device::error::GpuError;
 use crate::gpu::device::kernel::Kernel;
@@ -19,7 +20,7 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Creates it on a device.
+    /// Builds the kernel and allocates the tiles.
     ///
     /// # Errors
     /// If the driver refuses the shader or memory.
@@ -32,14 +33,14 @@ impl Tiles {
         })
     }
 
-    /// Fills the tiles from the depths of a picture whose size the uniform has.
+    /// Encodes the filling of the tiles from the depths of a picture; the uniform has its size.
     pub fn encode(&self, gpu: &Gpu, pass: &mut ComputePass<'_>, uniform: &Buffer, depth: &Buffer) {
         let buffers = [(0, uniform), (1, depth), (2, &*self.buffer)];
         let bind = self.kernel.bind(gpu, &buffers);
         self.kernel.dispatch(pass, &bind, [TILES as u32, TILES as u32, 1]);
     }
 
-    /// The tiles, [`TILES_BYTES`] to be copied and given to [`tiles_from`].
+    /// Buffer of the tiles, [`TILES_BYTES`] long, whose bytes [`tiles_from`] reads.
     pub fn buffer(&self) -> &Buffer {
         &self.buffer
     }
@@ -53,7 +54,7 @@ impl Tiles {
     }
 }
 
-/// The tiles from the bytes of their buffer.
+/// Reads the tiles from the bytes of their buffer.
 pub fn tiles_from(bytes: &[u8]) -> Vec<DepthTile> {
     let tile = |b: &[u8; 8]| {
         let [nearest, farthest] = bytemuck::cast::<[u8; 8], [f32; 2]>(*b);
