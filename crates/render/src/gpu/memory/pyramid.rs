@@ -9,7 +9,7 @@ use crate::picture::pyramid::Planes;
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages;
 
-same_values!(common_plane == crate::simd::lanes { TOLD = FITTED, NORMAL = NORMALS });
+same_values!(common_plane == crate::simd::lanes { FITTED, NORMAL = NORMALS });
 same_values!(common_tangent == crate::passes::tangent {
     SLOPE_MAX,
     FACTOR_MAX,
