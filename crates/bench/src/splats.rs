@@ -8,7 +8,7 @@ use esker_lod::View;
 use esker_points::quant::{oct_encode, radius_code};
 use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
-use esker_render::gpu::passes::ewa::{GpuEwa, Room};
+use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
 use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages};
 use glam::DVec3;
@@ -159,7 +159,7 @@ impl Wall {
             }
         }
         let mut renderer = GpuRenderer::new(gpu)?;
-        let mut ewa = GpuEwa::new(gpu, Room::default())?;
+        let mut ewa = GpuEwa::new(gpu, BatchCapacity::default())?;
         ewa.options = options;
         renderer.set_ewa(ewa);
         let frame = self.frame(&draws);

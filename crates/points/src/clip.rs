@@ -16,7 +16,7 @@ const PART_MAX: i64 = 255;
 /// the points are as exact as splats about the line need them.
 const WAY_PARTS: f64 = 200.0;
 /// Greatest shift of a unit: more is no splat's.
-const SHIFT_MAX: u32 = 22;
+pub const SHIFT_MAX: u32 = 22;
 const KEEPS_RIGHT: u32 = 1 << 27;
 const EITHER: u32 = 1 << 28;
 

@@ -13,7 +13,7 @@ mod scene;
 use esker_lod::View;
 use esker_render::ewa::splat::{Disc, Lens, Placement};
 use esker_render::gpu::wgpu::{self, BufferUsages, Features, TextureFormat, util::DeviceExt};
-use esker_render::gpu::{GpuRenderer, Request};
+use esker_render::gpu::{GpuRenderer, GpuRequest};
 use esker_render::inputs::camera::Camera;
 use esker_render::{Frame, Method, Pass};
 use glam::{DVec3, Vec2, Vec3};
@@ -61,7 +61,7 @@ fn attributes(in: Corner) -> Sums {
 ";
 
 fn main() {
-    let request = Request { allow_software: true, ..Request::default() };
+    let request = GpuRequest { allow_software: true, ..GpuRequest::default() };
     for side in [316, 806] {
         let view = View::look_at(DVec3::NEG_Y * 4.0, DVec3::ZERO, DVec3::Z, 0.6, SIZE, SIZE);
         let half = 4.0 * 0.3f64.tan() * 0.98;

@@ -13,7 +13,7 @@ use esker_render::gpu::memory::picture::GpuPicture;
 use esker_render::gpu::memory::pyramid::GpuPyramid;
 use esker_render::gpu::surface::{Choices, Surface};
 use esker_render::gpu::wgpu::{self, BufferUsages};
-use esker_render::gpu::{Gpu, Request};
+use esker_render::gpu::{Gpu, GpuRequest};
 use esker_render::inputs::camera::Camera;
 use esker_render::passes::antialias;
 use esker_render::passes::fill_holes;
@@ -35,7 +35,7 @@ const STEP_PX: f32 = 2.0;
 /// Each adapter, as it is and with the least that WebGPU promises.
 fn gpus() -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
-        [false, true].map(|is_minimal| Request {
+        [false, true].map(|is_minimal| GpuRequest {
             backends,
             allow_software: true,
             is_minimal,

@@ -9,7 +9,7 @@ use anyhow::{Result, ensure};
 use esker_format::{Footer, Forest};
 use esker_points::Node;
 use esker_render::gpu::NodePool;
-use esker_render::gpu::passes::ewa::Room;
+use esker_render::gpu::passes::ewa::BatchCapacity;
 use esker_render::picture::margin::MARGIN_PX;
 
 /// Bytes a pixel that the renderer holds: frame buffer, pyramid with normals, picture, smoothed depth.
@@ -101,7 +101,7 @@ pub struct GpuShares {
     /// Mapped upload runs that are lent to loaders.
     pub runs: usize,
     /// Room for a batch of splats.
-    pub room: Room,
+    pub room: BatchCapacity,
     /// What is left for node planes.
     pub pool_bytes: u64,
 }
@@ -121,7 +121,7 @@ impl GpuShares {
             + GPU_FIXED_BYTES;
         let budget_bytes = options.budget_gpu_bytes;
         // Whatever is drawn first: sessions change their method while they run.
-        let room = Room::within(budget_bytes / ROOM_SHARE);
+        let room = BatchCapacity::within(budget_bytes / ROOM_SHARE);
         let picture_bytes = picture_bytes + room.bytes();
         let run_bytes = RUN_BYTES as u64;
         let runs_min = options.runs.map_or(RUNS_MIN, |r| r as u64);

@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use esker_render::gpu::Gpu;
-pub use esker_render::gpu::{ProjectPath, Request as GpuRequest, wgpu};
+pub use esker_render::gpu::{GpuRequest, ProjectPath, wgpu};
 use serde_json::{Value, json};
 
 /// What the user wants drawn with.

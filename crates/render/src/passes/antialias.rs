@@ -19,23 +19,23 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Weights of coverage an axis (binomial).
-const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
-const COVERAGE_SUM: f32 = 256.0;
+pub(crate) const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+pub(crate) const COVERAGE_SUM: f32 = 256.0;
 /// Places of the weights, pixels from the middle.
 const PLACES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Weights of colours an axis.
-const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
-const COLOUR_SUM: f32 = 16.0;
+pub(crate) const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
+pub(crate) const COLOUR_SUM: f32 = 16.0;
 /// How much steeper the outline is than its weighted count. Steeper ones show steps again.
-const STEEP: f32 = 1.5;
+pub(crate) const STEEP: f32 = 1.5;
 /// How far outlines are taken back, pixels: of a sphere and a cube with normals, samples a pixel
 /// apart, alpha is off by 0.21 (root of the mean square where the true outline crosses a pixel),
 /// without by 0.35. More dents outlines of sparse samples.
-const INSET_PX: f32 = 0.4;
+pub(crate) const INSET_PX: f32 = 0.4;
 /// Depth over width beyond which neighbouring pixels show two surfaces.
-const STEP_PX: f32 = 6.0;
+pub(crate) const STEP_PX: f32 = 6.0;
 /// Square of the cosine below which neighbouring normals make a crease (30 degrees).
-const CREASE: f32 = 0.75;
+pub(crate) const CREASE: f32 = 0.75;
 
 /// Whether two normals make a crease. Their lengths do not matter.
 #[inline]

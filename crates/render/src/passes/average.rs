@@ -21,11 +21,11 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Steps of a summand from 0 to 1.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Greatest component of a mean normal that counts as none.
 const NO_NORMAL: f32 = 2.0 / STEPS;
 /// Most points of a pixel whose sums fit into 32 bits; with more points the winner stays.
-const POINTS_MAX: f32 = 262_144.0;
+pub(crate) const POINTS_MAX: f32 = 262_144.0;
 /// Points of a job.
 const JOB_POINTS: usize = 1 << 14;
 /// Points of a block, which are projected before any is added, so that the arithmetic has no

@@ -22,18 +22,18 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 pub(crate) const CELL_PX: usize = 32;
 /// Bits of a depth below those that number its slice: eight slices double the depth, which is about
 /// the width of a cell.
-const SLICE_BITS: u32 = 20;
+pub(crate) const SLICE_BITS: u32 = 20;
 /// Number of slices: depths that differ by a factor of 16 share one.
 pub(crate) const SLICES: usize = 32;
 /// Slots of a cell: the first is for all scans, the others for one scan each, by its number modulo
 /// their count.
 pub(crate) const SLOTS: usize = 16;
 /// Steps of a summand from 0 to 1: sums of a cell are integers that `f32` holds exactly.
-const STEPS: f32 = 16_383.0;
+pub(crate) const STEPS: f32 = 16_383.0;
 /// Greatest factor of a colour, and its inverse the least: larger differences are not exposure.
-const GAIN_MAX: f32 = 2.0;
+pub(crate) const GAIN_MAX: f32 = 2.0;
 /// Added to means before they are divided, so that nearly black colours get no gain.
-const DARK: f32 = 1e-3;
+pub(crate) const DARK: f32 = 1e-3;
 
 /// Sums of the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]

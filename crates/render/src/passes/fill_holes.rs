@@ -18,19 +18,19 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 /// Least number of the eight neighbours in front of a gap. A gap one pixel wide has six.
-const SURROUNDED: usize = 6;
+pub(crate) const SURROUNDED: usize = 6;
 /// Least number of neighbours in front of a corner, as the four pixels of a gap of two by two are.
 /// It is a gap if in all eight directions something in front begins within its own radius and
 /// within `WITHIN_PX` pixels: discs of sparser samples would not close it either. (With three
 /// pixels hidden nodes change pictures of offices.)
-const CORNERED: usize = 5;
-const WITHIN_PX: usize = 2;
+pub(crate) const CORNERED: usize = 5;
+pub(crate) const WITHIN_PX: usize = 2;
 /// Least distance in front, over the radius, with normals and without: surfaces with normals are
 /// thinner, and gaps show nearer ones. And the least distance in pixels.
-const BEFORE: [f32; 2] = [0.5, 1.0];
-const BEFORE_MIN_PX: f32 = 1.0;
+pub(crate) const BEFORE: [f32; 2] = [0.5, 1.0];
+pub(crate) const BEFORE_MIN_PX: f32 = 1.0;
 /// Number of rounds: the second one closes gaps that the first has left one pixel wide.
-const ROUNDS: usize = 2;
+pub(crate) const ROUNDS: usize = 2;
 
 /// New attributes of a pixel.
 struct Patch {

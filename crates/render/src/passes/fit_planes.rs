@@ -25,38 +25,38 @@ pub const SQUARE_PX: usize = 4;
 pub const BARE_REACH: f32 = 2.0;
 /// Greatest distance of a neighbour from a plane that counts: the change of depth of a slope this
 /// steep over the side of a square.
-const OFF_MAX: f32 = 1.0;
+pub(crate) const OFF_MAX: f32 = 1.0;
 /// Greatest number of neighbouring squares without a point: thin surfaces and borders get no plane.
-const MISSING_MAX: f32 = 1.0;
+pub(crate) const MISSING_MAX: f32 = 1.0;
 /// Least area between two neighbours over that of a square: points on a line define no plane.
-const AREA_MIN: f32 = 0.2;
+pub(crate) const AREA_MIN: f32 = 0.2;
 /// Least improvement of a plane's sum of distances, over the greatest distance that counts; smaller
 /// ones are rounding.
-const BETTER: f32 = 1e-3;
+pub(crate) const BETTER: f32 = 1e-3;
 /// Marks squares outside the picture in `near`, which else holds 1 / depth.
 const OUTSIDE: f32 = -1.0;
 /// Greatest relative difference of 1 / depth to a neighbour, so that all values stay finite.
-const NEARER_MAX: f32 = 1e6;
+pub(crate) const NEARER_MAX: f32 = 1e6;
 /// Neighbours of a square: those beside it in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
 /// How far planes are trusted.
 #[derive(Clone, Copy, Debug)]
-struct Trust {
+pub(crate) struct Trust {
     /// Length of the depth interval across a fully trusted plane, over the drawn radius.
-    reach: f32,
+    pub(crate) reach: f32,
     /// Mean distances from a plane, over the greatest that counts, between which the trust falls
     /// from full to none.
-    off: [f32; 2],
+    pub(crate) off: [f32; 2],
 }
 
 /// Trust where points do not crowd. Intervals are shorter than the stored radius, since planes are
 /// estimates.
-const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
+pub(crate) const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
 /// Trust where points crowd: averages over all points in the interval suppress flicker, which short
 /// intervals would bring back. More trust changes pictures with hidden nodes.
-const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
 
 /// Plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,28 +26,28 @@ use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 /// Drawn radius over stored radius, with normals and without. A coarser pixel's ellipse is the mean
 /// of its points' ellipses, which covers less than they do: covering radii as they are leave holes
 /// in tilted walls. Circles lose less, and any excess shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
+pub(crate) const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
 /// Added to radii in the picture, pixels, with normals and without, since a pixel is covered only
 /// if its centre is. With 0.2 the far side shows through a sphere of half a point a pixel.
-const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
+pub(crate) const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
 /// Share of the perspective stretch away from the middle of the picture that radii take. The
 /// greatest gaps of even samples are 0.84 spacings and discs without normals are 1.15 wide, so that
 /// only a stretch beyond their ratio opens gaps. A larger share makes arriving nodes visible
 /// (`crates/engine/tests/popping.rs`).
-const STRETCHED: f32 = 0.83;
+pub(crate) const STRETCHED: f32 = 0.83;
 /// Minor axis over that of the projected disc, for tilted discs: the mean of two ellipses one above
 /// the other covers least.
-const MINOR_FACTOR: f32 = 1.3;
+pub(crate) const MINOR_FACTOR: f32 = 1.3;
 /// Half the least minor axis of an ellipse, pixels. Thinner ellipses pass between the centres of
 /// pixels, which leaves holes in floors seen at a slant.
-const MINOR_MIN_PX: f32 = 1.4;
+pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
-const THICKNESS: f32 = 1.0;
+pub(crate) const THICKNESS: f32 = 1.0;
 /// Greatest length of the depth interval over the drawn radius where planes are fitted: the fit of
 /// steep planes is rough.
-const FITTED_REACH_MAX: f32 = 3.0;
+pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
 /// Greatest radius, so that sums of depth and radius stay finite.
-const RADIUS_MAX: f32 = 1e30;
+pub(crate) const RADIUS_MAX: f32 = 1e30;
 
 /// Tables made once a frame, to look up attributes of points.
 pub struct Lookup<'a> {

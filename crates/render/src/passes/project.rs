@@ -92,7 +92,7 @@ impl DrawList {
 /// Octahedral code of a point without a normal.
 pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
 /// Bits of [`NO_NORMAL`] in a normal plane.
-const NO_NORMAL_BITS: u32 = 0x8000_8000;
+pub(crate) const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
 /// Projects all points into `target` (one value a pixel, row by row), which is cleared first.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {

@@ -45,22 +45,22 @@ const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
 /// Least radius of an ellipse that hides pixels below the coarser pixels beside its own, pixels.
 /// Narrower ellipses are in every pixel, and would widen outlines.
-const HIDING_PX: f32 = 24.0;
+pub(crate) const HIDING_PX: f32 = 24.0;
 
 /// Greatest distance of a pixel from the centres of four enclosing ellipses, over their radii.
-const ENCLOSING: f32 = 1.15;
+pub(crate) const ENCLOSING: f32 = 1.15;
 
 /// Share of the interpolated value in a smoothed pixel if all four coarser pixels take part. With
 /// 0.8 surfaces of a point a pixel flicker less, but colours are less accurate.
-const SMOOTH: f32 = 0.5;
+pub(crate) const SMOOTH: f32 = 0.5;
 
 /// Square of the cosine (15 degrees) from which on normals are close: at the edge of a cube, a
 /// coarser pixel with three parts of one side and one of the other takes part in neither.
-const NEAR: f32 = 0.933;
+pub(crate) const NEAR: f32 = 0.933;
 
 /// Slightly less than one: a pixel that the coarser one was made from must not count as in front of
 /// it.
-const ROUNDING: f32 = 0.99999;
+pub(crate) const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest down to the picture.
 pub fn push(pyramid: &mut Pyramid) {

@@ -16,7 +16,7 @@ use glam::Vec2;
 /// Steepest slope (depth over width) of planes: a nearly edge-on plane says little of its slope.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
 /// Greatest factor by which one move changes a depth.
-const FACTOR_MAX: f32 = 2.0;
+pub(crate) const FACTOR_MAX: f32 = 2.0;
 
 /// Parameters of the camera that planes need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -6,7 +6,7 @@
 pub mod flip;
 
 use esker_render::gpu::device::all_interfaces;
-use esker_render::gpu::{Gpu, NodePool, PlaneAt, ProjectPath, Request};
+use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, ProjectPath};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
 /// A device for each adapter and path, also with the least that WebGPU promises; says so where there is none.
@@ -23,7 +23,7 @@ pub fn few_gpus() -> Vec<Gpu> {
 /// Devices by these paths; the least that there is where none is named.
 fn open(paths: &[Option<ProjectPath>]) -> Vec<Gpu> {
     let requests = all_interfaces().iter().flat_map(|&backends| {
-        paths.iter().map(move |&path| Request {
+        paths.iter().map(move |&path| GpuRequest {
             backends,
             allow_software: true,
             path,

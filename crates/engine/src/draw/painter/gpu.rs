@@ -56,7 +56,7 @@ impl GpuPainter {
     pub(crate) fn new(gpu: Gpu, file: &Forest, options: &Options) -> Result<Self> {
         let shares = GpuShares::of(file, options)?;
         let mut renderer = GpuRenderer::new(&gpu)?;
-        renderer.set_room(shares.room);
+        renderer.set_batch_capacity(shares.room);
         let runs = UploadRing::runs(&gpu, shares.runs)?.into_iter().map(GpuRun).collect();
         // A small file shall not take a large page.
         let page_bytes = file.file_bytes().next_power_of_two();

@@ -34,8 +34,8 @@ use rayon::prelude::*;
 
 /// Bits of a source that name its pixel; above them is the outward direction of the line that it
 /// went from, plus one.
-const PIXEL_BITS: u32 = 28;
-const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
+pub(crate) const PIXEL_BITS: u32 = 28;
+pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 /// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond
 /// this many only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
@@ -46,16 +46,16 @@ const AHEAD: usize = 8;
 /// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its
 /// radius has so many pixels: a sample's own pixel keeps three of them at least, since it is
 /// trimmed to more than a pixel around it. Where radii are smaller, rims need theirs.
-const ALONE: usize = 7;
-const ALONE_RADIUS_PX: f32 = 3.0;
+pub(crate) const ALONE: usize = 7;
+pub(crate) const ALONE_RADIUS_PX: f32 = 3.0;
 
 /// What lies behind goes on where a pixel has gone, as far as its depth changes by so many pixels'
 /// worth a pixel (ground seen aslant), and by so much of it at most.
-const STEEPEST: f32 = 4.0;
+pub(crate) const STEEPEST: f32 = 4.0;
 /// Nearer to the rim, pixels, it is shown as it is there: what is mirrored flickers, and stripes
 /// are no longer than that.
-const MIRRORED_PX: usize = 8;
-const RISE_MAX: f32 = 0.5;
+pub(crate) const MIRRORED_PX: usize = 8;
+pub(crate) const RISE_MAX: f32 = 0.5;
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::picture::edges`]. Returns the pixels that changed and those beside them.

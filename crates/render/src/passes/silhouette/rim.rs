@@ -9,32 +9,32 @@ use crate::simd::values::Values;
 /// them ellipses end near silhouettes by themselves, and less only roughens them: a sphere's
 /// outline, spacing 8 pixels, deviates by 0.4 pixels (root mean square) with a half, by 0.8 with
 /// 0.3. Without them a third leaves 0.3 spacings of the 1.1 that discs stick out.
-const OVERHANG: [f32; 2] = [0.5, 0.35];
+pub(crate) const OVERHANG: [f32; 2] = [0.5, 0.35];
 /// And in pixels, at least. With normals places are exact: with 0.9 a cube's outlines at one point
 /// a pixel are off by 0.27 of alpha (root mean square), with 1.5 by 0.42; but 0.9 tears the rims of
 /// walls seen at 80 degrees. Without normals less than 1.5 dents the rims of dense surfaces.
-const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
+pub(crate) const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
 /// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at
 /// most.
-const OPEN_PX: (f32, f32) = (4.0, 32.0);
+pub(crate) const OPEN_PX: (f32, f32) = (4.0, 32.0);
 /// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over
 /// so many radii (the steepest, since there may be a gap): else ground behind the gaps between scan
 /// lines, seen aslant, would lie too far off to be the same, and each gap would have a rim.
-const SLOPE_RADII: [usize; 3] = [2, 3, 4];
-const STEEPER: f32 = 1.5;
+pub(crate) const SLOPE_RADII: [usize; 3] = [2, 3, 4];
+pub(crate) const STEEPER: f32 = 1.5;
 /// Where it reaches less far, gaps are small, and what sticks out of clutter counts for more (0.2 %
 /// of an indoor scan's picture).
-const SLOPE_REACH_MIN: usize = 8;
+pub(crate) const SLOPE_REACH_MIN: usize = 8;
 /// All radii above divide it.
-const WIDTH_RADII: usize = 12;
+pub(crate) const WIDTH_RADII: usize = 12;
 /// How far a line may reach beyond its samples, pixels.
-const LINE_OVERHANG_PX: f32 = 0.9;
+pub(crate) const LINE_OVERHANG_PX: f32 = 0.9;
 /// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on
 /// either side: one sample alone is none, nor is one that stands out of a surface.
-const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
-const LINE_SIDE: f32 = 2.0;
+pub(crate) const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
+pub(crate) const LINE_SIDE: f32 = 2.0;
 /// Radii beyond this, pixels, are not looked at for lines.
-const LINE_RADIUS_MAX_PX: f32 = 32.0;
+pub(crate) const LINE_RADIUS_MAX_PX: f32 = 32.0;
 /// Directions to the neighbours, around.
 pub(crate) const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
