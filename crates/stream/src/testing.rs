@@ -1,4 +1,4 @@
-//! What the tests of several modules look at: the hills of `tests/rig`, read once.
+//! Test file for the unit tests of several modules: the hills of `tests/rig`, opened once.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
