@@ -36,7 +36,7 @@ struct Verdict {
     /// Whether its points must be asked one by one.
     is_across: bool,
     /// Whether of it and of all below it no point is wanted.
-    is_barren: bool,
+    rejects_subtree: bool,
 }
 
 impl Shown {
@@ -89,8 +89,8 @@ impl Shown {
     }
 
     /// Whether of a node and of all below it no point is wanted.
-    pub fn is_barren(&self, node: u32) -> bool {
-        self.verdict(node).is_some_and(|v| v.is_barren)
+    pub fn rejects_subtree(&self, node: u32) -> bool {
+        self.verdict(node).is_some_and(|v| v.rejects_subtree)
     }
 
     /// Whether a node's plane is shown otherwise than it lies in the file.
@@ -230,7 +230,7 @@ fn verdict(
     own_classes: Side,
     subtree_classes: Side,
 ) -> Verdict {
-    let none = Verdict { points: 0, is_across: false, is_barren: true };
+    let none = Verdict { points: 0, is_across: false, rejects_subtree: true };
     let prefix = filter.prefix(node, nodes.get(node.parent as usize));
     let cell = node.cell();
     if prefix == 0
@@ -242,12 +242,12 @@ fn verdict(
     let [min, max] = node.own_box();
     let by_box = filter.side_of_box(min, max);
     if by_box == Side::Outside || own_classes == Side::Outside {
-        return Verdict { is_barren: false, ..none };
+        return Verdict { rejects_subtree: false, ..none };
     }
     Verdict {
         points: u32::try_from(prefix).unwrap_or(u32::MAX),
         is_across: by_box == Side::Across || own_classes == Side::Across,
-        is_barren: false,
+        rejects_subtree: false,
     }
 }
 

@@ -85,8 +85,8 @@ impl Residency for CacheResidency<'_> {
         self.chooser.planes.shown.points_max(node)
     }
 
-    fn is_barren(&self, node: u32) -> bool {
-        self.chooser.planes.shown.is_barren(node)
+    fn rejects_subtree(&self, node: u32) -> bool {
+        self.chooser.planes.shown.rejects_subtree(node)
     }
 }
 
