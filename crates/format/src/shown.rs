@@ -154,7 +154,7 @@ impl Filtered {
         let nodes = &forest.table().nodes;
         let mut verdicts = Vec::with_capacity(nodes.len());
         for file in forest.files() {
-            let statistics = filter.asks_classes().then(|| file.statistics()).transpose()?;
+            let statistics = filter.needs_classes().then(|| file.statistics()).transpose()?;
             let all_have_one =
                 file.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
             let first = verdicts.len();
@@ -174,7 +174,7 @@ impl Filtered {
     /// The planes that points are asked by.
     fn asked(&self, forest: &Forest, node: u32) -> Vec<PlaneKind> {
         let mut kinds = vec![PlaneKind::Residual];
-        if self.filter.asks_classes() {
+        if self.filter.needs_classes() {
             kinds.push(PlaneKind::Class);
             kinds.extend(classification(forest));
         }
@@ -189,7 +189,7 @@ impl Filtered {
         let test = self.filter.in_box(min, max);
         let copy = |kind| planes.get(kind).unwrap_or_default().to_vec();
         let (residual, of_source) = (copy(PlaneKind::Residual), copy(PlaneKind::Class));
-        let kind = classification(forest).filter(|_| self.filter.asks_classes());
+        let kind = classification(forest).filter(|_| self.filter.needs_classes());
         let classes = kind.map(copy).unwrap_or_default();
         let file = forest.file_of(node);
         let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);

@@ -78,10 +78,10 @@ impl View {
         let fovy_rad = clamp_fovy(fovy_rad);
         let tan_y = (fovy_rad * 0.5).tan();
         let tan = DVec2::new(tan_y * f64::from(width.max(1)) / f64::from(height.max(1)), tan_y);
-        // From a distance d behind the centre and shifted by p, a corner v, in view space, is in the
-        // picture if |v.x - p.x| is at most tan.x (d - v.z). So over all corners, the greatest
-        // v.x + tan.x v.z, minus p.x, and the greatest tan.x v.z - v.x, plus p.x, are at most
-        // tan.x d. The same holds for y.
+        // From a distance d behind the centre and shifted by p, a corner v, in view space, is in
+        // the picture if |v.x - p.x| is at most tan.x (d - v.z). So over all corners, the greatest
+        // v.x + tan.x v.z, minus p.x, and the greatest tan.x v.z - v.x, plus p.x, are at most tan.x
+        // d. The same holds for y.
         let mut ends = [DVec2::ZERO; 2];
         for corner in 0..8 {
             let sign = |bit: u32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
