@@ -4,8 +4,7 @@
 //! not read. Without a filter, count and multiset hash of what was handed to the writer must be each footer's.
 
 use crate::error::BuildError;
-use esker_format::error::Fault;
-use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
+use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
