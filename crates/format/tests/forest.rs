@@ -158,7 +158,7 @@ fn lists_that_no_forest_has_are_refused() {
         (vec![a.clone(), a.clone()], "names a file twice"),
         (vec![TreeRef { path: String::new(), ..a.clone() }], "no way"),
         (vec![TreeRef { path: "/etc/a.esker".into(), ..a.clone() }], "no way"),
-        (many(esker_format::forest::TREES_MAX as u128), "more files than a forest can have"),
+        (many(esker_format::TREES_MAX as u128), "more files than a forest can have"),
     ] {
         let points = tree::points_of(&schema, &naming(vec![]).classes, 10, 20, 1);
         let writes = std::panic::catch_unwind(|| {

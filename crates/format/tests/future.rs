@@ -6,9 +6,8 @@
 mod tree;
 
 use esker_format::footer::{FOOTER_BYTES, Section, header};
-use esker_format::layout::PlaneSpec;
 use esker_format::{
-    EskerFile, Footer, FormatError, Metadata, PageLayout, PlaneKind, encode_page, verify,
+    EskerFile, Footer, FormatError, Metadata, PageLayout, PlaneKind, PlaneSpec, encode_page, verify,
 };
 use esker_points::palette::{NO_COLOUR, Palette};
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT};

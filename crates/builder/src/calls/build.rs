@@ -21,9 +21,9 @@ use crate::sample::wires::has_wires;
 use crate::tree::levels::Raiser;
 use crate::tree::proof::{bounds_of, hash_of, prove, prove_merged};
 use crate::tree::subtree::assemble;
-use esker_format::table::NODE_BYTES_MAX;
 use esker_format::{
-    Codec, CrsRecord, FileWriter, Metadata, Normals, PageLayout, SourceRecord, Statistics,
+    Codec, CrsRecord, FileWriter, Metadata, NODE_BYTES_MAX, Normals, PageLayout, SourceRecord,
+    Statistics,
 };
 use esker_points::attribute::names;
 use esker_points::palette::Misfit;

@@ -4,8 +4,7 @@
 //! not read. Without a filter, count and multiset hash of what was handed to the writer must be each footer's.
 
 use crate::error::BuildError;
-use esker_format::error::Fault;
-use esker_format::{EskerFile, Forest, FormatError, PagePoints, SourceRecord};
+use esker_format::{EskerFile, Fault, Forest, FormatError, PagePoints, SourceRecord};
 use esker_points::attribute::names;
 use esker_points::filter::{LatticeFilter, Side};
 use esker_points::{AttrType, Attribute, Batch, Filter, MultisetHash, Schema, Task};
@@ -172,7 +171,7 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 /// The nodes of a tree that are wanted, in the order of their pages.
 fn plan(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Take>, BuildError> {
     let nodes = &tree.table().nodes;
-    let statistics = filter.asks_classes().then(|| tree.statistics()).transpose()?;
+    let statistics = filter.needs_classes().then(|| tree.statistics()).transpose()?;
     let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
     let mut takes = Vec::new();
     for (index, node) in (0u32..).zip(nodes) {

@@ -219,8 +219,8 @@ impl Residency for AtHand<'_> {
     fn points_max(&self, node: u32) -> usize {
         self.0.points_max(node)
     }
-    fn is_barren(&self, node: u32) -> bool {
-        self.0.is_barren(node)
+    fn rejects_subtree(&self, node: u32) -> bool {
+        self.0.rejects_subtree(node)
     }
 }
 

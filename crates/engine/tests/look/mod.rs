@@ -89,7 +89,7 @@ fn shown_points(file: &Forest, filter: &Filter) -> u64 {
         let prefix = points.take(shown.points_max(node));
         prefix.filter(|point| point[HIDDEN_AT] == 0).count() as u64
     };
-    nodes.filter(|&node| !shown.is_barren(node)).map(count).sum()
+    nodes.filter(|&node| !shown.rejects_subtree(node)).map(count).sum()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::gpu::device::kernel::Kernel;
 use crate::gpu::device::shader::sources;
 use crate::gpu::device::{Counted, Gpu};
 use esker_lod::DepthTile;
-use esker_lod::feedback::TILES;
+use esker_lod::TILES;
 use wgpu::{Buffer, BufferUsages, ComputePass};
 
 /// Bytes of all tiles.
