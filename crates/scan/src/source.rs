@@ -9,6 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Bytes at the beginning of a file from which its format is detected: text may begin with many
+/// comments, or with one long line of names.
+pub(crate) const HEAD_BYTES: u64 = 64 << 10;
+
 /// Points in a batch at most: small enough for a cache, large enough that calls cost nothing.
 pub const BATCH_POINTS: usize = 1 << 16;
 

@@ -4,9 +4,10 @@
 use crate::args::Args;
 use crate::counters::Counters;
 use crate::device::ShownBy;
+use crate::input_events::Sight;
 use crate::looking::{Looking, pixels};
 use crate::panel::{self, Asked, Facts};
-use crate::pilot::{Order, Sight};
+use crate::pilot::Order;
 use crate::rig::Rig;
 use crate::script::Script;
 use crate::settings::Settings;

@@ -3,7 +3,7 @@
 //! what counts is that all of it goes through the window's own input.
 
 use crate::gestures::{SPEED_A_POINT, TURN_RAD};
-use crate::pilot::{Sight, clicked, place_at, pressed, scrolled};
+use crate::input_events::{Sight, clicked, place_at, pressed, scrolled};
 use eframe::egui::{Event, Key, PointerButton, vec2};
 use esker_engine::View;
 use esker_engine::cameras::path::Path;

@@ -12,6 +12,7 @@ pub mod device;
 pub mod filters;
 mod frustum;
 pub mod gestures;
+pub mod input_events;
 pub mod keys;
 pub mod legend;
 pub mod looking;

@@ -3,7 +3,6 @@
 
 use anyhow::{Context, Result, bail};
 use esker_engine::calls::build;
-use esker_engine::calls::render;
 use esker_engine::io::output;
 use esker_engine::{BuildOptions, Forest, Task};
 use std::path::PathBuf;

@@ -6,6 +6,7 @@ use crate::app::App;
 use crate::args::{Args, Backend, WindowBy};
 use crate::device::{ShownBy, device_of};
 use crate::soft;
+use crate::soft::NO_DISPLAY;
 use anyhow::{Context, Result, anyhow};
 use eframe::egui::{self, ViewportBuilder};
 use eframe::egui_wgpu::{SurfaceConfig, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
@@ -19,9 +20,6 @@ use std::time::Instant;
 
 /// The window's title.
 pub const TITLE: &str = "Esker";
-/// What to do where no window opens.
-pub(crate) const NO_DISPLAY: &str = "cannot open a window: it needs a display (DISPLAY or WAYLAND_DISPLAY), and on X11 the packages \
-    libxkbcommon-x11-0, libxcursor1 and libxi6; without one: esker render FILE -o picture.png";
 
 /// Shows the window until it is closed.
 ///

@@ -3,7 +3,7 @@
 
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
-use crate::sample::pending::Pending;
+use crate::sample::pending::PendingCell;
 use esker_points::{Cell, Task};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -14,7 +14,7 @@ const TASK_POINTS: usize = 1 << 14;
 impl Context {
     /// Chooses what each cell over a range of sorted rows (at least one) offers, down to single lattice points. Nodes
     /// are yet to be finished. Void where the task was cancelled.
-    pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> Pending {
+    pub fn build(&self, rows: &Rows<'_>, range: Range<u32>, task: &dyn Task) -> PendingCell {
         let cell = Cell::enclosing(rows.position(range.start), rows.position(range.end - 1));
         let n = range.len();
         if task.is_cancelled() {

@@ -3,7 +3,7 @@
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
 use crate::sample::cell::Context;
-use crate::sample::pending::{Below, Cut, Pending};
+use crate::sample::pending::{Below, PendingCell, ReadyCell};
 use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
@@ -27,16 +27,17 @@ struct Unit {
 }
 
 enum State {
-    Cut(Box<Cut>),
+    Ready(Box<ReadyCell>),
     Finished(Option<Box<Subtree>>),
 }
 
 impl Unfinished {
     /// What is below a cell.
-    pub fn below(pending: &mut Pending) -> Self {
+    pub fn below(pending: &mut PendingCell) -> Self {
         let mut cells: Vec<Unit> = Vec::new();
         let mut others = pending.moments.count;
-        let mut open: Vec<(Option<usize>, Vec<Cut>)> = vec![(None, pending.below.take_cut())];
+        let mut open: Vec<(Option<usize>, Vec<ReadyCell>)> =
+            vec![(None, pending.below.take_ready())];
         while let Some((parent, cuts)) = open.pop() {
             for mut cut in cuts {
                 let points = cut.pending.moments.count;
@@ -48,8 +49,8 @@ impl Unfinished {
                     Below::Elsewhere { of, .. } => Some(of),
                     _ => None,
                 };
-                open.push((Some(cells.len()), cut.pending.below.take_cut()));
-                let state = Mutex::new(State::Cut(Box::new(cut)));
+                open.push((Some(cells.len()), cut.pending.below.take_ready()));
+                let state = Mutex::new(State::Ready(Box::new(cut)));
                 cells.push(Unit { parent, points, elsewhere, state });
             }
         }
@@ -80,8 +81,8 @@ impl Unfinished {
         }
         let Unit { points, state, .. } = &self.cells[index];
         let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
-        if let State::Cut(cut) = std::mem::replace(&mut *state, State::Finished(None)) {
-            let Cut { pending, taken, above } = *cut;
+        if let State::Ready(cut) = std::mem::replace(&mut *state, State::Finished(None)) {
+            let ReadyCell { pending, taken, above } = *cut;
             let tree = context.finish(rows, pending, &taken, Some(above), counts);
             *state = State::Finished(tree.map(Box::new));
         }

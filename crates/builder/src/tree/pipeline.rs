@@ -13,7 +13,7 @@ use crate::rows::row::Rows;
 use crate::rows::scratch::Extent;
 use crate::rows::store::{Store, Stored};
 use crate::sample::cell::Context;
-use crate::sample::pending::{Below, Pending};
+use crate::sample::pending::{Below, PendingCell};
 use crate::tree::finishing::Unfinished;
 use crate::tree::levels::{Raiser, Step};
 use crate::tree::subtree::Children;
@@ -351,7 +351,7 @@ impl<'a> Pipeline<'a> {
     fn finish<'s>(
         &'s self,
         rows: Vec<u8>,
-        mut pending: Pending,
+        mut pending: PendingCell,
         mut chunk: Option<Chunk>,
         (slot, desk): (Slot, &Desk),
         scope: &Scope<'s>,

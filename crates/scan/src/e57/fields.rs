@@ -321,7 +321,16 @@ impl Fields {
                 );
             }
         }
-        let grid = grid(clouds, &mut scans);
+        let cartesian = |place| match place {
+            Place::Cartesian(xyz) => Some(xyz),
+            Place::Spherical(_) => None,
+        };
+        let places: Vec<_> =
+            scans.iter().map(|scan| (cartesian(scan.place), scan.pose.clone())).collect();
+        let grid = grid(clouds, &places).map(|(grid, shifts)| {
+            scans.iter_mut().zip(shifts).for_each(|(scan, shift)| scan.shift = shift);
+            grid
+        });
         Ok(Self { schema, scans, grid, are_shares, notes })
     }
 }

@@ -2,7 +2,7 @@
 //! that unpacks them keeps what is ahead of other fields, whatever it takes: so where one field is far ahead of another,
 //! as in no sound file, nothing is unpacked.
 
-use super::Ahead;
+use super::ahead::Ahead;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Task;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
@@ -161,7 +161,7 @@ mod tests {
         let mut cloud = PointCloud::default();
         (cloud.records, cloud.prototype) = (records, prototype.to_vec());
         let file = file(packets);
-        let input = super::super::file_of(file.path()).unwrap();
+        let input = super::super::ahead::file_of(file.path()).unwrap();
         are_even(input, PAGE_BYTES as u64, &cloud, &Silent).unwrap()
     }
 

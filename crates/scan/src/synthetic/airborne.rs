@@ -7,7 +7,7 @@ use super::draw::{Draw, cos_sin, noise, smooth};
 use super::landscape::{Echo, HEIGHTS, Landscape};
 use super::point::Point;
 use super::ray::{Hit, Vec3};
-use super::{BLOCK_POINTS, Scene};
+use super::scene::{BLOCK_POINTS, Scene};
 use esker_points::Grid;
 use std::ops::Range;
 

@@ -3,8 +3,8 @@
 
 use super::draw::Draw;
 use super::furniture;
-use super::office::{Beyond, Opening, Room};
 use super::ray::{Material, Texture, Vec3};
+use super::room::{Beyond, Opening, Room};
 
 /// Length of the corridors, metres.
 pub const LENGTH: f64 = 46.0;

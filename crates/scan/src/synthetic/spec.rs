@@ -1,7 +1,7 @@
 //! The name of a generated scan: `synthetic:SCENE:POINTS` or `synthetic:SCENE:POINTS:SEED`.
 
-use super::SCENES;
 use super::model::MODELS;
+use super::scenes::SCENES;
 use crate::error::ScanError;
 use std::path::Path;
 

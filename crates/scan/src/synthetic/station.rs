@@ -6,7 +6,7 @@
 use super::draw::{Draw, cos_sin};
 use super::point::Point;
 use super::ray::{Hit, Ray, Vec3};
-use super::{BLOCK_POINTS, Scene};
+use super::scene::{BLOCK_POINTS, Scene};
 use crate::source::Scanner;
 use esker_points::Grid;
 use std::ops::Range;

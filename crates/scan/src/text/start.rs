@@ -3,7 +3,7 @@
 
 use super::blocks::LineBlocks;
 use crate::error::ScanError;
-use crate::registry::HEAD_BYTES;
+use crate::source::HEAD_BYTES;
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;

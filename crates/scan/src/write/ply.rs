@@ -3,10 +3,10 @@
 //! exactly theirs; else doubles.
 
 use super::coordinates::Coordinates;
+use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use super::partial::Partial;
 use super::shown::{Shown, notes};
 use super::unique::unique;
-use super::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use crate::error::ScanError;
 use crate::text::naming::axis;
 use esker_points::attribute::names;

@@ -3,10 +3,10 @@
 //! again, and values that are counted in steps ([`super::shown`]) all of theirs.
 
 use super::coordinates::Coordinates;
+use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use super::partial::Partial;
 use super::shown::{Shown, notes};
 use super::unique::unique;
-use super::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::error::ScanError;
 use esker_points::{Attribute, Batch};
 use std::io::Write;

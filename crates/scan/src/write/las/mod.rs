@@ -16,8 +16,8 @@ mod records;
 
 use crate::error::ScanError;
 use crate::las::vlr::Vlr;
+use crate::write::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use crate::write::partial::Partial;
-use crate::write::{Encode, Encoded, Export, Origins, Outline, Output};
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
 use order::Ordered;

@@ -3,7 +3,7 @@
 //! nodes keep their points. The order of points means nothing in Esker, and nothing in LAS.
 
 use super::records::Records;
-use crate::write::{Encode, Encoded};
+use crate::write::encode::{Encode, Encoded};
 use esker_points::attribute::names;
 use esker_points::morton::encode3;
 use esker_points::{AttrType, Batch};

@@ -2,7 +2,7 @@
 //! all else behind it, as extra bytes.
 
 use crate::las::points::{Field, Layout, Take};
-use crate::write::{Encode, Encoded};
+use crate::write::encode::{Encode, Encoded};
 use esker_points::attribute::names;
 use esker_points::lattice::ORIGIN;
 use esker_points::{AttrType, Attribute, Batch, Schema};
