@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodArg,
     /// Where the camera stands first: "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates.
-    #[arg(long, value_parser = parse_camera, default_value = "", hide_default_value = true)]
+    #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
     /// rgb, intensity, elevation, classification, return_number, number_of_returns, source_id, time, normal, level, depth, plain, or any
     /// attribute's name; where it has a range of values, that may follow, with either end open.
@@ -143,10 +143,6 @@ impl From<MethodArg> for Method {
             MethodArg::Ewa => Self::Ewa,
         }
     }
-}
-
-fn parse_camera(text: &str) -> Result<Camera, String> {
-    Camera::parse(text).map_err(|e| format!("{e:#}"))
 }
 
 fn parse_polygon(word: &str) -> Result<Polygon, String> {

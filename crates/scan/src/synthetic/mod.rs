@@ -39,7 +39,7 @@ use esker_points::{ColourDepth, InputGrid, Task};
 use point::{Point, Run};
 use rayon::prelude::*;
 use scene::{BLOCK_POINTS, Scene};
-use scenes::SCENES;
+pub use scenes::SCENES;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;

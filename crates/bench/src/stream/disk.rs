@@ -1,5 +1,6 @@
-//! What the disk gives without Esker: a plain sequential read of a file, and plain reads of given ranges
-//! with as many in flight as the loaders have. What streaming is compared with, in the same run.
+//! Rates of the disk without Esker, which streaming is compared with in the same run: a plain
+//! sequential read of a file, and plain reads of given ranges with as many in flight as the loaders
+//! have.
 
 use anyhow::{Context, Result};
 use esker_format::{Forest, PlaneKind};
@@ -13,20 +14,19 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::Instant;
 
-/// Bytes a read.
+/// Bytes of a read.
 const READ_BYTES: usize = 1 << 20;
-/// Ranges with less than this between them are read at once, as loaders do.
+/// Ranges with at most this gap between them are read at once, as loaders do.
 const GAP_BYTES: u64 = 64 << 10;
-
-/// Bytes of a file after which its rate is known: reading all of a large one would take longer than the rest of the run.
+/// Bytes after which the sequential read of a large file stops: reading all of it would take longer
+/// than the rest of the run.
 const SEQUENTIAL_BYTES_MAX: u64 = 2 << 30;
 
-/// Bytes a second of reading a file from its beginning to its end, of a large one its first
-/// 2 GiB.
+/// Reads a file from its beginning, at most [`SEQUENTIAL_BYTES_MAX`], and returns bytes a second.
 ///
 /// # Errors
-/// Where it cannot be read, or on request.
-pub fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
+/// If the file cannot be read, or `task` is cancelled.
+pub(super) fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
     let context = || format!("{}: cannot read", path.display());
     let mut file = File::open(path).with_context(context)?;
     let mut buffer = vec![0; READ_BYTES];
@@ -42,9 +42,9 @@ pub fn sequential_rate(path: &Path, task: &dyn Task) -> Result<f64> {
     Ok(bytes as f64 / start.elapsed().as_secs_f64().max(1e-9))
 }
 
-/// The ranges of the files that hold the planes of a cut without the roots, neighbours as one, none longer
-/// than a read.
-pub fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
+/// Lists the ranges of `file` that hold the planes of `cut`, without those of the roots; adjacent
+/// ranges are joined, and none is longer than a read.
+pub(super) fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
     let mut ranges: Vec<Range<u64>> = Vec::new();
     for drawn in cut.nodes.iter().filter(|n| file.record(n.node).parent != NONE) {
         let node = file.record(drawn.node);
@@ -74,11 +74,11 @@ pub fn ranges_of(file: &Forest, cut: &Cut) -> Vec<Range<u64>> {
     joined.into_iter().flat_map(pieces).collect()
 }
 
-/// Seconds that plain reads of these ranges take, `in_flight` at a time.
+/// Reads `ranges`, `in_flight` at a time, and returns the seconds that it took.
 ///
 /// # Errors
-/// Where one fails.
-pub fn plain_seconds(file: &Forest, ranges: &[Range<u64>], in_flight: usize) -> Result<f64> {
+/// If a read fails.
+pub(super) fn plain_seconds(file: &Forest, ranges: &[Range<u64>], in_flight: usize) -> Result<f64> {
     let next = AtomicUsize::new(0);
     let longest = ranges.iter().map(|r| r.end - r.start).max().unwrap_or(0);
     let read = || -> Result<()> {
