@@ -1,7 +1,7 @@
-//! Error against size of a compact profile of hot planes, on the points of a file: positions of 10 or 8 bits
-//! an axis in the node's box (in the node's spacings), colours of 565 bits or in palettes of 256 (in CIE76
-//! dE, of which 2.3 is just visible), normals on the octahedron or in a codebook (in degrees).
-//! `cargo run --release --example compact -- FILE`.
+//! Error against size of a compact profile of hot planes, on the points of a file: positions of 10
+//! or 8 bits an axis in the node's box (in the node's spacings), colours of 565 bits or in palettes
+//! of 256 (in CIE76 dE, of which 2.3 is just visible), normals on the octahedron or in a codebook
+//! (in degrees). `cargo run --release --example compact -- FILE`.
 
 #![allow(clippy::unwrap_used, reason = "a measurement fails by panicking")]
 

@@ -1,6 +1,6 @@
-//! What the planes of a file take with each codec, in bytes a point, and what they cost, in nanoseconds of
-//! CPU time a point: `cargo run --release --example planes -- FILE [POINTS]`. Files are read by their
-//! exact points, so any codec will do. Linux tells a thread its CPU time.
+//! What the planes of a file take with each codec, in bytes a point, and what they cost, in
+//! nanoseconds of CPU time a point: `cargo run --release --example planes -- FILE [POINTS]`. Files
+//! are read by their exact points, so any codec will do. Linux tells a thread its CPU time.
 
 #![allow(clippy::unwrap_used, reason = "a measurement fails by panicking")]
 

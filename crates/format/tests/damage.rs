@@ -1,4 +1,5 @@
-//! Damaged, cut and hostile files: every changed byte is found, nothing panics, nothing is believed.
+//! Damaged, cut and hostile files: every changed byte is found, nothing panics, nothing is
+//! believed.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

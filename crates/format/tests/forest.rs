@@ -1,4 +1,5 @@
-//! Forests: what opens as one cloud, and what is refused, by name, before anything of it is believed.
+//! Forests: what opens as one cloud, and what is refused, by name, before anything of it is
+//! believed.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -122,7 +123,8 @@ fn what_does_not_belong_is_refused_by_name() {
     // Gone.
     let error = refused(TreeRef { path: "gone.esker".into(), ..a.clone() });
     assert!(error.contains("gone.esker") && error.contains("does not open"), "{error}");
-    // Another file of this name; the forest itself is one, too, so that no file can belong to itself.
+    // Another file of this name; the forest itself is one, too, so that no file can belong to
+    // itself.
     let other = plant(&at("b.esker"), 31, &plain(&["intensity"]));
     for path in ["b.esker", "new.esker"] {
         let error = refused(TreeRef { path: path.into(), ..a.clone() });

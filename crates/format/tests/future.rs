@@ -1,5 +1,6 @@
-//! A file of a later Esker, with planes, a statistics column and metadata of kinds that this version does not
-//! know, is read: what is known comes out, the rest is skipped. Both readers are asked.
+//! A file of a later Esker, with planes, a statistics column and metadata of kinds that this
+//! version does not know, is read: what is known comes out, the rest is skipped. Both readers are
+//! asked.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

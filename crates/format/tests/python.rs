@@ -1,5 +1,5 @@
-//! The independent Python reader, written from the specification alone, reads the same points out of the
-//! same file, and finds damage.
+//! The independent Python reader, written from the specification alone, reads the same points out
+//! of the same file, and finds damage.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,4 +1,5 @@
-//! Whatever is written is read again to the bit: points of any schema and classes, statistics, metadata.
+//! Whatever is written is read again to the bit: points of any schema and classes, statistics,
+//! metadata.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,5 +1,5 @@
-//! The sample files of every frozen version are read for ever: opened, verified, and compared with what
-//! was written down when they were made.
+//! The sample files of every frozen version are read for ever: opened, verified, and compared with
+//! what was written down when they were made.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,5 +1,5 @@
-//! Claims about the project pass on a GPU: by either path, on every adapter there is, the same points win the
-//! same pixels as on the CPU.
+//! Claims about the project pass on a GPU: by either path, on every adapter there is, the same
+//! points win the same pixels as on the CPU.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod gpu;

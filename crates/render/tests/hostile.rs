@@ -1,5 +1,5 @@
-//! Whatever the planes and records hold, the picture is a harmless one: its size, no depth that is not
-//! a number, no panic.
+//! Whatever the planes and records hold, the picture is a harmless one: its size, no depth that is
+//! not a number, no panic.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 #[allow(dead_code, reason = "shared with other tests, which use more of it")]

@@ -1,5 +1,6 @@
-//! What gives points their colour: the name that the user gives becomes the renderer's map, the plane that it
-//! needs and a legend, with the range of values from the user or from the statistics ([`crate::cameras::ranges`]).
+//! What gives points their colour: the name that the user gives becomes the renderer's map, the
+//! plane that it needs and a legend, with the range of values from the user or from the statistics
+//! ([`crate::cameras::ranges`]).
 
 use crate::cameras::ranges;
 use anyhow::{Context, Result, bail, ensure};
@@ -44,7 +45,8 @@ pub struct Legend {
     pub palette: Option<Palette>,
     /// Numbers, what they mean, and their colours (sRGB).
     pub entries: Vec<(u8, String, [u8; 3])>,
-    /// Whether values are lengths in the file's unit, that of its horizontal coordinates: heights may have another one.
+    /// Whether values are lengths in the file's unit, that of its horizontal coordinates: heights
+    /// may have another one.
     pub is_length: bool,
     /// Why there may be little to see.
     pub note: Option<&'static str>,
@@ -60,7 +62,8 @@ impl Legend {
         self.range.map(ends)
     }
 
-    /// So many colours from the first value to the last, sRGB; none where there is no range of colours.
+    /// So many colours from the first value to the last, sRGB; none where there is no range of
+    /// colours.
     pub fn bar(&self, count: usize) -> Vec<[u8; 3]> {
         let Some(palette) = self.palette else { return Vec::new() };
         let last = count.saturating_sub(1).max(1) as f64;
@@ -179,8 +182,8 @@ impl<'a> Wish<'a> {
     }
 }
 
-/// The colouring of this name; the best that the file has where there is none: its colours, else its
-/// intensity where it has no normals to be lit by, else elevation.
+/// The colouring of this name; the best that the file has where there is none: its colours, else
+/// its intensity where it has no normals to be lit by, else elevation.
 ///
 /// # Errors
 /// Where the file has no such attribute, or what is asked for is no range.
@@ -317,7 +320,8 @@ fn has_colours(file: &Forest) -> Result<bool> {
     Ok(false)
 }
 
-/// The plane that tells the points of one scan from those of another, and how its values become codes.
+/// The plane that tells the points of one scan from those of another, and how its values become
+/// codes.
 ///
 /// # Errors
 /// Where no attribute does.

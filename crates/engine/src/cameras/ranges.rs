@@ -1,7 +1,8 @@
-//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest values, so that
-//! neither a few strays take all colours nor what a filter leaves out takes any. Where strays are so far away that bins, or the
-//! boxes of nodes, hide what the others differ by, points are read: of a few nodes, and only to tell where within a bin a
-//! range ends. Where an end is a number that stands for no value, a sample of the values tells all.
+//! Ranges of values for colour maps: from the files' histograms and the nodes' least and greatest
+//! values, so that neither a few strays take all colours nor what a filter leaves out takes any.
+//! Where strays are so far away that bins, or the boxes of nodes, hide what the others differ by,
+//! points are read: of a few nodes, and only to tell where within a bin a range ends. Where an end
+//! is a number that stands for no value, a sample of the values tells all.
 
 use crate::cameras::colour::plane_of;
 use anyhow::Result;
@@ -13,7 +14,8 @@ use esker_points::{AttrType, Node};
 const STRAYS: f64 = 0.01;
 /// Bins of heights.
 const BINS: usize = 1024;
-/// Numbers from here on stand for no value: scans write the greatest of their type where they have none.
+/// Numbers from here on stand for no value: scans write the greatest of their type where they have
+/// none.
 const NO_VALUE: f64 = f32::MAX as f64;
 /// Values that a sample has at least, where there are so many.
 const SAMPLE: usize = 1 << 17;
@@ -48,7 +50,8 @@ pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f6
     of_sample(forest, number, attribute.ty, shown)
 }
 
-/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None` where nothing is a number.
+/// Least and greatest value of an attribute of the forest over all trees, strays and all; `None`
+/// where nothing is a number.
 ///
 /// # Errors
 /// Where statistics cannot be read.
@@ -92,7 +95,8 @@ fn is_value(number: f64) -> bool {
     number.abs() < NO_VALUE
 }
 
-/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are
+/// spread evenly.
 fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
     let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
     let mut values = Vec::new();
@@ -150,7 +154,8 @@ fn within(
     Ok(clamped.filter(|(a, b)| a <= b).or(kept))
 }
 
-/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as far as the first nodes have any.
+/// A range whose ends are those of bins, ended at the outermost values in these bins instead, as
+/// far as the first nodes have any.
 fn within_bins(
     file: &EskerFile,
     attribute: usize,
@@ -200,8 +205,9 @@ fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
     counts.take_while(is_stray).count()
 }
 
-/// The range of heights. Points are taken to be spread evenly over the heights of their node's contour; those of a few tall
-/// nodes, which a stray may have stretched, are read. `bounds` are of all points.
+/// The range of heights. Points are taken to be spread evenly over the heights of their node's
+/// contour; those of a few tall nodes, which a stray may have stretched, are read. `bounds` are of
+/// all points.
 ///
 /// # Errors
 /// Where a node cannot be read.

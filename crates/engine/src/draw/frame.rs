@@ -1,5 +1,5 @@
-//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes lie,
-//! become what is drawn. Shared by pictures read whole and by sessions that stream.
+//! From planes to the renderer's frame: the one place where nodes of a cut, wherever their planes
+//! lie, become what is drawn. Shared by pictures read whole and by sessions that stream.
 
 use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, colouring_of};
@@ -33,7 +33,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// Of a file: what `filter` wants, coloured by `colour` ([`crate::cameras::colour::colouring`]).
+    /// Of a file: what `filter` wants, coloured by `colour`
+    /// ([`crate::cameras::colour::colouring`]).
     ///
     /// # Errors
     /// Where the file has not what colours shall come from, or the filter makes no sense.
@@ -65,7 +66,8 @@ impl Look {
         Ok(Self { evens_exposure, ..self })
     }
 
-    /// The same from compact planes, where all trees have them and nothing else is asked of the bytes that they save.
+    /// The same from compact planes, where all trees have them and nothing else is asked of the
+    /// bytes that they save.
     pub fn compacted(mut self, file: &Forest) -> Self {
         let asks =
             self.evens_exposure || self.shown.hides_any() || self.colouring.by != ColourBy::Rgb;
@@ -90,7 +92,8 @@ impl Look {
         self
     }
 
-    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded` where they crowd.
+    /// The plan of its frames; `is_dense` where points are dense in the whole view, `is_crowded`
+    /// where they crowd.
     pub fn plan(&self, file: &Forest, is_dense: bool, is_crowded: bool) -> FramePlan {
         let normals = file.has(PlaneKind::Normal);
         let has = SceneHas {
@@ -117,7 +120,8 @@ impl Look {
         FramePlan::of(&has, &options)
     }
 
-    /// The planes that its frames need of each node, the residual aside, which views ask for node by node.
+    /// The planes that its frames need of each node, the residual aside, which views ask for node
+    /// by node.
     pub fn needs(&self, file: &Forest) -> Needs {
         let plan = self.plan(file, false, false);
         let colour = self.colouring.plane.map(|(kind, _)| kind).filter(|_| plan.reads_colours);
@@ -125,8 +129,8 @@ impl Look {
         Needs { colour, normals, clip_lines, tangents }
     }
 
-    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]): none where all of the file lies in
-    /// the picture, or one so large cannot be drawn.
+    /// A view with the margin that its pictures of a file take ([`esker_render::picture::margin`]):
+    /// none where all of the file lies in the picture, or one so large cannot be drawn.
     pub fn with_margin(&self, file: &Forest, view: &View) -> View {
         let shown = view.with_margin(0);
         let wide = view.with_margin(MARGIN_PX);

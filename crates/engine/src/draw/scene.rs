@@ -1,5 +1,5 @@
-//! What a still picture is drawn from: the request, the file (opened, or built from scans first), and the
-//! nodes, prefixes and planes that the view needs, read whole.
+//! What a still picture is drawn from: the request, the file (opened, or built from scans first),
+//! and the nodes, prefixes and planes that the view needs, read whole.
 
 use crate::calls::info;
 use crate::cameras::camera::Camera;
@@ -38,7 +38,8 @@ pub struct PictureRequest {
     pub shines: bool,
     /// Whether differences of exposure between scans are evened out.
     pub evens_exposure: bool,
-    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare with.
+    /// Whether values that are mapped are kept as they are, and not as codes of a byte: to compare
+    /// with.
     pub keeps_values: bool,
     /// Whether full planes are drawn where there are compact ones, too.
     pub full: bool,
@@ -72,7 +73,8 @@ impl Default for PictureRequest {
     }
 }
 
-/// Opens the file, or builds scans into one in a temporary folder, which goes with the second value.
+/// Opens the file, or builds scans into one in a temporary folder, which goes with the second
+/// value.
 pub fn open(
     inputs: &[PathBuf],
     request: &PictureRequest,

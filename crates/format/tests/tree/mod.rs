@@ -1,5 +1,5 @@
-//! A plain builder of small trees for the tests: a node takes the first points that reach it, the rest goes
-//! to the octants below. And random schemas, classes and points.
+//! A plain builder of small trees for the tests: a node takes the first points that reach it, the
+//! rest goes to the octants below. And random schemas, classes and points.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![allow(dead_code, reason = "each test file uses its own part")]

@@ -44,7 +44,7 @@ pub fn is_crease(a: Vec3, b: Vec3) -> bool {
     dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
 }
 
-/// The same of several.
+/// [`is_crease`] for several pairs of normals.
 #[inline(always)]
 pub fn are_creases<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);

@@ -26,7 +26,8 @@ pub(crate) const STEPS: [usize; 4] = [8, 4, 2, 1];
 pub(crate) const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
 /// Distance of the surroundings that darken, pixels.
 pub(crate) const REACH: usize = 2;
-/// Step of the sample of pixels, whose mean radius is taken: a prime, so that it runs across columns.
+/// Step of the sample of pixels, whose mean radius is taken: a prime, so that it runs across
+/// columns.
 pub(crate) const EVERY: usize = 61;
 /// Beyond this slope more depth darkens no more.
 pub(crate) const BEHIND_MAX: f32 = 4.0;

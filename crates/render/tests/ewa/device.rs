@@ -1,5 +1,5 @@
-//! On every adapter: many batches, too little room for entries, thousands of splats on a pixel and almost nothing on
-//! one, extreme views; the CPU's picture within DESIGN's tolerance.
+//! On every adapter: many batches, too little room for entries, thousands of splats on a pixel and
+//! almost nothing on one, extreme views; the CPU's picture within DESIGN's tolerance.
 
 use crate::gpu::flip::mean_flip;
 use crate::gpu::{few_gpus, laid_frame, lay, name};

@@ -1,5 +1,5 @@
-//! Every adapter of the machine, each path on it; and scenes laid into drawing memory, in pages so small
-//! that the planes of a node lie in several.
+//! Every adapter of the machine, each path on it; and scenes laid into drawing memory, in pages so
+//! small that the planes of a node lie in several.
 #![allow(dead_code, reason = "not every test uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
@@ -9,13 +9,14 @@ use esker_render::gpu::device::all_interfaces;
 use esker_render::gpu::{Gpu, GpuRequest, NodePool, PlaneAt, ProjectPath};
 use esker_render::{ColourPlane, DrawNode, Frame};
 
-/// A device for each adapter and path, also with the least that WebGPU promises; says so where there is none.
+/// A device for each adapter and path, also with the least that WebGPU promises; says so where
+/// there is none.
 pub fn gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), Some(ProjectPath::Primitives), None])
 }
 
-/// One device for each path of an adapter, the one of point primitives with the least that WebGPU promises: for
-/// tests whose many kernels take software drivers seconds to compile.
+/// One device for each path of an adapter, the one of point primitives with the least that WebGPU
+/// promises: for tests whose many kernels take software drivers seconds to compile.
 pub fn few_gpus() -> Vec<Gpu> {
     open(&[Some(ProjectPath::Atomics), None])
 }
@@ -48,7 +49,8 @@ pub struct Laid<'a> {
     pub draws: Vec<DrawNode<'a, PlaneAt>>,
 }
 
-/// Lays the planes of nodes into pages of at most so many bytes: all positions, then all residuals and so on.
+/// Lays the planes of nodes into pages of at most so many bytes: all positions, then all residuals
+/// and so on.
 pub fn lay<'a>(gpu: &Gpu, draws: &[DrawNode<'a>], page_bytes: u64) -> Laid<'a> {
     let mut pool = NodePool::with_pages(gpu, 1 << 30, page_bytes);
     let mut next = 0;

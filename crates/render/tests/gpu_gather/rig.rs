@@ -1,5 +1,5 @@
-//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same hits and planes on
-//! a GPU, with the planes of a node spread over small pages.
+//! What the tests of gather, resolve and tiles share: the twin's frame up to its hits, and the same
+//! hits and planes on a GPU, with the planes of a node spread over small pages.
 
 use crate::scene::Dice;
 use esker_lod::{DepthTile, View};

@@ -1,6 +1,6 @@
-//! Drawing on a GPU: loaders fill mapped upload runs, the render thread writes one list of commands a frame that
-//! copies them into the pool of node planes and draws the cut, and submits it once. It waits for the GPU only
-//! where two frames are in flight already.
+//! Drawing on a GPU: loaders fill mapped upload runs, the render thread writes one list of commands
+//! a frame that copies them into the pool of node planes and draws the cut, and submits it once. It
+//! waits for the GPU only where two frames are in flight already.
 
 use super::{GpuBytes, Image, Painter, Scene};
 use crate::draw::budget::GpuShares;
@@ -83,7 +83,8 @@ impl GpuPainter {
         ring.ready(gpu, |run| landing.free(GpuRun(run), spent.pop().unwrap_or_default()))
     }
 
-    /// After a submission: asks for what it read to be mapped again, and counts it until it is done.
+    /// After a submission: asks for what it read to be mapped again, and counts it until it is
+    /// done.
     fn submitted(&mut self) -> Result<(), GpuError> {
         self.ring.map();
         self.flying.fetch_add(1, AcqRel);
