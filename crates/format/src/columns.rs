@@ -202,7 +202,7 @@ fn find_columns(bytes: &[u8], nodes: usize) -> Result<Columns<'_>, Fault> {
         }
         end += padding;
         if columns.insert((u16_at(entry, 0), u16_at(entry, 2)), column).is_some() {
-            return Err(fault("a column stands twice"));
+            return Err(fault("a column occurs twice"));
         }
     }
     if end != bytes.len() {

@@ -281,19 +281,19 @@ fn open_named(path: &Path, at: &Path, tree: &TreeRef) -> Result<EskerFile, Forma
     let fault = |fault: String| FormatError::Forest { path: path.into(), tree: at.into(), fault };
     // Opening a pipe or a device may block for ever.
     if at.metadata().is_ok_and(|m| !m.is_file()) {
-        return Err(fault("is no file".into()));
+        return Err(fault("is not a file".into()));
     }
     let file = EskerFile::open(at).map_err(|error| {
         let error = error.to_string();
         let plain = error.strip_prefix(&format!("{}: ", at.display())).unwrap_or(&error);
         fault(format!(
-            "does not open: {plain}; keep the files of a forest where they are to each other"
+            "does not open: {plain}; keep the files of a forest in the same folders relative to each other"
         ))
     })?;
     let hash = file.footer().name_hash();
     if hash != tree.footer_hash {
         return Err(fault(format!(
-            "is another file than was named (its footer's hash is {hash:032x}, not {:032x}); put the right \
+            "is not the file that was named (its footer's hash is {hash:032x}, not {:032x}); put the right \
              one in its place, or append again",
             tree.footer_hash
         )));
@@ -322,7 +322,7 @@ impl TreeRef {
             unnamed("lies on another drive; write the forest where its files are")
         })?;
         let parts: Option<Vec<_>> = relative.iter().map(|part| part.to_str()).collect();
-        let parts = parts.ok_or_else(|| unnamed("has a name that is no Unicode; rename it"))?;
+        let parts = parts.ok_or_else(|| unnamed("has a name that is not Unicode; rename it"))?;
         Ok(Self { path: parts.join("/"), footer_hash: file.footer().name_hash() })
     }
 }

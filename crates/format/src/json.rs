@@ -1,6 +1,6 @@
-//! The metadata's JSON: one structure an object, separate from the types of the rest of the
-//! program, so that these can change without changing the file. Numbers that JSON lacks are
-//! strings.
+//! The metadata's JSON, encoded and decoded: one structure an object, separate from the types of
+//! the rest of the program, so that these can change without changing the file. Numbers that JSON
+//! lacks are strings.
 
 use crate::codec::Codec;
 use crate::error::Fault;
@@ -147,7 +147,7 @@ impl MetadataJson {
         let planes: Vec<_> = self.planes.iter().map(|p| plane_spec(p, palette.is_some())).collect();
         let schema = Schema { attributes: self.attributes.into_iter().map(attribute).collect() };
         let normals = Normals::from_name(&self.normals)
-            .ok_or_else(|| Fault::new("metadata", "the origin of normals is none that is known"))?;
+            .ok_or_else(|| Fault::new("metadata", "the origin of normals is unknown"))?;
         let metadata = Metadata {
             lattice: self.lattice,
             bounds: self.bounds,

@@ -215,7 +215,7 @@ impl PageLayout {
         }
         let first_cold = planes.iter().position(|p| !p.hot).unwrap_or(planes.len());
         if planes[first_cold..].iter().any(|p| p.hot) || planes.len() > ATTRIBUTES_MAX + 16 {
-            return Err(Fault::new("metadata", "a hot plane stands behind a cold one"));
+            return Err(Fault::new("metadata", "a hot plane comes after a cold one"));
         }
         if planes.iter().any(|p| p.value_bytes > VALUE_BYTES_MAX) {
             return Err(Fault::new("metadata", "a plane's values are longer than any can be"));

@@ -172,7 +172,7 @@ impl Metadata {
             return fault("it names more files than a forest can have");
         }
         if self.forest.iter().any(|t| t.path.is_empty() || Path::new(&t.path).has_root()) {
-            return fault("it names a file by no way from its own folder");
+            return fault("it names a file by a path that is not relative to its own folder");
         }
         let hashes: HashSet<_> = self.forest.iter().map(|t| t.footer_hash).collect();
         if hashes.len() < self.forest.len() {

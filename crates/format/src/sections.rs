@@ -20,7 +20,7 @@ pub(crate) fn read_footer(path: &Path, source: &dyn ReadAt) -> Result<Footer, Fo
     if head != HEADER_MAGIC {
         return Err(FormatError::Unsupported {
             path: path.into(),
-            what: "is not an .esker file; where it is a scan, build one first: esker build SCAN -o FILE.esker".into(),
+            what: "is not an .esker file; if it is a scan, build one first: esker build SCAN -o FILE.esker".into(),
         });
     }
     let mut bytes = [0; FOOTER_BYTES];

@@ -85,9 +85,9 @@ fn check_links(table: &NodeTable, index: usize) -> Result<(), &'static str> {
     if index > 0 {
         let parent =
             table.nodes.get(node.parent as usize).filter(|_| (node.parent as usize) < index);
-        let Some(parent) = parent else { return Err("its parent does not stand before it") };
+        let Some(parent) = parent else { return Err("its parent does not come before it") };
         if !parent.children().contains(&(index as u32)) {
-            return Err("its parent does not know it");
+            return Err("its parent does not list it");
         }
     }
     let children = node.children();
@@ -103,7 +103,7 @@ fn check_links(table: &NodeTable, index: usize) -> Result<(), &'static str> {
     }
     let children = &table.nodes[children.start as usize..children.end as usize];
     if children.iter().any(|c| c.parent as usize != index) {
-        return Err("its children do not know it");
+        return Err("its children name another parent");
     }
     check_cells(node, children)
 }

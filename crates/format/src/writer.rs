@@ -96,7 +96,7 @@ impl FileWriter {
             return Err(FormatError::Io {
                 path: path.into(),
                 what: "write it",
-                source: io::Error::other("something that is no file has this name"),
+                source: io::Error::other("something other than a file has this name"),
             });
         }
         let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;

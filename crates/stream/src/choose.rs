@@ -82,11 +82,11 @@ impl Residency for CacheResidency<'_> {
     }
 
     fn points_max(&self, node: u32) -> usize {
-        self.chooser.planes.shown.points_max(node)
+        self.chooser.planes.filter.points_max(node)
     }
 
     fn rejects_subtree(&self, node: u32) -> bool {
-        self.chooser.planes.shown.rejects_subtree(node)
+        self.chooser.planes.filter.rejects_subtree(node)
     }
 }
 
@@ -193,7 +193,7 @@ impl Chooser {
     fn choose(&self, view: View) -> Choice {
         let base = self.planes.base(&self.drawn_needs);
         // Software depth is computed from nodes, not from the points that a filter leaves of them.
-        let hides = self.feedback.is_some() || !self.planes.shown.is_filtered();
+        let hides = self.feedback.is_some() || !self.planes.filter.is_filtered();
         let mut selection = if self.options.occlusion && hides {
             let occlusion = self.occlusion(&view, &self.drawn);
             let selection = self.select(&view, &base, Some(&*occlusion));

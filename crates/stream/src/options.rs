@@ -1,6 +1,6 @@
 //! Options of a streamer: budgets, the order of loading, and the planes that frames need.
 
-use esker_format::{PlaneKind, Shown};
+use esker_format::{ForestFilter, PlaneKind};
 use std::sync::Arc;
 
 /// Budgets and settings of a `Streamer`.
@@ -23,7 +23,7 @@ pub struct Options {
     /// Number of loader threads, which is the number of reads in progress.
     pub loaders: usize,
     /// Filter of points, and values mapped while reading.
-    pub shown: Arc<Shown>,
+    pub filter: Arc<ForestFilter>,
 }
 
 impl Default for Options {
@@ -38,7 +38,7 @@ impl Default for Options {
             occlusion: true,
             // Disks reach their best rate at about eight requests in progress.
             loaders: 8,
-            shown: Arc::default(),
+            filter: Arc::default(),
         }
     }
 }

@@ -4,7 +4,7 @@
 use crate::landing::Slot;
 use crate::options::Needs;
 use crate::pool::Pool;
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_points::node::NONE;
 use esker_points::{Lattice, Node};
 use std::ops::Range;
@@ -14,14 +14,14 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub(crate) struct Planes {
     pub(crate) forest: Arc<Forest>,
-    pub(crate) shown: Arc<Shown>,
+    pub(crate) filter: Arc<ForestFilter>,
 }
 
 impl Planes {
     /// All planes of a forest, as they lie in the files.
     #[cfg(test)]
     pub(crate) fn of(forest: Arc<Forest>) -> Self {
-        Self { forest, shown: Arc::default() }
+        Self { forest, filter: Arc::default() }
     }
 
     /// Base planes: a node is drawn only if it has all of them, as far as its file has them. Planes
@@ -69,7 +69,7 @@ impl Planes {
     /// Bytes of a node's plane.
     pub(crate) fn bytes(&self, node: u32, kind: PlaneKind) -> u64 {
         let points = self.node(node).points() as u64;
-        if let Some(bytes) = self.shown.value_bytes(kind).filter(|_| self.has(node, kind)) {
+        if let Some(bytes) = self.filter.value_bytes(kind).filter(|_| self.has(node, kind)) {
             return bytes * points;
         }
         if let Some(range) = self.in_page(node, kind) {
@@ -87,7 +87,7 @@ impl Planes {
     /// only the directory of the page has, and for a plane that is mapped or filtered while it is
     /// read.
     pub(crate) fn in_file(&self, node: u32, kind: PlaneKind) -> Option<Range<u64>> {
-        if self.shown.changes(node, kind) {
+        if self.filter.changes(node, kind) {
             return None;
         }
         let page = self.node(node).page_offset;

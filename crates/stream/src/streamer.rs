@@ -86,7 +86,7 @@ impl Streamer {
             return Err(StreamError::Runs(run_bytes));
         }
         let loaders = options.loaders.clamp(1, LOADERS_MAX);
-        let planes = Planes { forest: Arc::clone(&forest), shown: Arc::clone(&options.shown) };
+        let planes = Planes { forest: Arc::clone(&forest), filter: Arc::clone(&options.filter) };
         let shared = Arc::new(Shared::new(&needs));
         let channels = Channels::new();
         let queue = Arc::new(Queue::new());

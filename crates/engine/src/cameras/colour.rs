@@ -4,7 +4,7 @@
 
 use crate::cameras::ranges;
 use anyhow::{Context, Result, bail, ensure};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_points::attribute::names;
 use esker_points::filter::Classes;
 use esker_points::{AttrType, Codes, Coding, Schema};
@@ -188,7 +188,7 @@ impl<'a> Wish<'a> {
 /// # Errors
 /// Where the file has no such attribute, or what is asked for is no range.
 pub fn colouring(file: &Forest, name: Option<&str>, bounds: [[f64; 3]; 2]) -> Result<Colouring> {
-    colouring_of(file, name, bounds, &Shown::default())
+    colouring_of(file, name, bounds, &ForestFilter::default())
 }
 
 /// The same, with ranges of the points that are shown.
@@ -199,7 +199,7 @@ pub fn colouring_of(
     file: &Forest,
     name: Option<&str>,
     bounds: [[f64; 3]; 2],
-    shown: &Shown,
+    shown: &ForestFilter,
 ) -> Result<Colouring> {
     let Some(text) = name else {
         return if file.has(PlaneKind::Colour) && has_colours(file)? {
@@ -262,7 +262,12 @@ pub fn colouring_of(
 }
 
 /// Refuses what is no attribute's name, but one with something behind it that is no range.
-fn check_end(file: &Forest, wish: &Wish<'_>, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<()> {
+fn check_end(
+    file: &Forest,
+    wish: &Wish<'_>,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<()> {
     if let Some((name, end)) = wish.name.rsplit_once(':')
         && file.schema().find(wish.name).is_none()
         && colouring_of(file, Some(name), bounds, shown).is_ok()
@@ -278,7 +283,7 @@ fn black(file: &Forest) -> Result<Option<&'static str>> {
 }
 
 /// The sizes of cells that occur among what is shown, the largest first, in the scan's unit.
-fn cell_entries(file: &Forest, shown: &Shown) -> Vec<(u8, String, [u8; 3])> {
+fn cell_entries(file: &Forest, shown: &ForestFilter) -> Vec<(u8, String, [u8; 3])> {
     let nodes = (0u32..).zip(&file.table().nodes);
     let kept = nodes.filter(|&(index, _)| shown.points_max(index) > 0);
     let sizes: BTreeSet<u8> = kept.map(|(_, node)| node.cell_log2).collect();
@@ -373,7 +378,7 @@ fn find_in_any_case(schema: &Schema, name: &str) -> Option<usize> {
     schema.attributes.iter().position(|a| a.name.eq_ignore_ascii_case(name))
 }
 
-fn attribute(file: &Forest, wish: &Wish<'_>, shown: &Shown) -> Result<Colouring> {
+fn attribute(file: &Forest, wish: &Wish<'_>, shown: &ForestFilter) -> Result<Colouring> {
     let schema = file.schema();
     let is_number = ["return", RETURN_NUMBER].iter().any(|n| n.eq_ignore_ascii_case(wish.name));
     let is_count = NUMBER_OF_RETURNS.eq_ignore_ascii_case(wish.name);
@@ -471,7 +476,7 @@ fn bytes(linear: glam::Vec3) -> [u8; 3] {
 }
 
 /// The classes that occur among what is shown.
-fn class_entries(forest: &Forest, shown: &Shown) -> Result<Vec<(u8, String, [u8; 3])>> {
+fn class_entries(forest: &Forest, shown: &ForestFilter) -> Result<Vec<(u8, String, [u8; 3])>> {
     let (mut bits, mut first) = ([0u64; 4], 0);
     for file in forest.files() {
         let statistics = file.statistics()?;

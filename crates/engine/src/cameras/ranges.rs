@@ -6,7 +6,7 @@
 
 use crate::cameras::colour::plane_of;
 use anyhow::Result;
-use esker_format::{EskerFile, Forest, PlaneKind, Shown};
+use esker_format::{EskerFile, Forest, ForestFilter, PlaneKind};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Node};
 
@@ -32,7 +32,7 @@ const ROUNDS: usize = 8;
 ///
 /// # Errors
 /// Where statistics cannot be read.
-pub fn of_attribute(forest: &Forest, number: usize, shown: &Shown) -> Result<(f64, f64)> {
+pub fn of_attribute(forest: &Forest, number: usize, shown: &ForestFilter) -> Result<(f64, f64)> {
     let attribute = &forest.schema().attributes[number];
     let (mut range, mut first) = (None, 0);
     for file in forest.files() {
@@ -95,9 +95,13 @@ fn is_value(number: f64) -> bool {
     number.abs() < NO_VALUE
 }
 
-/// The range of a sample, without what stands for no value: of the first nodes, whose points are
-/// spread evenly.
-fn of_sample(forest: &Forest, attribute: usize, ty: AttrType, shown: &Shown) -> Result<(f64, f64)> {
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
+fn of_sample(
+    forest: &Forest,
+    attribute: usize,
+    ty: AttrType,
+    shown: &ForestFilter,
+) -> Result<(f64, f64)> {
     let kind = plane_of(&forest.schema().attributes[attribute].name, ty, attribute);
     let mut values = Vec::new();
     let nodes = 0..forest.table().nodes.len() as u32;
@@ -126,7 +130,7 @@ fn joined(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
 fn within(
     file: &EskerFile,
     attribute: usize,
-    shown: &Shown,
+    shown: &ForestFilter,
     first: u32,
 ) -> Result<Option<(f64, f64)>> {
     let statistics = file.statistics()?;
@@ -211,7 +215,11 @@ fn outer(counts: impl Iterator<Item = f64>, strays: f64) -> usize {
 ///
 /// # Errors
 /// Where a node cannot be read.
-pub fn of_heights(forest: &Forest, bounds: [[f64; 3]; 2], shown: &Shown) -> Result<(f64, f64)> {
+pub fn of_heights(
+    forest: &Forest,
+    bounds: [[f64; 3]; 2],
+    shown: &ForestFilter,
+) -> Result<(f64, f64)> {
     let mut range = (bounds[0][2], bounds[1][2]);
     let known = Heights::of(forest, shown)?;
     for _ in 0..ROUNDS {
@@ -236,7 +244,7 @@ struct Heights {
 
 impl Heights {
     /// Of what is shown.
-    fn of(forest: &Forest, shown: &Shown) -> Result<Self> {
+    fn of(forest: &Forest, shown: &ForestFilter) -> Result<Self> {
         let nodes = (0u32..).zip(&forest.table().nodes);
         let mut nodes: Vec<_> = nodes
             .map(|(index, node)| {
@@ -270,7 +278,13 @@ impl Heights {
     }
 
     /// Reads the heights of so many points of a node, but for those that a filter hides.
-    fn read(&mut self, forest: &Forest, shown: &Shown, index: u32, points: usize) -> Result<()> {
+    fn read(
+        &mut self,
+        forest: &Forest,
+        shown: &ForestFilter,
+        index: u32,
+        points: usize,
+    ) -> Result<()> {
         let node = forest.record(index);
         // Where a stray has stretched its box, hot positions alone are coarse.
         let planes = shown.read(forest, index, &[PlaneKind::Position, PlaneKind::Residual])?;

@@ -3,7 +3,7 @@
 
 use crate::io::quantity::grouped;
 use anyhow::{Result, ensure};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::Counters;
 use esker_points::attribute::names;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
@@ -27,8 +27,8 @@ pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
 /// be called only after a picture was empty.
 ///
 /// # Errors
-/// If the file has points and the filter leaves none, or positions cannot be read.
-pub fn check_wanted(file: &Forest, shown: &Shown) -> Result<()> {
+/// As said, or where they cannot be read.
+pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     let points = file.points();
     if points == 0 || !shown.is_filtered() {
         return Ok(());
@@ -46,7 +46,7 @@ pub fn check_wanted(file: &Forest, shown: &Shown) -> Result<()> {
 }
 
 /// Whether any of a node's own points is wanted.
-fn has_wanted(file: &Forest, shown: &Shown, node: u32) -> Result<bool> {
+fn has_wanted(file: &Forest, shown: &ForestFilter, node: u32) -> Result<bool> {
     let prefix = shown.points_max(node).min(file.record(node).points());
     if prefix == 0 || !shown.hides_points(node) {
         return Ok(prefix > 0);

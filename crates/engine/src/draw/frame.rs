@@ -5,7 +5,7 @@ use crate::calls::info;
 use crate::cameras::colour::{self, Colouring, colouring_of};
 use crate::draw::empty_picture;
 use anyhow::Result;
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::{CompactOctree, View};
 use esker_points::{Codes, Coding, Filter, Node};
 use esker_render::inputs::camera::is_drawable;
@@ -23,7 +23,7 @@ pub struct Look {
     /// Where colours come from.
     pub colouring: Colouring,
     /// Which points, and what of them.
-    pub shown: Arc<Shown>,
+    pub shown: Arc<ForestFilter>,
     /// How points become a picture.
     pub method: Method,
     /// Whether surfaces have highlights.
@@ -47,7 +47,7 @@ impl Look {
     ) -> Result<Self> {
         empty_picture::check_classes(file, filter)?;
         let on_lattice = (!filter.is_all()).then(|| filter.on(file.lattice())).transpose()?;
-        let shown = Shown::of(file, on_lattice, None)?;
+        let shown = ForestFilter::of(file, on_lattice, None)?;
         let colouring = colouring_of(file, colour, info::bounds(file), &shown)?;
         let codes = colouring.plane.map(|(kind, _)| kind).zip(colouring.codes);
         let shown = Arc::new(shown.coded(codes));
@@ -61,7 +61,7 @@ impl Look {
     pub fn evened(mut self, file: &Forest, evens_exposure: bool) -> Result<Self> {
         if evens_exposure {
             let scans = colour::scans(file)?;
-            self.shown = Arc::new(Shown::clone(&self.shown).with_scans(Some(scans)));
+            self.shown = Arc::new(ForestFilter::clone(&self.shown).with_scans(Some(scans)));
         }
         Ok(Self { evens_exposure, ..self })
     }
@@ -87,7 +87,7 @@ impl Look {
         {
             *by = ColourBy::Scalar(ColourMap { low, high, palette });
             (*stored, *codes) = (Some(ty), None);
-            self.shown = Arc::new(Shown::clone(&self.shown).coded(None));
+            self.shown = Arc::new(ForestFilter::clone(&self.shown).coded(None));
         }
         self
     }

@@ -8,7 +8,7 @@ use crate::io::file::is_esker;
 use crate::io::output;
 use crate::machine::backend::DrawWith;
 use anyhow::Result;
-use esker_format::{Forest, PlaneKind, Planes, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{CompactOctree, Options, Residency, Selection, View, needs_residual, select};
 use esker_points::{Filter, Task};
 use esker_render::inputs::density::{is_crowded, is_dense};
@@ -209,7 +209,7 @@ fn bounds_of(file: &Forest, filter: &Filter) -> [[f64; 3]; 2] {
 }
 
 /// Everything is at hand; a filter says what may be shown.
-struct AtHand<'a>(&'a Shown);
+struct AtHand<'a>(&'a ForestFilter);
 
 impl Residency for AtHand<'_> {
     fn is_resident(&self, _: u32) -> bool {

@@ -127,7 +127,7 @@ impl Session {
 
     fn start(&mut self, painter: Box<dyn Painter>) -> Result<()> {
         let shown = Arc::clone(&self.look.shown);
-        let options = esker_stream::Options { shown, ..self.options.stream() };
+        let options = esker_stream::Options { filter: shown, ..self.options.stream() };
         let needs = self.look.needs(&self.file);
         let streamer = painter.start(self.file.clone(), options, needs)?;
         self.running = Some(Running { streamer: Some(streamer), painter });

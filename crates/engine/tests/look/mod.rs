@@ -10,7 +10,7 @@ use esker_engine::draw::session::{Options, Session};
 use esker_engine::io::picture;
 use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{Filter, Method, NormalsMode, Picture};
-use esker_format::{Forest, PlaneKind, Shown};
+use esker_format::{Forest, ForestFilter, PlaneKind};
 use esker_lod::CompactOctree;
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
@@ -83,7 +83,7 @@ fn filters(file: &Forest) -> Vec<Filter> {
 
 /// Points that are shown: those of each node's prefix that are not marked.
 fn shown_points(file: &Forest, filter: &Filter) -> u64 {
-    let shown = Shown::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
+    let shown = ForestFilter::of(file, Some(filter.on(file.lattice()).unwrap()), None).unwrap();
     let nodes = 0..file.table().nodes.len() as u32;
     let count = |node: u32| {
         let planes = shown.read(file, node, &[PlaneKind::Position]).unwrap();

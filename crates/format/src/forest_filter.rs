@@ -14,15 +14,15 @@ use esker_points::{AttrType, Codes, Node};
 
 /// Filter and mapped planes of a forest. By default everything is read as it is in the files.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shown {
-    filter: Option<Filtered>,
+pub struct ForestFilter {
+    filter: Option<NodeFilters>,
     codes: Option<(PlaneKind, Codes)>,
     scans: Option<(PlaneKind, Codes)>,
 }
 
 /// A filter with its result for each node.
 #[derive(Clone, Debug, PartialEq)]
-struct Filtered {
+struct NodeFilters {
     filter: LatticeFilter,
     /// In the order of the forest's table.
     by_node: Vec<NodeFilter>,
@@ -39,7 +39,7 @@ struct NodeFilter {
     rejects_subtree: bool,
 }
 
-impl Shown {
+impl ForestFilter {
     /// A filter of a forest, and a plane mapped to codes.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Shown {
         filter: Option<LatticeFilter>,
         codes: Option<(PlaneKind, Codes)>,
     ) -> Result<Self, FormatError> {
-        let filter = filter.map(|filter| Filtered::new(forest, filter)).transpose()?;
+        let filter = filter.map(|filter| NodeFilters::new(forest, filter)).transpose()?;
         Ok(Self { filter, codes, scans: None })
     }
 
@@ -149,7 +149,7 @@ impl Shown {
     }
 }
 
-impl Filtered {
+impl NodeFilters {
     fn new(forest: &Forest, filter: LatticeFilter) -> Result<Self, FormatError> {
         let nodes = &forest.table().nodes;
         let mut by_node = Vec::with_capacity(nodes.len());
