@@ -95,7 +95,8 @@ fn is_value(number: f64) -> bool {
     number.abs() < NO_VALUE
 }
 
-/// The range of a sample, without what stands for no value: of the first nodes, whose points are spread evenly.
+/// The range of a sample, without what stands for no value: of the first nodes, whose points are
+/// spread evenly.
 fn of_sample(
     forest: &Forest,
     attribute: usize,

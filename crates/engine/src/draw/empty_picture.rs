@@ -27,7 +27,7 @@ pub fn check_classes(file: &Forest, filter: &Filter) -> Result<()> {
 /// be called only after a picture was empty.
 ///
 /// # Errors
-/// As said, or where they cannot be read.
+/// If the file has points and the filter leaves none, or positions cannot be read.
 pub fn check_wanted(file: &Forest, shown: &ForestFilter) -> Result<()> {
     let points = file.points();
     if points == 0 || !shown.is_filtered() {

@@ -327,8 +327,7 @@ impl Fields {
             Place::Cartesian(xyz) => Some(xyz),
             Place::Spherical(_) => None,
         };
-        let places: Vec<_> =
-            scans.iter().map(|scan| (cartesian(scan.place), scan.pose.clone())).collect();
+        let places: Vec<_> = scans.iter().map(|scan| (cartesian(scan.place), scan.pose)).collect();
         let grid = grid(clouds, &places).map(|(grid, shifts)| {
             scans.iter_mut().zip(shifts).for_each(|(scan, shift)| scan.shift = shift);
             grid

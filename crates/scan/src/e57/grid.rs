@@ -21,7 +21,7 @@ pub(crate) fn grid(
     let scans_with_points =
         clouds.iter().zip(places).zip(&mut shifts).filter(|((cloud, _), _)| cloud.records > 0);
     for ((cloud, (xyz, pose)), shift) in scans_with_points {
-        let Some(xyz) = *xyz else { return None };
+        let xyz = (*xyz)?;
         if pose.is_turned {
             return None;
         }
