@@ -1,5 +1,5 @@
-//! What the scans of an E57 file tell of a point, and what becomes of it: the place, where that is
-//! valid, in the file's coordinates; and attributes, one list for all scans.
+//! Maps the values of the scans of an E57 file to points: positions in the file's coordinates, if
+//! they are valid, and one list of attributes for all scans.
 
 use super::colours::{Colours, colour_range, is_colour};
 use super::grid::grid;
@@ -13,7 +13,7 @@ use esker_points::{AttrType, Cancelled, Grid, Schema, Task};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Why it is not decided.
+/// Why fields could not be mapped.
 pub(crate) enum FieldsError {
     /// What is wrong with the file.
     Damaged(String),
@@ -32,20 +32,20 @@ impl From<Cancelled> for FieldsError {
     }
 }
 
-/// What is taken of the points of one scan.
+/// Where the points of one scan come from.
 #[derive(Clone, Debug)]
 pub(crate) struct Taken {
     pub place: Place,
-    /// Which value tells whether the place is one.
+    /// Index of the value that says whether the position is valid.
     state: Option<usize>,
     pub pose: Pose,
-    /// Steps by which its integers are moved on [`Fields::grid`].
+    /// Steps by which the scan's integers are moved on [`Fields::grid`].
     pub shift: [i64; 3],
-    /// The columns of the schema that it has, and what each is made of.
+    /// Columns of the schema that the scan has, and the source of each.
     parts: Vec<(usize, Part)>,
 }
 
-/// What a place is made of.
+/// Indices of the values that make a position.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
     Cartesian([usize; 3]),
@@ -53,12 +53,12 @@ pub(crate) enum Place {
     Spherical([usize; 3]),
 }
 
-/// What an attribute is made of.
+/// Source of an attribute.
 #[derive(Clone, Copy, Debug)]
 enum Part {
-    /// This value.
+    /// The value of this index.
     Value(usize),
-    /// A colour that lies between two values.
+    /// A colour that is scaled from `range` (black, white) to 16 bits.
     Colour { value: usize, range: [f64; 2] },
     /// One of three values that are turned with the scan.
     Normal { values: [usize; 3], axis: usize },
@@ -66,41 +66,41 @@ enum Part {
     Scan,
 }
 
-/// What is taken of all scans.
+/// Where the points of all scans come from.
 #[derive(Debug)]
 pub(crate) struct Fields {
     pub schema: Arc<Schema>,
     pub scans: Vec<Taken>,
-    /// The grid of all coordinates, where they are integers on one and no scan is turned.
+    /// The grid of all coordinates, if they are integers on one grid and no scan is turned.
     pub grid: Option<Grid>,
-    /// Whether colours are shares of their range, of 16 bits.
+    /// Whether colours are scaled from their range to 16 bits.
     pub are_shares: bool,
     /// What is left out or changed, a line each.
     pub notes: Vec<String>,
 }
 
-/// A value of a point as a file names it: which of those of this name.
+/// Name of a value in the file, and its index among values of that name.
 type Key = (Name, usize);
 
-/// What is known of the values of all scans under a key.
+/// Summary of the values of all scans that have the same key.
 struct Found {
     key: Key,
     kind: Known,
-    /// How many scans have it.
+    /// Number of scans that have it.
     scans: usize,
 }
 
-/// What becomes of a point's place.
+/// Position of a point, or why it has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Placed {
     At([f64; 3]),
-    /// Nothing came back from that direction.
+    /// The scanner got no return from this direction.
     NoReturn,
     NotFinite,
 }
 
 impl Taken {
-    /// The place of a point.
+    /// Computes the position of a point from its values.
     pub fn place(&self, cloud: &PointCloud, values: &[Value]) -> Placed {
         let real = |i: usize| real(&values[i], &cloud.prototype[i].data_type);
         if !self.is_return(cloud, values) {
@@ -110,7 +110,8 @@ impl Taken {
             Place::Cartesian(xyz) => xyz.map(real),
             Place::Spherical(values) => {
                 let [range, azimuth, elevation] = values.map(real);
-                // The same on every machine, unlike the system's.
+                // The crate `libm` gives the same result on every machine, unlike the system's
+                // functions.
                 let flat = range * libm::cos(elevation);
                 [flat * libm::cos(azimuth), flat * libm::sin(azimuth), range * libm::sin(elevation)]
             }
@@ -119,13 +120,13 @@ impl Taken {
         if world.iter().all(|c| c.is_finite()) { Placed::At(world) } else { Placed::NotFinite }
     }
 
-    /// Whether something came back: 1 stands for a direction alone, 2 for nothing.
+    /// Whether the scanner got a return: state 1 is a direction without range, state 2 is invalid.
     pub fn is_return(&self, cloud: &PointCloud, values: &[Value]) -> bool {
         self.state.is_none_or(|i| real(&values[i], &cloud.prototype[i].data_type) == 0.0)
     }
 
-    /// The integers of a point on [`Fields::grid`], where there is one; `None` where they are
-    /// beyond what they may be.
+    /// The integers of a point on [`Fields::grid`]; `None` without such a grid or if they exceed 32
+    /// bits.
     pub fn raw(&self, values: &[Value]) -> Option<[i32; 3]> {
         let Place::Cartesian(xyz) = self.place else { return None };
         let mut raw = [0; 3];
@@ -136,7 +137,7 @@ impl Taken {
         Some(raw)
     }
 
-    /// Appends a point's attributes to their columns; those that the scan lacks are 0.
+    /// Appends a point's attributes to `columns`; attributes that the scan lacks are 0.
     pub fn put(
         &self,
         (scan, cloud): (usize, &PointCloud),
@@ -150,7 +151,7 @@ impl Taken {
             match part {
                 Part::Scan => put(scan as f64 + 1.0, ty, column),
                 Part::Value(i) => match (&values[i], &cloud.prototype[i].data_type) {
-                    // 64 bits are more than a double has.
+                    // 64-bit integers do not fit a double.
                     (Value::Integer(n) | Value::ScaledInteger(n), kind)
                         if ty == AttrType::I64 && is_plain(kind) =>
                     {
@@ -177,7 +178,7 @@ impl Taken {
     }
 }
 
-/// What a value is called in Esker.
+/// Name of the attribute made from a value.
 fn name_of(name: &Name) -> String {
     match name {
         Name::Intensity => names::INTENSITY.into(),
@@ -201,7 +202,7 @@ fn name_of(name: &Name) -> String {
     }
 }
 
-/// Whether it is a part of the place.
+/// Whether a value is a part of the position.
 fn is_place(name: &Name) -> bool {
     matches!(
         name,
@@ -225,7 +226,7 @@ fn find_all(cloud: &PointCloud, names: [Name; 3]) -> Option<[usize; 3]> {
     Some([a?, b?, c?])
 }
 
-/// The values of a scan that are no part of its place, with their keys.
+/// The values of a scan that are not part of its position, with their indices and keys.
 fn keyed(cloud: &PointCloud) -> impl Iterator<Item = (usize, Key)> {
     let mut seen = HashMap::new();
     cloud.prototype.iter().enumerate().filter_map(move |(i, record)| {
@@ -235,14 +236,14 @@ fn keyed(cloud: &PointCloud) -> impl Iterator<Item = (usize, Key)> {
 }
 
 impl Fields {
-    /// Decides what is taken of these scans.
+    /// Maps the values of these scans.
     ///
     /// # Errors
-    /// Where a scan has no place, or one that is none, or there are too many values: which, and
-    /// why.
+    /// If a scan has no coordinates or an invalid pose, or if there are too many values; the error
+    /// says which and why.
     pub fn new(clouds: &[PointCloud], task: &dyn Task) -> Result<Self, FieldsError> {
         let colours = Colours::of(clouds);
-        // In the order in which they come.
+        // In the order of their first appearance.
         let (mut found, mut at): (Vec<Found>, HashMap<Key, usize>) = Default::default();
         for cloud in clouds {
             task.check()?;
@@ -336,7 +337,7 @@ impl Fields {
     }
 }
 
-/// What an attribute is made of that a value of a scan becomes.
+/// The source of the attribute that is made from a value of a scan.
 fn part(cloud: &PointCloud, value: usize, colours: Colours) -> Part {
     let record = &cloud.prototype[value];
     if is_colour(&record.name) && colours == Colours::Shares {
@@ -369,7 +370,7 @@ fn taken(cloud: &PointCloud, parts: Vec<(usize, Part)>) -> Result<Taken, &'stati
     } else {
         return Err("has neither x, y and z nor range, azimuth and elevation: no points");
     };
-    // Where all values are constants their number is said nowhere in the data.
+    // If all values are constants, the data do not give the number of points.
     let varies = |record: &Record| bits(&record.data_type) > 0;
     if cloud.records > 0 && !cloud.prototype.iter().any(varies) {
         return Err("has points that are all the same by its header; it is damaged");

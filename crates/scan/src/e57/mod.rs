@@ -1,9 +1,9 @@
-//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate
-//! `e57`. Directions without a return are no points, and counted; images are left out. One pass at
-//! opening finds the bounds, but where coordinates are integers on one grid and the file tells
+//! Reads E57 (ASTM E2807) with the crate `e57`: all scans of a file, each in its pose, with all
+//! their values. Directions without a return are counted but are no points; images are left out. A
+//! pass at opening finds the bounds, unless coordinates are integers on one grid and the file gives
 //! their bounds.
 //!
-//! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
+//! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
 mod ahead;
 mod colours;
@@ -27,7 +27,7 @@ use fields::{Fields, FieldsError, Placed};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// E57, as the registry knows it.
+/// E57, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "E57",
     endings: &["e57"],
@@ -35,9 +35,9 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Values of a block at most, unless one point has more.
+/// Greatest number of values in a block, unless one point has more.
 const BLOCK_VALUES: usize = 1 << 17;
-/// A file's XML is kept up to so many bytes.
+/// Greatest size of the file's XML that is kept, in bytes.
 const XML_BYTES_MAX: usize = 1 << 20;
 
 struct E57Source {
@@ -60,7 +60,7 @@ struct Survey {
     colour_max: u16,
 }
 
-/// The points of a block, and what became of the others.
+/// The points decoded from a block, and the number of refused ones.
 struct Part {
     batch: Batch,
     no_return: u64,
@@ -73,7 +73,7 @@ fn reader_of(path: &Path) -> Result<Reader, ScanError> {
     guarded(path, "", || E57Reader::new(file))
 }
 
-/// What its reader says, as an error of this file; also where it panics.
+/// Runs a call of the crate `e57`. Its errors, and its panics, become errors of this file.
 fn guarded<T>(
     path: &Path,
     what: &str,
@@ -154,7 +154,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(E57Source { info, clouds, fields }))
 }
 
-/// Where the scans were made, as far as they tell: by a pose, or by directions.
+/// Positions of the scanner. A scan's pose counts as one if the file gives it or if points have
+/// directions.
 fn scanner(clouds: &[PointCloud], fields: &Fields) -> Option<Scanner> {
     let is_told = |cloud: &PointCloud| {
         cloud.transform.is_some() || cloud.has_spherical() || cloud.has_row_column()
@@ -171,7 +172,7 @@ fn scanner(clouds: &[PointCloud], fields: &Fields) -> Option<Scanner> {
     }
 }
 
-/// The bounds of all points that scans which are not turned tell, if they all do.
+/// The bounds in the headers of scans without rotation; `None` if a scan lacks them.
 fn told_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
     let mut bounds = Bounds::EMPTY;
     for (cloud, taken) in clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0) {
@@ -189,10 +190,10 @@ fn told_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
     Some(bounds)
 }
 
-/// The values of a scan's points, block by block.
+/// Reads the values of a scan's points, block by block.
 struct Blocks<'a> {
     path: &'a Path,
-    /// The scan's place in the file, for messages.
+    /// Number of the scan in the file, for messages.
     what: String,
     scan: usize,
     points: PointCloudReaderRaw<'a, Ahead>,
@@ -223,7 +224,7 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// The scans that have points.
+/// The scans that have points, with their indices.
 fn with_points(clouds: &[PointCloud]) -> Vec<(usize, &PointCloud)> {
     clouds.iter().enumerate().filter(|(_, cloud)| cloud.records > 0).collect()
 }
@@ -234,7 +235,7 @@ fn survey_file(
     fields: &Fields,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
-    // Scan by scan on all cores, each by itself: only so are values unpacked by more than one.
+    // Scans are surveyed in parallel; within a scan, the crate `e57` unpacks values on one core.
     let surveys = with_points(clouds).into_par_iter().map_init(
         || reader_of(path).map_err(Some),
         |reader, scan| {
@@ -351,7 +352,7 @@ impl Source for E57Source {
                 |block| self.decode(&block, placement),
                 |part: Part| {
                     let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
-                    // Shares are of 16 bits, however dark they are.
+                    // Scaled colours use all 16 bits, however dark they are.
                     let are_shares = self.fields.are_shares && !part.batch.is_empty();
                     let most = if are_shares { u16::MAX } else { colour_max(&part.batch) };
                     report.take(part.batch, &refused, part.rounding_error_max, most, sink)

@@ -1,7 +1,6 @@
-//! PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
-//! vertices with all their scalar properties. Faces and other elements are ignored, lists left out,
-//! both with a word. One pass at opening finds the bounds; neither pass keeps more than a few
-//! blocks.
+//! Reads PLY (Turk 1994), ASCII and binary of either byte order, plain or compressed with zstd: the
+//! vertices with all their scalar properties. Faces, other elements and lists are left out, with a
+//! note. A pass at opening finds the bounds; no pass keeps more than a few blocks.
 
 pub(crate) mod ascii;
 pub(crate) mod header;
@@ -21,10 +20,10 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// PLY, as the registry knows it.
+/// PLY, an entry of the registry.
 pub const FORMAT: Format = Format { name: "PLY", endings: &["ply"], recognises, open };
 
-/// How a zstd frame begins (RFC 8878, section 3.1.1).
+/// Magic number of a zstd frame (RFC 8878, section 3.1.1).
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 /// Largest zstd window: 2^25 bytes, what level 20 needs; more would break the bound on memory.
 const ZSTD_WINDOW_LOG_MAX: u32 = 25;
@@ -39,14 +38,14 @@ struct PlySource {
 
 fn recognises(head: &[u8]) -> bool {
     let Some(rest) = head.strip_prefix(b"ply") else {
-        // What else may be compressed is told after unpacking.
+        // Other compressed content is recognised after decompression.
         return head.starts_with(&ZSTD_MAGIC);
     };
     let end = rest.iter().find(|b| !matches!(b, b' ' | b'\t'));
     matches!(end, Some(b'\r' | b'\n'))
 }
 
-/// Opens the stream of a file's bytes, unpacked; whether it was packed.
+/// Opens the decompressed stream of a file, and returns whether it was compressed.
 fn open_stream(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), ScanError> {
     let io = |e| ScanError::io(path, e);
     let mut file = BufReader::with_capacity(READ_BYTES, File::open(path).map_err(io)?);
@@ -98,7 +97,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     Ok(Box::new(PlySource { info, header, plan }))
 }
 
-/// Refuses a count that the file has no room for, where that can be told before reading.
+/// Refuses a count that the file has no room for, if its size alone shows that.
 fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(), ScanError> {
     let element = &header.elements[plan.vertex];
     let (Some(stride), true) = (element.stride(), header.encoding != Encoding::Ascii) else {
@@ -116,7 +115,7 @@ fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(
     Ok(())
 }
 
-/// What is left out.
+/// Notes on what is left out.
 fn notes(header: &Header, plan: &Plan, survey: &Survey) -> Vec<String> {
     let mut notes = Vec::new();
     let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);

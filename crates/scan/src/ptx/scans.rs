@@ -1,7 +1,7 @@
-//! The scans of a PTX file: what stands before the points of each, and its points' lines in blocks.
-//! A scan begins with ten lines: columns, rows, where the scanner stood, its three axes, and four
-//! rows of a matrix that brings its points into the file's coordinates; behind them is a line for
-//! each direction that it looked in.
+//! Splits a PTX file into scans: the head of each, and the lines of its points in blocks. A head
+//! has ten lines: columns, rows, position of the scanner, its three axes, and four rows of a matrix
+//! that transforms points to the file's coordinates. A line for each direction of the scanner
+//! follows.
 
 use crate::error::ScanError;
 use crate::text::blocks::{Block, LineBlocks};
@@ -15,12 +15,12 @@ use std::sync::Arc;
 /// Lines before the points of a scan.
 const HEAD_LINES: usize = 10;
 
-/// A scan's head.
+/// Head of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scan {
-    /// Which it is in the file, from 1.
+    /// Number in the file, from 1.
     pub number: u64,
-    /// Lines that it says follow.
+    /// Claimed number of lines that follow.
     pub lines: u64,
     /// Rows of the matrix: a point is `x * rows[0] + y * rows[1] + z * rows[2] + rows[3]`.
     pub rows: [[f64; 3]; 4],
@@ -28,7 +28,7 @@ pub(crate) struct Scan {
     pub decimals: [u32; 3],
 }
 
-/// Lines of points that follow each other in one scan.
+/// Successive lines of points of one scan.
 pub(crate) struct Piece {
     /// The lines.
     pub block: Block,
@@ -40,22 +40,22 @@ pub(crate) struct Piece {
 pub(crate) struct Scans<'a> {
     path: PathBuf,
     lines: LineBlocks<Box<dyn Read>>,
-    /// What was read, and where in it the next line begins.
+    /// The current block, and the offset of its next line.
     rest: Option<(Block, usize)>,
     scan: Option<Arc<Scan>>,
-    /// Lines of it that are still to come.
+    /// Number of its lines that are not read yet.
     left: u64,
     task: &'a dyn Task,
 }
 
 impl Scan {
-    /// A place in the file's coordinates.
+    /// Transforms a position to the file's coordinates.
     pub fn placed(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [a, b, c, d] = self.rows;
         [0, 1, 2].map(|i| x * a[i] + y * b[i] + z * c[i] + d[i])
     }
 
-    /// Whether its points are moved, and nothing else: decimals then stay decimals.
+    /// Whether the matrix only translates: decimals then stay decimals.
     pub fn is_only_moved(&self) -> bool {
         self.rows[..3] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     }
@@ -86,7 +86,7 @@ impl Scan {
     }
 }
 
-/// Exactly so many finite numbers in a line.
+/// Exactly `N` finite numbers in a line.
 fn numbers<const N: usize>(line: &[u8]) -> Option<[f64; N]> {
     let all = fields(line).map(|field| number(field).filter(|v| v.is_finite()));
     let all: Vec<f64> = all.collect::<Option<_>>()?;
@@ -98,7 +98,7 @@ fn unlike(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
 }
 
 impl<'a> Scans<'a> {
-    /// Begins with the first of the lines of a file.
+    /// Begins with the first line of a file.
     pub fn new(path: &Path, lines: LineBlocks<Box<dyn Read>>, task: &'a dyn Task) -> Self {
         Self { path: path.to_owned(), lines, rest: None, scan: None, left: 0, task }
     }
@@ -106,8 +106,8 @@ impl<'a> Scans<'a> {
     /// The next lines of points; `None` at the end.
     ///
     /// # Errors
-    /// Where a head is not as it should be, a scan has fewer lines than its head says, or the file
-    /// cannot be read.
+    /// If a head is malformed, a scan has fewer lines than its head claims, or the file cannot be
+    /// read.
     pub fn next(&mut self) -> Result<Option<Piece>, ScanError> {
         loop {
             while self.left == 0 {
@@ -132,7 +132,7 @@ impl<'a> Scans<'a> {
         }
     }
 
-    /// Up to so many of the lines that follow and are not blank, of one block; `None` at the end.
+    /// Up to `lines` of the lines that follow and are not blank, from one block; `None` at the end.
     fn take(&mut self, lines: u64) -> Result<Option<Block>, ScanError> {
         let (block, at) = match self.rest.take() {
             Some(rest) => rest,
@@ -160,7 +160,7 @@ impl<'a> Scans<'a> {
         Ok(Some(taken))
     }
 
-    /// The head that follows; `None` at the end.
+    /// The next head; `None` at the end.
     fn next_head(&mut self) -> Result<Option<Scan>, ScanError> {
         let mut head = Vec::with_capacity(HEAD_LINES);
         while head.len() < HEAD_LINES {

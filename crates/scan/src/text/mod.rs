@@ -1,12 +1,12 @@
-//! Points as text: XYZ, TXT, CSV, PTS. Lines of numbers separated by blanks, tabs, commas or
-//! semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
-//! with a count alone before the points that it counts. Lines end with LF or CR LF, or all with CR.
-//! A first pass finds bounds, digits and types ([`survey`]), a second one hands the points over;
+//! Reads points as text: XYZ, TXT, CSV, PTS. Lines have numbers separated by blanks, tabs, commas
+//! or semicolons, optionally after a line of names; `#`, `//` and `%` begin comments. PTS has lines
+//! with only a count before the points that they count. Lines end with LF or CR LF, or all with CR.
+//! A first pass finds bounds, digits and types ([`survey`]), a second one decodes the points;
 //! neither keeps more than a few blocks.
 //!
-//! Lines that are not as many numbers as the first are refused and counted while they are fewer
-//! than 1,000 and at most one in a hundred (one is always allowed: a cut last line); else the file
-//! is.
+//! Lines with another number of values than the first one are refused and counted, as long as they
+//! are fewer than 1,000 and at most one in a hundred (one is always allowed: a truncated last
+//! line). Otherwise the file is refused.
 
 pub(crate) mod blocks;
 pub(crate) mod layout;
@@ -27,7 +27,7 @@ use std::fs::File;
 use std::path::Path;
 use survey::{Plan, Survey, axes_of, parse_row};
 
-/// XYZ, TXT, CSV and PTS, as the registry knows them.
+/// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
     name: "text (XYZ, TXT, CSV, PTS)",
     endings: &["xyz", "txt", "csv", "pts"],
@@ -35,9 +35,9 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Lines that are no points: fewer than this.
+/// A file with this many malformed lines is refused ...
 const MALFORMED_MAX: u64 = 1000;
-/// ... and at most one in so many.
+/// ... and so is one with more than one malformed line in this many.
 const LINES_PER_MALFORMED: u64 = 100;
 
 struct TextSource {
@@ -90,7 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         info.verbatim.push(("text column names".into(), names.join(",").into_bytes()));
     }
     if wide_colours(&info.schema).is_some() {
-        // Colours are 16 bits wide only where a value needs more than 8.
+        // Colours are 16 bits wide only if a value needs more than 8.
         info.colour_depth = options.colour_depth.or(Some(ColourDepth::Sixteen));
     }
     Ok(Box::new(TextSource { info, layout, plan }))
@@ -131,7 +131,7 @@ fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, 
     Ok(found)
 }
 
-/// Refuses a file of too many lines that are no points (see the module's head).
+/// Refuses a file with too many malformed lines (see the module's head).
 fn check_malformed(
     path: &Path,
     layout: &Layout,
@@ -156,7 +156,7 @@ fn check_malformed(
     Err(ScanError::damaged(path, format!("line {line} is not {n} numbers (`{excerpt}`){more}")))
 }
 
-/// The points of a block, and what became of the others.
+/// The points decoded from a block, and the number of refused lines.
 struct Part {
     batch: Batch,
     not_finite: u64,
@@ -167,7 +167,8 @@ struct Part {
 impl TextSource {
     fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
         let path = &self.info.path;
-        // Not by its lines alone: short lines of a file of many columns are no points.
+        // The number of lines alone is no bound: short lines in a file of many columns are no
+        // points.
         let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
@@ -203,8 +204,8 @@ impl TextSource {
     }
 }
 
-/// Appends a value as this type; `false` where the type does not hold it, which the survey rules
-/// out for a file that stays as it is.
+/// Appends a value as this type; `false` if the type does not hold it. The survey rules that out,
+/// unless the file changes.
 fn put(v: f64, ty: AttrType, out: &mut Vec<u8>) -> bool {
     match ty {
         AttrType::U8 => out.push(v as u8),
