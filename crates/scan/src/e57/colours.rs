@@ -1,7 +1,7 @@
 //! Ranges of the colours of an E57 file. Each scan gives its own range, by limits or by value
 //! types.
 
-use super::values::{Known, real};
+use super::values::{NumberType, real};
 use e57::{PointCloud, Record, RecordDataType as Kind, RecordName as Name, RecordValue as Value};
 use esker_points::AttrType;
 
@@ -27,15 +27,15 @@ pub(crate) fn colour_range(cloud: &PointCloud, record: &Record) -> Option<[f64; 
         Kind::Double { min, max } => Some([min?, max?]),
         // Without explicit bounds, the crate `e57` gives the bounds of the integer type.
         Kind::Integer { min, max } | Kind::ScaledInteger { min, max, .. } => {
-            let is_told = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
+            let is_bounded = max.checked_sub(min).is_some_and(|range| range <= u32::MAX.into());
             let ends = [Value::ScaledInteger(min), Value::ScaledInteger(max)];
-            is_told.then(|| ends.map(|end| real(&end, kind)))
+            is_bounded.then(|| ends.map(|end| real(&end, kind)))
         }
     };
     let is_range = |[low, high]: &[f64; 2]| (high - low).is_finite() && low < high;
     // Limits are often the least and greatest colours that occur; they mean nothing for bytes.
     let own = own.filter(is_range);
-    if Known::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
+    if NumberType::of(kind).ty() == AttrType::U8 { own } else { limits.filter(is_range).or(own) }
 }
 
 /// How colours are stored.
@@ -44,7 +44,7 @@ pub(crate) enum Colours {
     /// Unchanged: bytes, or 16 bits from black to white in every scan.
     Whole(AttrType),
     /// Scaled from their range to 16 bits.
-    Shares,
+    Scaled,
 }
 
 impl Colours {
@@ -55,10 +55,11 @@ impl Colours {
                 colours.map(move |record| (cloud, record))
             })
         };
-        let is_byte =
-            |(_, record): (&PointCloud, &Record)| Known::of(&record.data_type).ty() == AttrType::U8;
+        let is_byte = |(_, record): (&PointCloud, &Record)| {
+            NumberType::of(&record.data_type).ty() == AttrType::U8
+        };
         let is_wide = |(cloud, record): (&PointCloud, &Record)| {
-            let is_whole = Known::of(&record.data_type).ty() == AttrType::U16;
+            let is_whole = NumberType::of(&record.data_type).ty() == AttrType::U16;
             is_whole && colour_range(cloud, record) == Some([0.0, f64::from(u16::MAX)])
         };
         if all().all(is_byte) {
@@ -66,7 +67,7 @@ impl Colours {
         } else if all().all(is_wide) {
             Self::Whole(AttrType::U16)
         } else {
-            Self::Shares
+            Self::Scaled
         }
     }
 }

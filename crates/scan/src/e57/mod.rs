@@ -23,7 +23,7 @@ use ahead::{Ahead, file_of};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
-use fields::{Fields, FieldsError, Placed};
+use fields::{Fields, FieldsError, Position};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -49,7 +49,7 @@ struct E57Source {
 type Reader = E57Reader<Ahead>;
 
 /// Values of some points of a scan, one point after another.
-struct Block {
+struct ValueBlock {
     scan: usize,
     values: Vec<RecordValue>,
 }
@@ -61,7 +61,7 @@ struct Survey {
 }
 
 /// The points decoded from a block, and the number of refused ones.
-struct Part {
+struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
@@ -90,7 +90,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let reader = reader_of(path)?;
     let clouds = reader.pointclouds();
     if clouds.len() > usize::from(u16::MAX) {
-        let what = "has more than 65,535 scans, which are not told apart; part it";
+        let what = "has more than 65,535 scans, more than Esker can distinguish; split the file";
         return Err(ScanError::unsupported(path, what));
     }
     let fields = Fields::new(&clouds, task).map_err(|why| match why {
@@ -106,8 +106,8 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
             return Err(ScanError::damaged(path, what));
         }
     }
-    let told = fields.grid.and_then(|_| told_bounds(&clouds, &fields));
-    let survey = match told {
+    let claimed = fields.grid.and_then(|_| claimed_bounds(&clouds, &fields));
+    let survey = match claimed {
         Some(bounds) => Survey { bounds, ..Survey::EMPTY },
         None => survey_file(path, &clouds, &fields, task)?,
     };
@@ -118,7 +118,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     };
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let colour_depth = wide_colours(&fields.schema).map(|_| {
-        let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_shares;
+        let eight = (1..=u16::from(u8::MAX)).contains(&survey.colour_max) && !fields.are_scaled;
         let detected = if eight { ColourDepth::Eight } else { ColourDepth::Sixteen };
         options.colour_depth.unwrap_or(detected)
     });
@@ -157,28 +157,30 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
 /// Positions of the scanner. A scan's pose counts as one if the file gives it or if points have
 /// directions.
 fn scanner(clouds: &[PointCloud], fields: &Fields) -> Option<Scanner> {
-    let is_told = |cloud: &PointCloud| {
+    let is_known = |cloud: &PointCloud| {
         cloud.transform.is_some() || cloud.has_spherical() || cloud.has_row_column()
     };
     let scans = clouds.iter().zip(&fields.scans).zip(1..);
-    let told: Vec<(u16, [f64; 3])> = scans
-        .filter(|((cloud, _), _)| is_told(cloud))
-        .map(|((_, taken), number)| (number, taken.pose.at))
+    let known: Vec<(u16, [f64; 3])> = scans
+        .filter(|((cloud, _), _)| is_known(cloud))
+        .map(|((_, scan_fields), number)| (number, scan_fields.pose.at))
         .collect();
-    match (told.as_slice(), clouds.len()) {
+    match (known.as_slice(), clouds.len()) {
         ([], _) => None,
         ([(_, at)], 1) => Some(Scanner::At(*at)),
-        _ => Some(Scanner::BySource(told.into_iter().collect())),
+        _ => Some(Scanner::BySource(known.into_iter().collect())),
     }
 }
 
 /// The bounds in the headers of scans without rotation; `None` if a scan lacks them.
-fn told_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
+fn claimed_bounds(clouds: &[PointCloud], fields: &Fields) -> Option<Bounds> {
     let mut bounds = Bounds::EMPTY;
-    for (cloud, taken) in clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0) {
-        let (told, at) = (cloud.cartesian_bounds.as_ref()?, taken.pose.at);
-        let low = [told.x_min?, told.y_min?, told.z_min?];
-        let high = [told.x_max?, told.y_max?, told.z_max?];
+    for (cloud, scan_fields) in
+        clouds.iter().zip(&fields.scans).filter(|(cloud, _)| cloud.records > 0)
+    {
+        let (claimed, at) = (cloud.cartesian_bounds.as_ref()?, scan_fields.pose.at);
+        let low = [claimed.x_min?, claimed.y_min?, claimed.z_min?];
+        let high = [claimed.x_max?, claimed.y_max?, claimed.z_max?];
         let is_sound = |i: usize| low[i] <= high[i] && (high[i] - low[i] + at[i]).is_finite();
         if !(0..3).all(is_sound) {
             return None;
@@ -212,7 +214,7 @@ impl<'a> Blocks<'a> {
         Ok(Self { path, what, scan, points, points_max })
     }
 
-    fn next(&mut self) -> Result<Option<Block>, ScanError> {
+    fn next(&mut self) -> Result<Option<ValueBlock>, ScanError> {
         let mut values = Vec::new();
         guarded(self.path, &self.what, || {
             for point in self.points.by_ref().take(self.points_max) {
@@ -220,7 +222,7 @@ impl<'a> Blocks<'a> {
             }
             Ok(())
         })?;
-        Ok((!values.is_empty()).then_some(Block { scan: self.scan, values }))
+        Ok((!values.is_empty()).then_some(ValueBlock { scan: self.scan, values }))
     }
 }
 
@@ -261,17 +263,17 @@ fn survey_file(
 impl Survey {
     const EMPTY: Self = Self { bounds: Bounds::EMPTY, colour_max: 0 };
 
-    fn of_block(block: &Block, clouds: &[PointCloud], fields: &Fields) -> Self {
+    fn of_block(block: &ValueBlock, clouds: &[PointCloud], fields: &Fields) -> Self {
         let mut found = Self::EMPTY;
-        let (cloud, taken) = (&clouds[block.scan], &fields.scans[block.scan]);
+        let (cloud, scan_fields) = (&clouds[block.scan], &fields.scans[block.scan]);
         let colours = wide_colours(&fields.schema);
         let mut columns = vec![Vec::new(); fields.schema.attributes.len()];
         for values in block.values.chunks_exact(cloud.prototype.len()) {
-            let Placed::At(world) = taken.place(cloud, values) else { continue };
+            let Position::At(world) = scan_fields.position(cloud, values) else { continue };
             found.bounds.add(world);
             if let Some(colours) = colours {
                 columns.iter_mut().for_each(Vec::clear);
-                taken.put((block.scan, cloud), values, &fields.schema, &mut columns);
+                scan_fields.put((block.scan, cloud), values, &fields.schema, &mut columns);
                 for column in colours {
                     let value = columns[column].first_chunk().copied().unwrap_or_default();
                     found.colour_max = found.colour_max.max(u16::from_le_bytes(value));
@@ -288,33 +290,33 @@ impl Survey {
 }
 
 impl E57Source {
-    fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
-        let (cloud, taken) = (&self.clouds[block.scan], &self.fields.scans[block.scan]);
+    fn decode(&self, block: &ValueBlock, placement: &Placement) -> Result<Decoded, ScanError> {
+        let (cloud, scan_fields) = (&self.clouds[block.scan], &self.fields.scans[block.scan]);
         let schema = &self.info.schema;
         let points = block.values.len() / cloud.prototype.len();
         let batch = Batch::with_capacity(schema.clone(), points);
-        let mut part = Part { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
         for values in block.values.chunks_exact(cloud.prototype.len()) {
-            let error = &mut part.rounding_error_max;
+            let error = &mut decoded.rounding_error_max;
             let placed = if let Some(grid) = &self.fields.grid {
-                if !taken.is_return(cloud, values) {
-                    part.no_return += 1;
+                if !scan_fields.is_return(cloud, values) {
+                    decoded.no_return += 1;
                     continue;
                 }
-                let raw = taken.raw(values).ok_or_else(|| {
+                let raw = scan_fields.raw(values).ok_or_else(|| {
                     let what = "a coordinate is beyond what its header says; it is damaged";
                     ScanError::damaged(&self.info.path, format!("scan {}: {what}", block.scan + 1))
                 })?;
                 placement.integer(raw, grid, error)
             } else {
-                match taken.place(cloud, values) {
-                    Placed::At(world) => placement.real(world, error),
-                    Placed::NoReturn => {
-                        part.no_return += 1;
+                match scan_fields.position(cloud, values) {
+                    Position::At(world) => placement.real(world, error),
+                    Position::NoReturn => {
+                        decoded.no_return += 1;
                         continue;
                     }
-                    Placed::NotFinite => {
-                        part.not_finite += 1;
+                    Position::NotFinite => {
+                        decoded.not_finite += 1;
                         continue;
                     }
                 }
@@ -323,10 +325,10 @@ impl E57Source {
                 path: self.info.path.clone(),
                 world: e.world,
             };
-            part.batch.positions.push(placed.map_err(off)?);
-            taken.put((block.scan, cloud), values, schema, &mut part.batch.columns);
+            decoded.batch.positions.push(placed.map_err(off)?);
+            scan_fields.put((block.scan, cloud), values, schema, &mut decoded.batch.columns);
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
@@ -350,12 +352,13 @@ impl Source for E57Source {
                 task,
                 || blocks.next(),
                 |block| self.decode(&block, placement),
-                |part: Part| {
-                    let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
+                |decoded: Decoded| {
+                    let refused =
+                        [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
                     // Scaled colours use all 16 bits, however dark they are.
-                    let are_shares = self.fields.are_shares && !part.batch.is_empty();
-                    let most = if are_shares { u16::MAX } else { colour_max(&part.batch) };
-                    report.take(part.batch, &refused, part.rounding_error_max, most, sink)
+                    let are_scaled = self.fields.are_scaled && !decoded.batch.is_empty();
+                    let most = if are_scaled { u16::MAX } else { colour_max(&decoded.batch) };
+                    report.take(decoded.batch, &refused, decoded.rounding_error_max, most, sink)
                 },
             )?;
         }

@@ -171,7 +171,7 @@ mod tests {
     fn what_runs_ahead_is_found_and_what_is_cut_is_not() {
         let even = vec![[48_000, 750]; 20];
         assert!(is_even(&even, 120_000));
-        assert!(is_even(&even, 1 << 40), "its reader tells that it is cut");
+        assert!(is_even(&even, 1 << 40), "its reader reports that it is truncated");
         let bits = vec![[0, 65_000]; 20];
         assert!(!is_even(&bits, 1000));
         // Packets after the last point do not count.

@@ -5,7 +5,7 @@ use esker_points::AttrType;
 
 /// Set of numbers that the values of a field may have.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Known {
+pub(crate) enum NumberType {
     Integers { min: i64, max: i64 },
     Single,
     Double,
@@ -48,7 +48,7 @@ pub(crate) fn is_plain(kind: &Kind) -> bool {
     }
 }
 
-impl Known {
+impl NumberType {
     pub fn of(kind: &Kind) -> Self {
         match *kind {
             Kind::Single { .. } => Self::Single,

@@ -65,11 +65,11 @@ fn geotiff_codes(keys: &str) -> Option<Codes> {
     };
     let is_geographic = key("GTModelType") == Some(u32::from(GEOGRAPHIC));
     let name = if is_geographic { "GeographicType" } else { "ProjectedCSType" };
-    let is_told = |code: &u32| *code != 0 && *code != USER_DEFINED;
+    let is_registered = |code: &u32| *code != 0 && *code != USER_DEFINED;
     let unit = |name| key(name).and_then(unit_of_code).map(str::to_owned);
     Some(Codes {
-        horizontal: key(name).filter(is_told)?,
-        vertical: key("VerticalCSType").filter(is_told),
+        horizontal: key(name).filter(is_registered)?,
+        vertical: key("VerticalCSType").filter(is_registered),
         units: [
             if is_geographic { Some("degree".into()) } else { unit("ProjLinearUnits") },
             unit("VerticalUnits"),

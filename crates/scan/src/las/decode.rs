@@ -277,13 +277,13 @@ impl Points {
         points: u64,
     ) -> Result<(), ScanError> {
         match layered_chunk(head, self.record_bytes, layers) {
-            Some(told) if u64::from(told.bytes) > bytes => Err(self.damaged(format!(
+            Some(claimed) if u64::from(claimed.bytes) > bytes => Err(self.damaged(format!(
                 "a chunk of {bytes} bytes claims layers of {}: the compressed points are damaged",
-                told.bytes
+                claimed.bytes
             ))),
-            Some(told) if u64::from(told.points) < points => Err(self.damaged(format!(
+            Some(claimed) if u64::from(claimed.points) < points => Err(self.damaged(format!(
                 "a chunk holds {} points where {points} should be: the compressed points are damaged",
-                told.points
+                claimed.points
             ))),
             Some(_) => Ok(()),
             None => Err(self.damaged("a chunk is shorter than its own head: the chunk table or the compressed points are damaged".into())),

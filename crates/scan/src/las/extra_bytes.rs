@@ -166,7 +166,8 @@ pub fn describe_all(attributes: &[Attribute], known: &[Vec<u8>]) -> Vec<u8> {
         let kind = TYPES.iter().position(|&ty| ty == a.ty).map_or(0, |i| i as u8 + 1);
         let scale = if a.scale == 1.0 { 0 } else { OPTION_SCALE };
         let offset = if a.offset == 0.0 { 0 } else { OPTION_OFFSET };
-        let is_same = |d: &&Vec<u8>| describe(d, &[]).is_ok_and(|told| told == [a.clone()]);
+        let is_same =
+            |d: &&Vec<u8>| describe(d, &[]).is_ok_and(|described| described == [a.clone()]);
         let has_none = known.iter().find(is_same).filter(|d| d[3] & OPTION_NO_DATA != 0);
         let none = has_none.map_or(0, |_| OPTION_NO_DATA);
         let usual = NORMALS.iter().find(|(_, own)| *own == a.name && a.ty == AttrType::F32);

@@ -213,7 +213,7 @@ impl Compression {
             let head_bytes = layered_head_bytes(header.record_bytes, layers) as u64;
             file.take(head_bytes).read_to_end(&mut head)?;
             match layered_chunk(&head, header.record_bytes, layers) {
-                Some(told) if (1..=last.points).contains(&told.points) => last.points = told.points,
+                Some(head) if (1..=last.points).contains(&head.points) => last.points = head.points,
                 _ => return Ok(()),
             }
         }

@@ -36,7 +36,7 @@ pub(crate) struct Field {
 
 /// Where a value of a point is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Taken {
+pub(crate) struct ValueLocation {
     /// Index of its field.
     pub field: usize,
     /// Offset in the field, in bytes.
@@ -184,11 +184,11 @@ impl Header {
     }
 
     /// The values of a point, as an element of scalars, and the location of each.
-    pub fn element(&self) -> (Element, Vec<Taken>) {
-        let (mut properties, mut taken) = (Vec::new(), Vec::new());
+    pub fn element(&self) -> (Element, Vec<ValueLocation>) {
+        let (mut properties, mut locations) = (Vec::new(), Vec::new());
         let mut take = |name: String, ty: AttrType, field: usize, at: usize| {
             properties.push(Property { name, shape: Shape::Scalar(ty) });
-            taken.push(Taken { field, at, bytes: ty.size() });
+            locations.push(ValueLocation { field, at, bytes: ty.size() });
         };
         for (i, field) in self.fields.iter().enumerate().filter(|(_, f)| !f.is_padding()) {
             if let Some(has_alpha) = field.packed() {
@@ -205,7 +205,7 @@ impl Header {
                 take(name, field.ty, i, k * field.ty.size());
             }
         }
-        (Element { name: "point".into(), count: self.points, properties }, taken)
+        (Element { name: "point".into(), count: self.points, properties }, locations)
     }
 }
 
@@ -241,16 +241,16 @@ mod tests {
     }
 
     #[test]
-    fn a_header_tells_fields_and_points() {
+    fn a_header_describes_fields_and_points() {
         let header = read(HEAD).unwrap();
         assert_eq!((header.stride, header.points, header.rows), (23, 10, 2));
         assert_eq!((header.viewpoint, header.data), ([1.0, 2.0, 3.0], Data::Binary));
         assert!(header.text.ends_with(b"binary\n"));
-        let (element, taken) = header.element();
+        let (element, locations) = header.element();
         let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
         assert_eq!(names, ["x", "y", "z", "red", "green", "blue", "id_0", "id_1"]);
-        assert_eq!(taken[3], Taken { field: 3, at: 2, bytes: 1 });
-        assert_eq!(taken[7], Taken { field: 5, at: 2, bytes: 2 });
+        assert_eq!(locations[3], ValueLocation { field: 3, at: 2, bytes: 1 });
+        assert_eq!(locations[7], ValueLocation { field: 5, at: 2, bytes: 2 });
         let older = HEAD.replace("VERSION 0.7", "VERSION .5").replace("FIELDS", "COLUMNS");
         let older = read(&older.replace("COUNT 1 1 1 1 3 2\n", "").replace("POINTS 10\n", ""));
         let older = older.unwrap();

@@ -8,7 +8,7 @@ mod lzf;
 mod points;
 
 use crate::error::ScanError;
-use crate::ply::plan::{Part, Plan, Survey};
+use crate::ply::plan::{Decoded, RecordPlan, Survey};
 use crate::source::{
     BESIDE_HELD_BYTES, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo,
 };
@@ -34,7 +34,7 @@ const READ_BYTES: usize = 256 << 10;
 struct PcdSource {
     info: SourceInfo,
     layout: Layout,
-    plan: Plan,
+    plan: RecordPlan,
     held_bytes: u64,
 }
 
@@ -62,7 +62,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         check_held(held_bytes, memory_bytes, path)?;
     }
     let layout = Layout::new(header);
-    let mut plan = Plan::of_element(&layout.element, layout.encoding())
+    let mut plan = RecordPlan::of_element(&layout.element, layout.encoding())
         .ok_or_else(|| ScanError::damaged(path, "its fields lack x, y or z: no points"))?;
     let survey = survey_stream(path, stream, &layout, &plan, task)?;
     let (kind, grid, bounds) = plan.choose_grid(&layout.element, &survey);
@@ -155,7 +155,7 @@ fn survey_stream(
     path: &Path,
     body: Box<dyn BufRead + Send>,
     layout: &Layout,
-    plan: &Plan,
+    plan: &RecordPlan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let survey = |raw: Raw| {
@@ -225,9 +225,15 @@ impl Source for PcdSource {
                 let records = self.layout.records(path, &self.plan, &raw, None)?;
                 self.plan.decode_records(path, &records, placement)
             },
-            |part: Part| {
-                let refused = [(Part::REASON, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, part.colour_max, sink)
+            |decoded: Decoded| {
+                let refused = [(Decoded::REASON, decoded.not_finite)];
+                report.take(
+                    decoded.batch,
+                    &refused,
+                    decoded.rounding_error_max,
+                    decoded.colour_max,
+                    sink,
+                )
             },
         )?;
         Ok(report)

@@ -1,14 +1,14 @@
 //! Reads the points of a PCD file as little-endian records of the values that are kept: from lines,
 //! from records with padding, or from compressed points, which are stored field after field.
 
-use super::header::{Data, Field, Header, Taken};
+use super::header::{Data, Field, Header, ValueLocation};
 use super::lzf::{BYTES_A_COPY, unpack};
 use crate::error::ScanError;
 use crate::ply::ascii::put;
 use crate::ply::header::{Element, Encoding};
-use crate::ply::plan::{Plan, Survey};
+use crate::ply::plan::{RecordPlan, Survey};
 use crate::source::BATCH_POINTS;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::excerpt;
 use crate::text::number::{fields, number};
 use esker_points::AttrType;
@@ -25,13 +25,13 @@ pub(crate) struct Layout {
     pub header: Header,
     /// The kept values, as an element of scalars.
     pub element: Element,
-    pub taken: Vec<Taken>,
+    pub locations: Vec<ValueLocation>,
 }
 
 /// Some points as read from the file.
 pub(crate) enum Raw {
     Lines {
-        block: Block,
+        block: LineBlock,
         rows: u64,
     },
     Records(Vec<u8>),
@@ -59,8 +59,8 @@ enum Body {
 impl Layout {
     /// The layout that a header describes.
     pub fn new(header: Header) -> Self {
-        let (element, taken) = header.element();
-        Self { header, element, taken }
+        let (element, locations) = header.element();
+        Self { header, element, locations }
     }
 
     /// Encoding of the values: ASCII for lines, otherwise little-endian.
@@ -78,7 +78,7 @@ impl Layout {
     pub fn records(
         &self,
         path: &Path,
-        plan: &Plan,
+        plan: &RecordPlan,
         raw: &Raw,
         mut found: Option<&mut Survey>,
     ) -> Result<Vec<u8>, ScanError> {
@@ -99,9 +99,9 @@ impl Layout {
                 let points = records.len() / self.header.stride;
                 out.reserve(points * plan.record.stride);
                 for record in records.chunks_exact(self.header.stride) {
-                    for taken in &self.taken {
-                        let at = self.field(taken).offset + taken.at;
-                        out.extend_from_slice(&record[at..at + taken.bytes]);
+                    for location in &self.locations {
+                        let at = self.field(location).offset + location.at;
+                        out.extend_from_slice(&record[at..at + location.bytes]);
                     }
                 }
             }
@@ -109,10 +109,10 @@ impl Layout {
                 let count = all.len() / self.header.stride;
                 out.reserve(points.len() * plan.record.stride);
                 for point in points.clone() {
-                    for taken in &self.taken {
-                        let field = self.field(taken);
-                        let at = field.offset * count + field.bytes() * point + taken.at;
-                        out.extend_from_slice(&all[at..at + taken.bytes]);
+                    for location in &self.locations {
+                        let field = self.field(location);
+                        let at = field.offset * count + field.bytes() * point + location.at;
+                        out.extend_from_slice(&all[at..at + location.bytes]);
                     }
                 }
             }
@@ -120,8 +120,8 @@ impl Layout {
         Ok(out)
     }
 
-    fn field(&self, taken: &Taken) -> &Field {
-        &self.header.fields[taken.field]
+    fn field(&self, location: &ValueLocation) -> &Field {
+        &self.header.fields[location.field]
     }
 
     /// Parses a line into a record; `on_scalar` is called with the index and the word of each kept
@@ -129,7 +129,7 @@ impl Layout {
     fn parse_line(
         &self,
         line: &[u8],
-        plan: &Plan,
+        plan: &RecordPlan,
         out: &mut Vec<u8>,
         mut on_scalar: impl FnMut(usize, &[u8]),
     ) -> Result<(), String> {

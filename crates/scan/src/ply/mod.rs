@@ -14,7 +14,7 @@ use crate::text::naming::wide_colours;
 use esker_points::lattice::Placement;
 use esker_points::{ColourDepth, InputGrid, Task};
 use header::{Encoding, Header, HeaderError, Shape};
-use plan::{Part, Plan, Survey};
+use plan::{Decoded, RecordPlan, Survey};
 use records::{Vertices, too_few};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -33,7 +33,7 @@ const READ_BYTES: usize = 256 << 10;
 struct PlySource {
     info: SourceInfo,
     header: Header,
-    plan: Plan,
+    plan: RecordPlan,
 }
 
 fn recognises(head: &[u8]) -> bool {
@@ -67,7 +67,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
         ),
         HeaderError::Damaged(what) => ScanError::damaged(path, what),
     })?;
-    let mut plan = Plan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
+    let mut plan = RecordPlan::new(&header).map_err(|what| ScanError::damaged(path, what))?;
     let element = &header.elements[plan.vertex];
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     if !packed {
@@ -98,7 +98,12 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
 }
 
 /// Refuses a count that the file has no room for, if its size alone shows that.
-fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(), ScanError> {
+fn check_room(
+    path: &Path,
+    header: &Header,
+    plan: &RecordPlan,
+    bytes: u64,
+) -> Result<(), ScanError> {
     let element = &header.elements[plan.vertex];
     let (Some(stride), true) = (element.stride(), header.encoding != Encoding::Ascii) else {
         return Ok(());
@@ -116,7 +121,7 @@ fn check_room(path: &Path, header: &Header, plan: &Plan, bytes: u64) -> Result<(
 }
 
 /// Notes on what is left out.
-fn notes(header: &Header, plan: &Plan, survey: &Survey) -> Vec<String> {
+fn notes(header: &Header, plan: &RecordPlan, survey: &Survey) -> Vec<String> {
     let mut notes = Vec::new();
     let is_last = header.elements[plan.vertex + 1..].iter().all(|e| e.count == 0);
     if is_last && survey.has_more_lines {
@@ -143,7 +148,7 @@ fn survey_stream(
     path: &Path,
     body: Box<dyn BufRead + Send>,
     header: &Header,
-    plan: &Plan,
+    plan: &RecordPlan,
     task: &dyn Task,
 ) -> Result<Survey, ScanError> {
     let element = &header.elements[plan.vertex];
@@ -194,9 +199,15 @@ impl Source for PlySource {
             task,
             || vertices.next(self.header.encoding),
             |raw| self.plan.decode(path, element, raw, placement),
-            |part: Part| {
-                let refused = [(Part::REASON, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, part.colour_max, sink)
+            |decoded: Decoded| {
+                let refused = [(Decoded::REASON, decoded.not_finite)];
+                report.take(
+                    decoded.batch,
+                    &refused,
+                    decoded.rounding_error_max,
+                    decoded.colour_max,
+                    sink,
+                )
             },
         )?;
         Ok(report)

@@ -19,7 +19,7 @@ const STEPS_MAX: f64 = 9.0e15;
 
 /// How the records of a file are read.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub(crate) struct RecordPlan {
     /// Index of the element with the vertices.
     pub vertex: usize,
     pub encoding: Encoding,
@@ -76,19 +76,19 @@ impl Survey {
 }
 
 /// The points decoded from a block, and the number of refused ones.
-pub(crate) struct Part {
+pub(crate) struct Decoded {
     pub batch: Batch,
     pub not_finite: u64,
     pub rounding_error_max: f64,
     pub colour_max: u16,
 }
 
-impl Part {
+impl Decoded {
     /// The reason for which points are refused.
     pub const REASON: &'static str = NOT_FINITE;
 }
 
-impl Plan {
+impl RecordPlan {
     /// Finds coordinates and attributes.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl Plan {
         Ok(Self { vertex, ..plan })
     }
 
-    /// Plan of a file with a single element; `None` if the element lacks a coordinate.
+    /// RecordPlan of a file with a single element; `None` if the element lacks a coordinate.
     pub fn of_element(element: &Element, encoding: Encoding) -> Option<Self> {
         let scalars: Vec<(&str, AttrType)> = scalars(element).collect();
         let axes = axes(scalars.iter().map(|(name, _)| *name))?;
@@ -239,7 +239,7 @@ impl Plan {
         element: &Element,
         raw: Raw,
         placement: &Placement,
-    ) -> Result<Part, ScanError> {
+    ) -> Result<Decoded, ScanError> {
         let records = self.records(path, element, raw, |_, _| {})?;
         self.decode_records(path, &records, placement)
     }
@@ -253,7 +253,7 @@ impl Plan {
         path: &Path,
         records: &[u8],
         placement: &Placement,
-    ) -> Result<Part, ScanError> {
+    ) -> Result<Decoded, ScanError> {
         let stride = self.record.stride;
         let mut batch = Batch::with_capacity(self.schema.clone(), records.len() / stride);
         let (mut not_finite, mut rounding_error_max) = (0, 0.0);
@@ -276,7 +276,7 @@ impl Plan {
             }
         }
         let colour_max = colour_max(&batch);
-        Ok(Part { batch, not_finite, rounding_error_max, colour_max })
+        Ok(Decoded { batch, not_finite, rounding_error_max, colour_max })
     }
 }
 

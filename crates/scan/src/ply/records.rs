@@ -5,7 +5,7 @@
 use super::header::{Element, Encoding, Header, Shape};
 use crate::error::ScanError;
 use crate::source::BATCH_POINTS;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use esker_points::{AttrType, Task};
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ pub(crate) enum Raw {
     /// Records in the file's byte order.
     Binary(Vec<u8>),
     /// Lines, of which `rows` are vertices, after `skip` others.
-    Lines { block: Block, skip: u64, rows: u64 },
+    Lines { block: LineBlock, skip: u64, rows: u64 },
 }
 
 impl Raw {

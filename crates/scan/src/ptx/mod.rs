@@ -65,7 +65,7 @@ enum Line {
 }
 
 /// The points decoded from a piece, and the number of refused ones.
-struct Part {
+struct Decoded {
     batch: Batch,
     no_return: u64,
     not_finite: u64,
@@ -269,29 +269,29 @@ fn significant(word: &[u8]) -> usize {
 }
 
 impl PtxSource {
-    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Part, ScanError> {
+    fn decode(&self, piece: &Piece, placement: &Placement) -> Result<Decoded, ScanError> {
         let path = &self.info.path;
         let schema: Arc<Schema> = self.info.schema.clone();
         // A point takes at least eight bytes of text.
         let room = piece.block.rows.min(piece.block.bytes.len() as u64 / 8 + 1);
         let batch = Batch::with_capacity(schema, room as usize);
-        let mut part = Part { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, no_return: 0, not_finite: 0, rounding_error_max: 0.0 };
         for (n, line) in piece.block.lines() {
             let (world, rest) = match read_line(path, (n, line), piece, self.columns)? {
                 Line::Point { world, rest } => (world, rest),
                 Line::NoReturn => {
-                    part.no_return += 1;
+                    decoded.no_return += 1;
                     continue;
                 }
                 Line::NotFinite => {
-                    part.not_finite += 1;
+                    decoded.not_finite += 1;
                     continue;
                 }
             };
-            let placed = placement.real(world, &mut part.rounding_error_max);
+            let placed = placement.real(world, &mut decoded.rounding_error_max);
             let off = |e: OffLattice| ScanError::OffLattice { path: path.clone(), world: e.world };
-            part.batch.positions.push(placed.map_err(off)?);
-            let columns = &mut part.batch.columns;
+            decoded.batch.positions.push(placed.map_err(off)?);
+            let columns = &mut decoded.batch.columns;
             let (intensity, colours) = (rest[0], &rest[1..self.columns - 3]);
             let column = &mut columns[self.attributes[0]];
             match self.intensity {
@@ -305,7 +305,7 @@ impl PtxSource {
                 columns[column].extend((piece.scan.number as u16).to_le_bytes());
             }
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
@@ -326,9 +326,9 @@ impl Source for PtxSource {
             task,
             || scans.next(),
             |piece| self.decode(&piece, placement),
-            |part: Part| {
-                let refused = [(NO_RETURN, part.no_return), (NOT_FINITE, part.not_finite)];
-                report.take(part.batch, &refused, part.rounding_error_max, 0, sink)
+            |decoded: Decoded| {
+                let refused = [(NO_RETURN, decoded.no_return), (NOT_FINITE, decoded.not_finite)];
+                report.take(decoded.batch, &refused, decoded.rounding_error_max, 0, sink)
             },
         )?;
         Ok(report)

@@ -4,7 +4,7 @@
 //! follows.
 
 use crate::error::ScanError;
-use crate::text::blocks::{Block, LineBlocks};
+use crate::text::blocks::{LineBlock, LineBlocks};
 use crate::text::layout::{count, excerpt};
 use crate::text::number::{decimals, fields, number};
 use esker_points::Task;
@@ -31,7 +31,7 @@ pub(crate) struct Scan {
 /// Successive lines of points of one scan.
 pub(crate) struct Piece {
     /// The lines.
-    pub block: Block,
+    pub block: LineBlock,
     /// Their scan.
     pub scan: Arc<Scan>,
 }
@@ -41,7 +41,7 @@ pub(crate) struct Scans<'a> {
     path: PathBuf,
     lines: LineBlocks<Box<dyn Read>>,
     /// The current block, and the offset of its next line.
-    rest: Option<(Block, usize)>,
+    rest: Option<(LineBlock, usize)>,
     scan: Option<Arc<Scan>>,
     /// Number of its lines that are not read yet.
     left: u64,
@@ -63,20 +63,21 @@ impl Scan {
     fn parse(number: u64, head: &[(u64, Vec<u8>)], path: &Path) -> Result<Self, ScanError> {
         let size = |i: usize| {
             let (n, line) = &head[i];
-            count(line).ok_or_else(|| unlike(path, *n, line, "how many columns or rows a scan has"))
+            count(line)
+                .ok_or_else(|| malformed(path, *n, line, "how many columns or rows a scan has"))
         };
         let lines = size(0)?.checked_mul(size(1)?);
         let lines = lines.ok_or_else(|| {
-            unlike(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
+            malformed(path, head[1].0, &head[1].1, "a number of rows that a file has room for")
         })?;
         for (n, line) in &head[2..6] {
             let numbers = numbers::<3>(line);
-            numbers.ok_or_else(|| unlike(path, *n, line, "three numbers of a scan's head"))?;
+            numbers.ok_or_else(|| malformed(path, *n, line, "three numbers of a scan's head"))?;
         }
         let mut scan = Self { number, lines, rows: [[0.0; 3]; 4], decimals: [0; 3] };
         for (row, (n, line)) in scan.rows.iter_mut().zip(&head[6..]) {
             let [x, y, z, _] = numbers::<4>(line)
-                .ok_or_else(|| unlike(path, *n, line, "four numbers of a scan's matrix"))?;
+                .ok_or_else(|| malformed(path, *n, line, "four numbers of a scan's matrix"))?;
             *row = [x, y, z];
         }
         for (digits, field) in scan.decimals.iter_mut().zip(fields(&head[HEAD_LINES - 1].1)) {
@@ -93,7 +94,7 @@ fn numbers<const N: usize>(line: &[u8]) -> Option<[f64; N]> {
     all.try_into().ok()
 }
 
-fn unlike(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
+fn malformed(path: &Path, n: u64, line: &[u8], what: &str) -> ScanError {
     ScanError::damaged(path, format!("line {n} is not {what}: `{}`", excerpt(line)))
 }
 
@@ -133,7 +134,7 @@ impl<'a> Scans<'a> {
     }
 
     /// Up to `lines` of the lines that follow and are not blank, from one block; `None` at the end.
-    fn take(&mut self, lines: u64) -> Result<Option<Block>, ScanError> {
+    fn take(&mut self, lines: u64) -> Result<Option<LineBlock>, ScanError> {
         let (block, at) = match self.rest.take() {
             Some(rest) => rest,
             None => match self.lines.next()? {
@@ -152,9 +153,9 @@ impl<'a> Scans<'a> {
             (end, number) = (end + length, number + 1);
         }
         let bytes = block.bytes[at..end].to_vec();
-        let taken = Block { bytes, first_line: block.first_line, rows };
+        let taken = LineBlock { bytes, first_line: block.first_line, rows };
         if end < block.bytes.len() {
-            let rest = Block { first_line: number, rows: block.rows - rows, ..block };
+            let rest = LineBlock { first_line: number, rows: block.rows - rows, ..block };
             self.rest = Some((rest, end));
         }
         Ok(Some(taken))
@@ -171,7 +172,8 @@ impl<'a> Scans<'a> {
         match head.len() {
             0 => Ok(None),
             _ if number > u64::from(u16::MAX) => {
-                let what = "has more than 65,535 scans, which are not told apart; part it";
+                let what =
+                    "has more than 65,535 scans, more than Esker can distinguish; split the file";
                 Err(ScanError::unsupported(&self.path, what))
             }
             HEAD_LINES => Scan::parse(number, &head, &self.path).map(Some),
@@ -244,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_and_unlike_heads_tell_their_line() {
+    fn cut_and_malformed_heads_are_refused_with_the_line() {
         for (text, want) in [
             (format!("{HEAD}1 2 3 0.5\n"), "scan 1 says that 2 lines follow, 1 do"),
             (format!("{HEAD}1 2 3 4\n1 2 3 4\n2\n3\n"), "head of scan 2 has 2 lines of 10"),

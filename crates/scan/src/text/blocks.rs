@@ -18,7 +18,7 @@ pub(crate) const LINE_BYTES_MAX: usize = 64 << 10;
 const BLOCKS_AT_ONCE_MAX: usize = 16;
 
 /// A run of whole lines.
-pub(crate) struct Block {
+pub(crate) struct LineBlock {
     /// The lines with their ends; only the last line of a file may lack one.
     pub bytes: Vec<u8>,
     /// Number of its first line in the file, from 1.
@@ -27,7 +27,7 @@ pub(crate) struct Block {
     pub rows: u64,
 }
 
-impl Block {
+impl LineBlock {
     /// Its lines that are not blank, without blanks at either end, and their numbers.
     pub fn lines(&self) -> impl Iterator<Item = (u64, &[u8])> {
         let numbered = (self.first_line..).zip(self.bytes.split(|&b| b == b'\n'));
@@ -54,7 +54,7 @@ impl<R: Read> LineBlocks<R> {
     ///
     /// # Errors
     /// If the stream cannot be read or a line is longer than [`LINE_BYTES_MAX`].
-    pub fn next(&mut self) -> Result<Option<Block>, ScanError> {
+    pub fn next(&mut self) -> Result<Option<LineBlock>, ScanError> {
         if self.ended {
             return Ok(None);
         }
@@ -67,7 +67,7 @@ impl<R: Read> LineBlocks<R> {
             let end = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
             self.carry = bytes.split_off(end);
         }
-        let mut block = Block { bytes, first_line: self.next_line, rows: 0 };
+        let mut block = LineBlock { bytes, first_line: self.next_line, rows: 0 };
         let mut lines = 0;
         for line in block.bytes.split(|&b| b == b'\n') {
             if line.len() > LINE_BYTES_MAX {
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use esker_points::task::Silent;
 
-    fn blocks(text: &[u8]) -> Result<Vec<Block>, ScanError> {
+    fn blocks(text: &[u8]) -> Result<Vec<LineBlock>, ScanError> {
         let mut reader = LineBlocks::new(text, "f.txt".into(), 1);
         let mut all = Vec::new();
         while let Some(block) = reader.next()? {

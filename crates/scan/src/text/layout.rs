@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_with_and_without_names_are_told() {
+    fn columns_with_and_without_names_are_recognised() {
         for (text, want) in [
             ("1 2 3\n4 5 6\n", (3, None)),
             ("\n# made by hand\n1.5,2,3,4\n", (4, None)),
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_of_something_else_tell_their_line() {
+    fn tables_without_points_are_refused_with_the_line() {
         for (text, want) in [
             ("x,y,z\n1,,3\n", "line 2 has an empty field"),
             ("1,,3\n", "line 1 has an empty field"),

@@ -17,7 +17,7 @@ mod survey;
 
 use crate::error::ScanError;
 use crate::source::{Format, OpenOptions, ReadReport, Sink, Source, SourceInfo};
-use blocks::{Block, in_order};
+use blocks::{LineBlock, in_order};
 use esker_points::lattice::{GridKind, Placement, decimal_grid};
 use esker_points::{AttrType, Batch, ColourDepth, InputGrid, Task};
 use layout::{Kind, Layout, classify};
@@ -25,7 +25,7 @@ use naming::{NOT_FINITE, colour_max, wide_colours};
 use start::{first_lines, lines_of, read_head};
 use std::fs::File;
 use std::path::Path;
-use survey::{Plan, Survey, axes_of, parse_row};
+use survey::{ColumnPlan, Survey, axes_of, parse_row};
 
 /// XYZ, TXT, CSV and PTS, an entry of the registry.
 pub const FORMAT: Format = Format {
@@ -43,7 +43,7 @@ const LINES_PER_MALFORMED: u64 = 100;
 struct TextSource {
     info: SourceInfo,
     layout: Layout,
-    plan: Plan,
+    plan: ColumnPlan,
 }
 
 fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn Source>, ScanError> {
@@ -51,7 +51,7 @@ fn open(path: &Path, options: &OpenOptions, task: &dyn Task) -> Result<Box<dyn S
     let bytes = std::fs::metadata(path).map_err(|e| ScanError::io(path, e))?.len();
     let survey = survey_file(path, &layout, task)?;
     check_malformed(path, &layout, &survey, true)?;
-    let plan = Plan::new(&layout, &survey);
+    let plan = ColumnPlan::new(&layout, &survey);
     let (name, named) = match (layout.has_counts, layout.names.is_some()) {
         (true, _) => ("PTS", ""),
         (false, true) => ("text", ", named"),
@@ -118,7 +118,7 @@ fn survey_file(path: &Path, layout: &Layout, task: &dyn Task) -> Result<Survey, 
     let axes = axes_of(layout);
     let mut lines = lines_of(path)?;
     let mut found = Survey::empty(layout.columns);
-    let work = |block: Block| Ok(Survey::of_block(&block, layout, axes));
+    let work = |block: LineBlock| Ok(Survey::of_block(&block, layout, axes));
     in_order(
         task,
         || lines.next(),
@@ -157,7 +157,7 @@ fn check_malformed(
 }
 
 /// The points decoded from a block, and the number of refused lines.
-struct Part {
+struct Decoded {
     batch: Batch,
     not_finite: u64,
     malformed: u64,
@@ -165,42 +165,42 @@ struct Part {
 }
 
 impl TextSource {
-    fn decode(&self, block: &Block, placement: &Placement) -> Result<Part, ScanError> {
+    fn decode(&self, block: &LineBlock, placement: &Placement) -> Result<Decoded, ScanError> {
         let path = &self.info.path;
         // The number of lines alone is no bound: short lines in a file of many columns are no
         // points.
         let points_max = block.bytes.len() / (2 * self.layout.columns) + 1;
         let capacity = points_max.min(block.rows as usize);
         let batch = Batch::with_capacity(self.info.schema.clone(), capacity);
-        let mut part = Part { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
+        let mut decoded = Decoded { batch, not_finite: 0, malformed: 0, rounding_error_max: 0.0 };
         let mut row = Vec::with_capacity(self.layout.columns);
         for (n, line) in block.lines() {
             if self.layout.is_beside(n, line) {
                 continue;
             }
             if !parse_row(line, self.layout.columns, &mut row) {
-                part.malformed += 1;
+                decoded.malformed += 1;
                 continue;
             }
             let world = self.plan.axes.map(|a| row[a]);
             if !world.iter().all(|c| c.is_finite()) {
-                part.not_finite += 1;
+                decoded.not_finite += 1;
                 continue;
             }
-            let placed = placement.real(world, &mut part.rounding_error_max);
+            let placed = placement.real(world, &mut decoded.rounding_error_max);
             let off = |e: esker_points::lattice::OffLattice| ScanError::OffLattice {
                 path: path.clone(),
                 world: e.world,
             };
-            part.batch.positions.push(placed.map_err(off)?);
+            decoded.batch.positions.push(placed.map_err(off)?);
             let attributes = self.info.schema.attributes.iter().zip(&self.plan.sources);
-            for ((attribute, &source), column) in attributes.zip(&mut part.batch.columns) {
+            for ((attribute, &source), column) in attributes.zip(&mut decoded.batch.columns) {
                 if !put(row[source], attribute.ty, column) {
                     return Err(ScanError::damaged(path, "it changed while it was read"));
                 }
             }
         }
-        Ok(part)
+        Ok(decoded)
     }
 }
 
@@ -237,16 +237,16 @@ impl Source for TextSource {
         let mut report = ReadReport::default();
         let mut lines = lines_of(&self.info.path)?;
         let not_numbers = format!("line is not {} numbers", self.layout.columns);
-        let work = |block: Block| self.decode(&block, placement);
+        let work = |block: LineBlock| self.decode(&block, placement);
         in_order(
             task,
             || lines.next(),
             work,
-            |part: Part| {
+            |decoded: Decoded| {
                 let refused =
-                    [(NOT_FINITE, part.not_finite), (not_numbers.as_str(), part.malformed)];
-                let colour_max = colour_max(&part.batch);
-                report.take(part.batch, &refused, part.rounding_error_max, colour_max, sink)
+                    [(NOT_FINITE, decoded.not_finite), (not_numbers.as_str(), decoded.malformed)];
+                let colour_max = colour_max(&decoded.batch);
+                report.take(decoded.batch, &refused, decoded.rounding_error_max, colour_max, sink)
             },
         )?;
         Ok(report)

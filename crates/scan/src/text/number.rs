@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn decimal_commas_are_told_from_separators() {
+    fn decimal_commas_differ_from_separators() {
         for line in ["1,5;2,5;3,5", "1;2,5;3", "1,5 2,5 3,5", "-1,5\t2\t3"] {
             assert!(has_decimal_commas(line.as_bytes()), "{line}");
         }

@@ -2,7 +2,7 @@
 //! numbers, and the number of malformed lines. From it follows the plan of the second pass:
 //! attributes, their types and the grid.
 
-use super::blocks::Block;
+use super::blocks::LineBlock;
 use super::layout::{Layout, count, excerpt, is_end};
 use super::naming::{axes, named, schema_of, usual};
 use super::number::{decimals, fields, number};
@@ -111,7 +111,7 @@ impl Survey {
     }
 
     /// Surveys the lines of a block; `axes` are the columns of x, y and z.
-    pub fn of_block(block: &Block, layout: &Layout, axes: [usize; 3]) -> Self {
+    pub fn of_block(block: &LineBlock, layout: &Layout, axes: [usize; 3]) -> Self {
         let mut found = Self::empty(layout.columns);
         let mut row = Vec::with_capacity(layout.columns);
         for (n, line) in block.lines() {
@@ -169,7 +169,7 @@ impl Survey {
 
 /// How the columns of a file become coordinates and attributes.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub(crate) struct ColumnPlan {
     /// Columns of x, y and z.
     pub axes: [usize; 3],
     /// The attributes.
@@ -186,7 +186,7 @@ pub(crate) fn axes_of(layout: &Layout) -> [usize; 3] {
     named.unwrap_or([0, 1, 2])
 }
 
-impl Plan {
+impl ColumnPlan {
     /// Chooses names and types after the survey.
     pub fn new(layout: &Layout, survey: &Survey) -> Self {
         let axes = axes_of(layout);
