@@ -24,9 +24,9 @@ const ON_GROUND: [[f64; 2]; 9] = [
 ];
 const ON_ROADWAY: [[f64; 2]; 3] = [[-46.0, 0.6], [2.0, -0.5], [44.0, 0.4]];
 const EYE: f64 = 1.75;
-/// How far up the mirrors swing, turns: above is little but sky.
+/// Upper end of the mirrors' fan, turns: above is little but sky.
 const FAN_TOP: f64 = 52.0 / 360.0;
-/// A ray goes no further, metres.
+/// Greatest length of a ray, metres.
 const RANGE_MAX: f64 = 160.0;
 const TREES: u64 = 110;
 
@@ -40,7 +40,7 @@ const ROOF: Material = Material::new([112, 62, 50], 0.4, 6, Texture::Slats(0.3))
 struct Bridge {
     valley: Valley,
     trees: Vec<Tree>,
-    /// Those that each station sees.
+    /// Trees that each station sees.
     sectors: Vec<Sectors>,
     things: Vec<Thing>,
 }
@@ -104,7 +104,7 @@ fn furnish(valley: &Valley, seed: u64) -> Vec<Thing> {
         let at = [x + draw.between(-3.0, 3.0), -1.9, ROADWAY];
         things.push(Thing::new(at, cos_sin(draw.between(-0.01, 0.01)), car));
     }
-    // A boathouse on the bank, its roof in steps as of shingles.
+    // A boathouse on the bank; its roof has steps like shingles.
     let (x, y) = (-31.0, -42.0);
     let mut house = vec![part([-3.0, -2.2, -2.0], [3.0, 2.2, 2.6], PLANK)];
     for i in 0..8 {

@@ -1,4 +1,4 @@
-//! What stands in the office's rooms, made of boxes, and where it stands.
+//! Furniture of the office's rooms, made of boxes, and its positions.
 
 use super::draw::{Draw, cos_sin};
 use super::ray::{Material, Texture, Vec3};
@@ -19,13 +19,13 @@ const LEAF: Material = Material::new([58, 112, 48], 0.45, 68, Texture::Speckle(2
 const POT: Material = Material::new([150, 82, 54], 0.4, 68, Texture::Plain);
 const STEP: Material = Material::new([172, 168, 160], 0.5, 66, Texture::Speckle(40.0));
 
-/// A room as its furniture sees it: x from `-half` to `half` along the window, y from the window,
-/// at 0, to the door's wall, z from the floor.
+/// Coordinates of a room for its furniture: x from `-half` to `half` along the window, y from the
+/// window, at 0, to the door's wall, z from the floor.
 pub struct Frame {
     half: f64,
     height: f64,
     origin: Vec3,
-    /// Turned half about where the window is at the greater y.
+    /// Whether it is turned by half, because the window is at the greater y.
     is_turned: bool,
 }
 
@@ -36,7 +36,7 @@ impl Frame {
         Self { half: 0.5 * (x[1] - x[0]), height, origin, is_turned: side > 0.0 }
     }
 
-    /// A place of the scene.
+    /// A point in coordinates of the scene.
     pub fn place(&self, x: f64, y: f64, z: f64) -> Vec3 {
         let sign = if self.is_turned { -1.0 } else { 1.0 };
         [self.origin[0] + sign * x, self.origin[1] + sign * y, self.origin[2] + z]
@@ -97,7 +97,7 @@ fn chair(draw: &mut Draw) -> Vec<Part> {
     parts
 }
 
-/// A shelf with its back to lesser y, full of books but for some gaps.
+/// A shelf with its back to lesser y, full of books except for some gaps.
 fn shelf(width: f64, levels: usize, draw: &mut Draw) -> Vec<Part> {
     let w = 0.5 * width;
     let top = 0.06 + 0.37 * levels as f64;
@@ -170,7 +170,7 @@ fn lamp(length: f64) -> Vec<Part> {
     ]
 }
 
-/// Furnishes a room; also where in its frame a tripod finds place.
+/// Furnishes a room; also returns the position of a tripod in its frame.
 pub fn furnish(frame: &Frame, draw: &mut Draw) -> (Vec<Thing>, [f64; 2]) {
     let mut things = Vec::new();
     let lamps = ((2.0 * frame.half / 2.4) as usize).max(1);
@@ -266,7 +266,7 @@ pub fn door(
     Thing::new([hinge + 0.03, wall + side * 0.03, floor], cos_sin(turns), parts)
 }
 
-/// What stands in a corridor: lamps, cabinets, a copier, plants.
+/// Objects in a corridor: lamps, cabinets, a copier, plants.
 pub fn corridor(low: Vec3, high: Vec3, draw: &mut Draw) -> Vec<Thing> {
     let mut things = Vec::new();
     let mut x = low[0] + 1.5;
@@ -315,7 +315,7 @@ pub fn stairs(low: Vec3, high: Vec3, floors: usize, storey: f64) -> Vec<Thing> {
     for floor in 0..floors {
         let z = floor as f64 * storey;
         if floor > 0 {
-            // What one steps onto from the corridor.
+            // The slab between the corridor and the stairs.
             let slab = part([0.0, 0.0, -0.2], [start - low[0], high[1] - low[1], 0.0], STEP);
             things.push(Thing::new([low[0], low[1], z], [1.0, 0.0], vec![slab]));
         }

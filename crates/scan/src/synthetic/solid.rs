@@ -1,25 +1,25 @@
-//! Things made of boxes (a desk, a shelf, a flight of stairs): each stands somewhere, turned about
-//! z, and is looked into only by rays that meet the box around it.
+//! Objects made of boxes (a desk, a shelf, a flight of stairs), each with a position and a rotation
+//! about z. Only rays that hit the bounding box of an object are tested against its boxes.
 
 use super::ray::{Hit, Material, Ray, Vec3};
 
-/// One box of a thing, in the thing's own frame.
+/// One box of an object, in the object's own frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
     /// Least corner.
     pub low: Vec3,
     /// Greatest corner.
     pub high: Vec3,
-    /// What it is made of.
+    /// Material of its faces.
     pub material: Material,
 }
 
-/// A part of these corners.
+/// Makes a box of these corners.
 pub fn part(low: Vec3, high: Vec3, material: Material) -> Part {
     Part { low, high, material }
 }
 
-/// A thing that stands in a scene.
+/// An object in a scene.
 #[derive(Clone, Debug)]
 pub struct Thing {
     low: Vec3,
@@ -30,7 +30,7 @@ pub struct Thing {
 }
 
 impl Thing {
-    /// Puts parts at `origin`, turned by the angle of this cosine and sine.
+    /// Places boxes at `origin`, rotated by the angle of this cosine and sine.
     pub fn new(origin: Vec3, turn: [f64; 2], parts: Vec<Part>) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for part in &parts {
@@ -46,7 +46,7 @@ impl Thing {
         Self { low, high, origin, turn, parts }
     }
 
-    /// The nearest part that the ray enters before `t_max`.
+    /// The nearest box that the ray enters before `t_max`.
     pub fn cast(&self, ray: &Ray, t_max: f64) -> Option<Hit> {
         let [(near, _), _] = ray.through(self.low, self.high)?;
         if near >= t_max {

@@ -1,26 +1,28 @@
-//! The valley that the bridge spans: heights on a raster, blended between its places. Rays go from
-//! block to block of the raster, past those that they fly over, and march down to the ground in the
-//! others by steps that the block's greatest slope allows.
+//! The valley under the bridge: a height map, interpolated between its samples. Rays go from tile
+//! to tile of the map, skip the tiles that they fly over, and march down to the ground in the
+//! others, by steps that the tile's greatest slope allows.
 
 use super::draw::{floor, noise, smooth};
 use super::ray::{Hit, Material, Ray, Texture};
 
-/// Half the valley's extent along x and y, and the raster's step; metres.
+/// Half the valley's extent along x and y, and the sample distance; metres.
 pub const HALF: [f64; 2] = [112.0, 84.0];
 const STEP: f64 = 0.5;
 const COLUMNS: usize = (2.0 * HALF[0] / STEP) as usize + 1;
 const ROWS: usize = (2.0 * HALF[1] / STEP) as usize + 1;
-/// Half the width of the river, whose surface is at 0, and how far up the hills go from it.
+/// Half the width of the river, whose surface is at 0, the length of the slopes, and their rise;
+/// metres.
 const RIVER: f64 = 11.0;
 const SLOPE_M: f64 = 75.0;
 const RISE: f64 = 17.0;
-/// How much of the water sends anything back.
+/// Fraction of rays on water that return.
 const GLINT: f64 = 0.2;
-/// Squares of the raster along a block's edge, and blocks along x and y.
+/// Squares of the map along a tile's edge, and tiles along x and y.
 const BLOCK: usize = 8;
 const BLOCKS: [usize; 2] = [(COLUMNS - 1) / BLOCK, (ROWS - 1) / BLOCK];
 const BLOCK_M: f64 = BLOCK as f64 * STEP;
-/// Steps of a march in a block, and how near the ground it ends, metres.
+/// Greatest number of marching steps in a tile, and the distance from the ground at which they end,
+/// metres.
 const MARCH_MAX: usize = 60;
 const NEAR: f64 = 0.02;
 
@@ -33,16 +35,16 @@ const WATER: Material = Material::new([54, 76, 80], 0.06, 9, Texture::Speckle(0.
 pub struct Valley {
     heights: Vec<f64>,
     blocks: Vec<Block>,
-    /// The highest of all.
+    /// Greatest height of all.
     top: f64,
     seed: u64,
 }
 
-/// What is known of a block of the raster.
+/// Bounds of a tile of the height map.
 struct Block {
-    /// Its highest place, or the river.
+    /// Greatest height, at least that of the river.
     top: f64,
-    /// Its greatest slope.
+    /// Greatest slope.
     slope: f64,
 }
 
@@ -57,12 +59,12 @@ impl Block {
             let dy = if j > 0 { here - at(i, j - 1) } else { 0.0 };
             slope = slope.max((dx * dx + dy * dy).sqrt() / STEP);
         }
-        // Inside a square the blend's two slopes may come from different edges.
+        // Inside a square, the two interpolated slopes may come from different edges.
         Self { top, slope: 1.42 * slope }
     }
 }
 
-/// Metres from the river's middle.
+/// Distance from the river's middle, metres.
 fn from_river(seed: u64, x: f64, y: f64) -> f64 {
     (x - 7.0 * noise(seed ^ 20, y / 45.0, 0.5)).abs()
 }
@@ -88,7 +90,7 @@ impl Valley {
         Self { heights, blocks, top, seed }
     }
 
-    /// The ground, under water too, and its slope along x and y; `None` outside.
+    /// Height of the ground, also under water, and its slope along x and y; `None` outside.
     fn ground(&self, x: f64, y: f64) -> Option<(f64, [f64; 2])> {
         let (u, v) = ((x + HALF[0]) / STEP, (y + HALF[1]) / STEP);
         let (i, j) = (floor(u), floor(v));
@@ -109,18 +111,19 @@ impl Valley {
         self.ground(x, y).map_or(0.0, |(z, _)| z)
     }
 
-    /// Whether something can stand at a place: dry and not on the bank.
+    /// Whether something can stand at a point: it is dry and not on the bank.
     pub fn is_dry(&self, x: f64, y: f64) -> bool {
         from_river(self.seed, x, y) > RIVER + 4.0
     }
 
-    /// Whether a ray ends at ground or water before `t_max`, and what comes back from there: on
-    /// water, where `glint`, from 0 to 1, decides, mostly nothing.
+    /// Casts a ray to ground or water before `t_max`: `None` if it meets neither, `Some(None)` if
+    /// nothing returns. On water, `glint`, from 0 to 1, decides whether the ray returns; mostly it
+    /// does not.
     pub fn cast(&self, ray: &Ray, t_max: f64, glint: f64) -> Option<Option<Hit>> {
         let level = (ray.to[0] * ray.to[0] + ray.to[1] * ray.to[1]).sqrt();
         let mut t = 0.0;
         while t < t_max {
-            // A hair further, so that the place is within the block that is entered.
+            // Moved slightly, so that the point is within the tile that is entered.
             let p = ray.at(t + 1e-6);
             if ray.to[2] > 0.0 && p[2] > self.top {
                 return None;
@@ -147,7 +150,7 @@ impl Valley {
         None
     }
 
-    /// Marches through a block; `None` where the ray leaves it again.
+    /// Marches through a tile; `None` if the ray leaves it again.
     fn march(
         &self,
         ray: &Ray,
@@ -165,7 +168,7 @@ impl Valley {
             let (z, slope) = self.ground(p[0], p[1])?;
             let gap = p[2] - z;
             if gap < NEAR {
-                // Onto the plane that the ground is here.
+                // Onto the tangent plane of the ground here.
                 let sinking = slope[0] * ray.to[0] + slope[1] * ray.to[1] - ray.to[2];
                 let t = t + if sinking > 0.05 { gap / sinking } else { 0.0 };
                 return Some(Some(self.hit(ray, t, slope, z)));

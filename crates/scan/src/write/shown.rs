@@ -1,11 +1,11 @@
-//! Attribute values where a format has no place for a scale: as they are shown, which is what other
-//! programs take them for. What is counted in steps (extra bytes of LAS with a scale or an offset,
-//! scan angles) becomes a double, or a decimal with all its digits; anything else stays as it is.
+//! Scales attribute values for formats that cannot store a scale, so that other programs read the
+//! intended values. Values counted in steps (extra bytes of LAS with a scale or an offset, scan
+//! angles) become a double, or a decimal number with all its digits; others are unchanged.
 
 use super::numbers::{Decimal, float, put};
 use esker_points::{AttrType, Attribute, Schema};
 
-/// How the values of an attribute are shown.
+/// How the values of an attribute are scaled.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown {
     ty: AttrType,
@@ -14,16 +14,16 @@ pub struct Shown {
 
 #[derive(Clone, Copy, Debug)]
 enum How {
-    /// As they are stored.
+    /// Not at all.
     Stored,
     /// Whole numbers of decimal steps.
     Steps(Decimal),
-    /// Times the first, plus the second.
+    /// Multiplied by the first number, then added to the second.
     Times(f64, f64),
 }
 
 impl Shown {
-    /// Of an attribute of a schema. A scale of zero, or one that is no number, says nothing.
+    /// Scaling of an attribute of a schema. A scale that is zero or not finite is ignored.
     pub fn of(schema: &Schema, attribute: usize) -> Self {
         let Attribute { ty, offset, .. } = schema.attributes[attribute];
         let scale = schema.shown_scale(attribute);
@@ -37,17 +37,17 @@ impl Shown {
         Self { ty, how }
     }
 
-    /// Whether values are other than they are stored.
+    /// Whether written values differ from stored ones.
     pub fn is_scaled(&self) -> bool {
         !matches!(self.how, How::Stored)
     }
 
-    /// The type in which they are written as bytes.
+    /// The type of written values.
     pub fn ty(&self) -> AttrType {
         if self.is_scaled() { AttrType::F64 } else { self.ty }
     }
 
-    /// Appends the bytes of a stored value, of the type [`Shown::ty`].
+    /// Appends the bytes of a stored value after scaling, of type [`Scaling::ty`].
     pub fn bytes(&self, stored: &[u8], out: &mut Vec<u8>) {
         match self.how {
             How::Stored => out.extend_from_slice(stored),
@@ -57,7 +57,7 @@ impl Shown {
         }
     }
 
-    /// Appends a stored value as text.
+    /// Appends a stored value, after scaling, as text.
     pub fn text(&self, stored: &[u8], out: &mut Vec<u8>) {
         match self.how {
             How::Stored => number(self.ty, stored, out),
@@ -75,7 +75,7 @@ impl Shown {
     }
 }
 
-/// Says which attributes are written other than they are stored, if any are.
+/// A note that names the attributes whose written values differ from stored ones, if there are any.
 pub fn notes(schema: &Schema) -> Vec<String> {
     let all = schema.attributes.iter().enumerate();
     let scaled = all.filter(|(index, _)| Shown::of(schema, *index).is_scaled());
@@ -88,7 +88,7 @@ fn is_whole(ty: AttrType) -> bool {
     !matches!(ty, AttrType::F32 | AttrType::F64)
 }
 
-/// A stored whole number; bits of others.
+/// A stored integer, or the bits of a float.
 fn whole(ty: AttrType, stored: &[u8]) -> i128 {
     let mut wide = [0; 8];
     wide[..stored.len()].copy_from_slice(stored);
@@ -102,7 +102,7 @@ fn whole(ty: AttrType, stored: &[u8]) -> i128 {
     }
 }
 
-/// Appends a value as it is stored.
+/// Appends a stored value as text, unscaled.
 fn number(ty: AttrType, stored: &[u8], out: &mut Vec<u8>) {
     let bits = whole(ty, stored);
     match ty {

@@ -1,7 +1,7 @@
-//! Text: a line of names, then a line a point, columns separated by a blank (a tab where a name has
-//! blanks) or, for CSV, a comma. Coordinates have all the digits of the lattice, other numbers the
-//! fewest that give them again, and values that are counted in steps ([`super::shown`]) all of
-//! theirs.
+//! Writes text: a line of names, then a line per point, columns separated by a blank (a tab if a
+//! name has blanks) or, for CSV, a comma. Coordinates have all digits of the lattice, values
+//! counted in steps ([`super::scaling`]) have all of theirs, other numbers the fewest digits that
+//! parse to the same number.
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Begins a file.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn create(
     path: &Path,
     outline: &Outline,
@@ -51,7 +51,7 @@ pub fn create(
     })
 }
 
-/// A name without what separates or quotes, and of something else than blanks.
+/// A name without separators and quotes, and not only of blanks.
 fn column_name(name: &str) -> String {
     match name.trim() {
         "" => "_".into(),
@@ -61,7 +61,7 @@ fn column_name(name: &str) -> String {
 
 struct Lines {
     coordinates: Coordinates,
-    /// How each attribute is shown, and its bytes.
+    /// Scaling of each attribute, and the size of its stored values in bytes.
     columns: Vec<(Shown, usize)>,
     mark: u8,
 }

@@ -1,9 +1,10 @@
-//! Names of columns, each once: most programs refuse a file in which two are called alike.
+//! Makes names of columns unique, because most programs refuse a file with two columns of one name.
 
 use esker_points::AttrType;
 
-/// Names and types of columns as names of so many bytes at most that are neither `taken` nor
-/// another's: one that would be has its type behind it, then a number. And what to say of those.
+/// Makes names of at most `bytes_max` bytes for columns of `wanted` names and types. A name that is
+/// `taken` or equals an earlier one gets its type as a suffix, or else a number. Also returns a
+/// note on changed names, if there are any.
 pub fn unique(
     wanted: &[(String, AttrType)],
     taken: &[&str],

@@ -1,5 +1,5 @@
-//! Columns to point records: the way back of [`crate::las::points`]. What the record has a field
-//! for is put there, all else behind it, as extra bytes.
+//! Encodes columns as point records, the inverse of [`crate::las::points`]. Attributes without a
+//! field in the record are appended to it as extra bytes.
 
 use crate::las::points::{Field, Layout, Take};
 use crate::write::encode::{Encode, Encoded};
@@ -7,23 +7,23 @@ use esker_points::attribute::names;
 use esker_points::lattice::ORIGIN;
 use esker_points::{AttrType, Attribute, Batch, Schema};
 
-/// Records filled before the next column's turn: they stay in the first-level cache meanwhile.
+/// Records filled before the next column's turn: they stay in the L1 cache meanwhile.
 const BLOCK_POINTS: usize = 512;
-/// Degrees of a step of the scan angle of formats 6 to 10.
+/// Step of the scan angle of formats 6 to 10, in degrees.
 const ANGLE_STEP: f64 = 0.006;
 
-/// How a value goes into a record.
+/// How a value is stored in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Put {
-    /// As the reader takes it out.
+    /// The inverse of what the reader does.
     Back(Take),
-    /// A colour of 8 bits into a field of 16: times 256, as the specification asks.
+    /// A colour of 8 bits in a field of 16: times 256, as the specification demands.
     Widened,
-    /// Whole degrees into steps of 0.006 degrees, of points that have no other angle.
+    /// Whole degrees as steps of 0.006 degrees, for points that have no other angle.
     Degrees,
 }
 
-/// Where the values of a column go.
+/// Field that the values of a column are written to.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     column: usize,
@@ -32,18 +32,18 @@ struct Place {
     put: Put,
 }
 
-/// The records of a file.
+/// Layout of the records of a file.
 #[derive(Clone, Debug)]
 pub struct Records {
     /// Point format, 0 to 10.
     pub point_format: u8,
-    /// Bytes of a record.
+    /// Size of a record, in bytes.
     pub record_bytes: usize,
     places: Vec<Place>,
 }
 
 impl Records {
-    /// The records that a source had, where its attributes are exactly those of the outline.
+    /// The layout of a source, if its attributes are exactly those of the outline.
     pub fn of_source(point_format: u8, layout: &Layout, schema: &Schema) -> Option<Self> {
         let own = &layout.schema.attributes;
         if !own.iter().map(Attribute::key).eq(schema.attributes.iter().map(Attribute::key)) {
@@ -54,7 +54,7 @@ impl Records {
         Some(Self { point_format, record_bytes: layout.record_bytes, places })
     }
 
-    /// Records of a point format for any attributes; and those that become extra bytes.
+    /// The layout of a point format for any attributes; also returns those that become extra bytes.
     pub fn of_format(
         point_format: u8,
         base_bytes: usize,
@@ -86,8 +86,8 @@ impl Records {
         (records, extra)
     }
 
-    /// For each column, the field that it goes to; a column that is converted goes to the field of
-    /// another one.
+    /// For each column, the index of its field. A column that is converted has the field of another
+    /// one.
     pub fn fields(&self) -> Vec<usize> {
         let same = |a: &Place, b: &Place| a.offset == b.offset && a.take() == b.take();
         let first = |place: &Place| self.places.iter().position(|other| same(place, other));
@@ -135,12 +135,12 @@ impl Encode for Records {
 
 /// The raw coordinate of a lattice coordinate.
 pub fn raw(u: u32) -> i32 {
-    // The lattice is as wide as what a record holds.
+    // The lattice is as wide as the coordinates of a record.
     (i64::from(u) - ORIGIN) as i32
 }
 
 impl Place {
-    /// How a reader takes it out.
+    /// How a reader extracts the field.
     fn take(&self) -> Take {
         match self.put {
             Put::Back(take) => take,
@@ -148,7 +148,7 @@ impl Place {
         }
     }
 
-    /// Puts values into whole records whose bytes are zero where nothing was put yet.
+    /// Writes values into whole records, whose bytes are zero where nothing was written yet.
     fn scatter(self, values: &[u8], records: &mut [u8], stride: usize) {
         let rows = records.chunks_exact_mut(stride).map(|r| &mut r[self.offset..]);
         match (self.put, self.bytes) {
@@ -175,7 +175,8 @@ impl Place {
     }
 }
 
-/// Zeros leave what another attribute has put: a file may have a colour of 8 and one of 16 bits.
+/// Sets bits only, so that zeros keep what another attribute wrote: a file may have a colour of 8
+/// bits and one of 16.
 fn copy<'a, const N: usize>(rows: impl Iterator<Item = &'a mut [u8]>, values: &[u8]) {
     for (row, value) in rows.zip(values.chunks_exact(N)) {
         for (byte, v) in row[..N].iter_mut().zip(value) {
