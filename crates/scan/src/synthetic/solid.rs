@@ -5,7 +5,7 @@ use super::ray::{Hit, Material, Ray, Vec3};
 
 /// One box of an object, in the object's own frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct Cuboid {
     /// Least corner.
     pub low: Vec3,
     /// Greatest corner.
@@ -15,8 +15,8 @@ pub struct Part {
 }
 
 /// Makes a box of these corners.
-pub fn part(low: Vec3, high: Vec3, material: Material) -> Part {
-    Part { low, high, material }
+pub fn cuboid(low: Vec3, high: Vec3, material: Material) -> Cuboid {
+    Cuboid { low, high, material }
 }
 
 /// An object in a scene.
@@ -26,16 +26,16 @@ pub struct Thing {
     high: Vec3,
     origin: Vec3,
     turn: [f64; 2],
-    parts: Vec<Part>,
+    cuboids: Vec<Cuboid>,
 }
 
 impl Thing {
     /// Places boxes at `origin`, rotated by the angle of this cosine and sine.
-    pub fn new(origin: Vec3, turn: [f64; 2], parts: Vec<Part>) -> Self {
+    pub fn new(origin: Vec3, turn: [f64; 2], cuboids: Vec<Cuboid>) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for part in &parts {
+        for cuboid in &cuboids {
             for i in 0..8 {
-                let pick = |axis: usize| [part.low, part.high][(i >> axis) & 1][axis];
+                let pick = |axis: usize| [cuboid.low, cuboid.high][(i >> axis) & 1][axis];
                 let [x, y, z] = [pick(0), pick(1), pick(2)];
                 let [c, s] = turn;
                 let corner = [origin[0] + x * c - y * s, origin[1] + x * s + y * c, origin[2] + z];
@@ -43,7 +43,7 @@ impl Thing {
                 high = [0, 1, 2].map(|i| high[i].max(corner[i]));
             }
         }
-        Self { low, high, origin, turn, parts }
+        Self { low, high, origin, turn, cuboids }
     }
 
     /// The nearest box that the ray enters before `t_max`.
@@ -54,12 +54,12 @@ impl Thing {
         }
         let own = ray.turned(self.origin, self.turn);
         let mut nearest = (t_max, None);
-        for part in &self.parts {
-            if let Some([(t, axis), _]) = own.through(part.low, part.high)
+        for cuboid in &self.cuboids {
+            if let Some([(t, axis), _]) = own.through(cuboid.low, cuboid.high)
                 && t > 0.0
                 && t < nearest.0
             {
-                nearest = (t, Some((axis, part.material)));
+                nearest = (t, Some((axis, cuboid.material)));
             }
         }
         let (t, hit) = nearest;

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_told_with_what_there_is() {
+    fn malformed_names_are_refused_with_the_known_scenes() {
         for (text, what) in [
             ("synthetic:", "there is no scene ``"),
             ("synthetic:castle:1M", "there is no scene `castle`"),

@@ -18,9 +18,9 @@ const RISE: f64 = 17.0;
 /// Fraction of rays on water that return.
 const GLINT: f64 = 0.2;
 /// Squares of the map along a tile's edge, and tiles along x and y.
-const BLOCK: usize = 8;
-const BLOCKS: [usize; 2] = [(COLUMNS - 1) / BLOCK, (ROWS - 1) / BLOCK];
-const BLOCK_M: f64 = BLOCK as f64 * STEP;
+const TILE: usize = 8;
+const TILES: [usize; 2] = [(COLUMNS - 1) / TILE, (ROWS - 1) / TILE];
+const TILE_M: f64 = TILE as f64 * STEP;
 /// Greatest number of marching steps in a tile, and the distance from the ground at which they end,
 /// metres.
 const MARCH_MAX: usize = 60;
@@ -34,24 +34,24 @@ const WATER: Material = Material::new([54, 76, 80], 0.06, 9, Texture::Speckle(0.
 /// Heights of the ground.
 pub struct Valley {
     heights: Vec<f64>,
-    blocks: Vec<Block>,
+    tiles: Vec<Tile>,
     /// Greatest height of all.
     top: f64,
     seed: u64,
 }
 
 /// Bounds of a tile of the height map.
-struct Block {
+struct Tile {
     /// Greatest height, at least that of the river.
     top: f64,
     /// Greatest slope.
     slope: f64,
 }
 
-impl Block {
+impl Tile {
     fn new(heights: &[f64], column: usize, row: usize) -> Self {
         let (mut top, mut slope) = (0.0f64, 0.0f64);
-        for (i, j) in (0..=BLOCK).flat_map(|j| (0..=BLOCK).map(move |i| (i, j))) {
+        for (i, j) in (0..=TILE).flat_map(|j| (0..=TILE).map(move |i| (i, j))) {
             let at = |i: usize, j: usize| heights[column + i + (row + j) * COLUMNS];
             let here = at(i, j);
             top = top.max(here);
@@ -84,10 +84,10 @@ impl Valley {
         let heights: Vec<f64> = (0..COLUMNS * ROWS)
             .map(|i| height(seed, place(i)[0] - HALF[0], place(i)[1] - HALF[1]))
             .collect();
-        let block = |i: usize| Block::new(&heights, i % BLOCKS[0] * BLOCK, i / BLOCKS[0] * BLOCK);
-        let blocks: Vec<Block> = (0..BLOCKS[0] * BLOCKS[1]).map(block).collect();
-        let top = blocks.iter().fold(0.0, |top: f64, block| top.max(block.top));
-        Self { heights, blocks, top, seed }
+        let tile = |i: usize| Tile::new(&heights, i % TILES[0] * TILE, i / TILES[0] * TILE);
+        let tiles: Vec<Tile> = (0..TILES[0] * TILES[1]).map(tile).collect();
+        let top = tiles.iter().fold(0.0, |top: f64, tile| top.max(tile.top));
+        Self { heights, tiles, top, seed }
     }
 
     /// Height of the ground, also under water, and its slope along x and y; `None` outside.
@@ -128,18 +128,18 @@ impl Valley {
             if ray.to[2] > 0.0 && p[2] > self.top {
                 return None;
             }
-            let at = [0, 1].map(|i| floor((p[i] + HALF[i]) / BLOCK_M));
-            if (0..2).any(|i| at[i] < 0 || at[i] as usize >= BLOCKS[i]) {
+            let at = [0, 1].map(|i| floor((p[i] + HALF[i]) / TILE_M));
+            if (0..2).any(|i| at[i] < 0 || at[i] as usize >= TILES[i]) {
                 return None;
             }
             let edge = |i: usize| {
                 let next = at[i] + i64::from(ray.to[i] > 0.0);
-                ray.reach(i, next as f64 * BLOCK_M - HALF[i])
+                ray.reach(i, next as f64 * TILE_M - HALF[i])
             };
             let t_edge = edge(0).min(edge(1)).max(t + 1e-6);
-            let block = &self.blocks[at[0] as usize + at[1] as usize * BLOCKS[0]];
-            let closing = block.slope * level - ray.to[2];
-            if p[2].min(ray.at(t_edge)[2]) <= block.top && closing > 0.0 {
+            let tile = &self.tiles[at[0] as usize + at[1] as usize * TILES[0]];
+            let closing = tile.slope * level - ray.to[2];
+            if p[2].min(ray.at(t_edge)[2]) <= tile.top && closing > 0.0 {
                 let end = self.march(ray, t, t_edge.min(t_max), closing, glint);
                 if end.is_some() {
                     return end;

@@ -15,7 +15,7 @@ pub mod las;
 mod numbers;
 mod partial;
 mod ply;
-mod shown;
+mod scaling;
 mod text;
 mod unique;
 

@@ -5,7 +5,7 @@
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};
 use super::partial::Partial;
-use super::shown::{Shown, notes};
+use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
 use crate::text::naming::axis;
@@ -59,7 +59,7 @@ pub fn create(
     let column = |(index, a): (usize, &Attribute)| Column {
         index,
         bytes: a.ty.size(),
-        shown: Shown::of(&outline.schema, index),
+        scaling: Scaling::of(&outline.schema, index),
     };
     let mut columns: Vec<Column> = attributes.iter().enumerate().map(column).collect();
     let rank = |c: &Column| FIRST.iter().position(|n| *n == attributes[c.index].name);
@@ -68,14 +68,14 @@ pub fn create(
     let (names, renamed) = unique(&wanted, &["x", "y", "z"], usize::MAX);
     for column in &columns {
         let name = &names[column.index];
-        let _ = writeln!(head, "property {} {name}", type_name(column.shown.ty()));
+        let _ = writeln!(head, "property {} {name}", type_name(column.scaling.ty()));
     }
     head.push_str("end_header\n");
     let mut file = Partial::create(path)?;
     let comments = comments.unwrap_or_default();
     let output = |count| header(&comments, count, &head);
     file.write_all(output(0).as_bytes()).map_err(|e| file.error(e))?;
-    let stride = 3 * place.size() + columns.iter().map(|c| c.shown.ty().size()).sum::<usize>();
+    let stride = 3 * place.size() + columns.iter().map(|c| c.scaling.ty().size()).sum::<usize>();
     let encode = Vertices { coordinates, columns, stride };
     let output = PlyOutput { file, comments, head, count: 0 };
     Ok(Export {
@@ -168,7 +168,7 @@ struct Vertices {
 struct Column {
     index: usize,
     bytes: usize,
-    shown: Shown,
+    scaling: Scaling,
 }
 
 impl Encode for Vertices {
@@ -185,7 +185,7 @@ impl Encode for Vertices {
             }
             for column in &self.columns {
                 let stored = &batch.columns[column.index][i * column.bytes..][..column.bytes];
-                column.shown.bytes(stored, &mut bytes);
+                column.scaling.bytes(stored, &mut bytes);
             }
         }
         Encoded { points: batch.len() as u64, bytes, ..Encoded::default() }

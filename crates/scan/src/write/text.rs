@@ -6,7 +6,7 @@
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origins, Outline, Output};
 use super::partial::Partial;
-use super::shown::{Shown, notes};
+use super::scaling::{Scaling, notes};
 use super::unique::unique;
 use crate::error::ScanError;
 use esker_points::{Attribute, Batch};
@@ -39,8 +39,8 @@ pub fn create(
     let line = names.join(&separator) + "\n";
     let mut file = Partial::create(path)?;
     file.write_all(line.as_bytes()).map_err(|e| file.error(e))?;
-    let shown = |(i, a): (usize, &Attribute)| (Shown::of(&outline.schema, i), a.ty.size());
-    let columns = attributes.iter().enumerate().map(shown).collect();
+    let scaling = |(i, a): (usize, &Attribute)| (Scaling::of(&outline.schema, i), a.ty.size());
+    let columns = attributes.iter().enumerate().map(scaling).collect();
     let encode = Lines { coordinates: Coordinates::new(&outline.lattice, false), columns, mark };
     Ok(Export {
         encode: Arc::new(encode),
@@ -62,7 +62,7 @@ fn column_name(name: &str) -> String {
 struct Lines {
     coordinates: Coordinates,
     /// Scaling of each attribute, and the size of its stored values in bytes.
-    columns: Vec<(Shown, usize)>,
+    columns: Vec<(Scaling, usize)>,
     mark: u8,
 }
 
@@ -76,9 +76,9 @@ impl Encode for Lines {
                 }
                 self.coordinates.text(axis, u, &mut bytes);
             }
-            for ((shown, size), column) in self.columns.iter().zip(&batch.columns) {
+            for ((scaling, size), column) in self.columns.iter().zip(&batch.columns) {
                 bytes.push(self.mark);
-                shown.text(&column[i * size..][..*size], &mut bytes);
+                scaling.text(&column[i * size..][..*size], &mut bytes);
             }
             bytes.push(b'\n');
         }

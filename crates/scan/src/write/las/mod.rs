@@ -23,7 +23,7 @@ use crate::write::partial::Partial;
 use esker_points::Grid;
 use laz::{LazVlr, ParLasZipCompressor};
 use order::Ordered;
-use plan::{Plan, is_1_4, minor};
+use plan::{LasPlan, is_1_4, minor};
 use records::raw;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
@@ -45,7 +45,7 @@ pub fn create(
     is_compressed: bool,
 ) -> Result<Export, ScanError> {
     let plan = plan::plan(path, outline, origins, is_compressed)?;
-    let Plan { header, vlrs, tail, records, laszip, notes } = plan;
+    let LasPlan { header, vlrs, tail, records, laszip, notes } = plan;
     let format = format!(
         "{} 1.{}, point format {}",
         if is_compressed { "LAZ" } else { "LAS" },
@@ -144,7 +144,7 @@ impl LasOutput {
     /// Fills in the header's fields that are known when all points are written.
     fn fill(&mut self) {
         let is_1_4 = is_1_4(&self.header);
-        let tells_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
+        let has_waveforms = minor(&self.header) >= 3 && self.header.len() >= 235;
         let header = &mut self.header;
         let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
         put(96, &self.points_start.to_le_bytes());
@@ -169,7 +169,7 @@ impl LasOutput {
             put(179 + 16 * axis, &bound(1).to_le_bytes());
             put(187 + 16 * axis, &bound(0).to_le_bytes());
         }
-        if tells_waveforms {
+        if has_waveforms {
             // Waveform packets are not kept.
             put(227, &0u64.to_le_bytes());
         }

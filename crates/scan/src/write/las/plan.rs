@@ -26,7 +26,7 @@ const DESCRIPTIONS_MAX: usize = u16::MAX as usize / extra_bytes::DESCRIPTION_BYT
 const VLR_BYTES_MAX: usize = 1 << 30;
 
 /// Head, tail and record layout of a LAS file.
-pub struct Plan {
+pub struct LasPlan {
     /// The header, without counts, bounds and offsets.
     pub header: Vec<u8>,
     /// VLRs and then EVLRs.
@@ -43,7 +43,7 @@ pub struct Plan {
 
 /// Summary of the sources, added one by one.
 #[derive(Default)]
-struct Found {
+struct SourceSummary {
     /// Header, VLRs and tail of the first LAS source.
     first: Option<(Vec<u8>, Vec<Vlr>, Vec<u8>)>,
     /// Point format and layout of the first LAS source.
@@ -77,8 +77,8 @@ pub fn plan(
     outline: &Outline,
     origins: &mut Origins<'_>,
     is_compressed: bool,
-) -> Result<Plan, ScanError> {
-    let mut found = Found::default();
+) -> Result<LasPlan, ScanError> {
+    let mut found = SourceSummary::default();
     let mut sources = 0usize;
     for origin in origins {
         sources += 1;
@@ -139,7 +139,7 @@ pub fn plan(
         set_bit(&mut header, ADJUSTED_BIT, times == GpsTimes::Adjusted);
         if found.other_times > 0 {
             notes.push(format!(
-                "GPS times of {} sources are counted otherwise than the first's, which the global encoding tells ({}); they are as they were",
+                "GPS times of {} sources have another epoch than the first's, which the global encoding gives ({}); they are written unchanged",
                 found.other_times,
                 times.name()
             ));
@@ -148,8 +148,8 @@ pub fn plan(
     notes.extend(found.dropped.iter().map(|&what| what.to_owned()));
     if found.other_systems > 0 {
         notes.push(format!(
-            "{} sources tell their coordinate reference system otherwise than the first that tells one; only the first's is written, \
-             coordinates are as they were",
+            "{} sources have another coordinate reference system than the first that has one; only the first's is written, \
+             coordinates are unchanged",
             found.other_systems
         ));
     }
@@ -157,10 +157,10 @@ pub fn plan(
         let n = found.conflicts;
         notes.push(format!("{n} VLRs of later sources differ from the first's and are left out"));
     }
-    Ok(Plan { header, vlrs, tail, records, laszip, notes })
+    Ok(LasPlan { header, vlrs, tail, records, laszip, notes })
 }
 
-impl Found {
+impl SourceSummary {
     fn add(&mut self, origin: &Origin, is_first: bool) {
         if self.wkt.is_none() {
             self.wkt = origin.crs.as_ref().map(|c| c.text.clone()).filter(|t| t.contains('['));
@@ -205,7 +205,7 @@ impl Found {
         let mut vlrs = records.vlrs;
         vlrs.retain(|v| self.is_kept(v));
         self.leave_one_system(&mut vlrs);
-        if vlrs.iter().any(tells_system) {
+        if vlrs.iter().any(is_of_crs) {
             self.is_wkt = Some(has_bit(bytes, WKT_BIT));
         }
         match &mut self.first {
@@ -233,23 +233,23 @@ impl Found {
     /// Removes the records of a coordinate reference system if an earlier source has one: a file
     /// has one system.
     fn leave_one_system(&mut self, vlrs: &mut Vec<Vlr>) {
-        let told: Vec<&Vlr> =
-            self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| tells_system(v)).collect();
-        if told.is_empty() {
+        let kept: Vec<&Vlr> =
+            self.first.iter().flat_map(|(_, kept, _)| kept).filter(|v| is_of_crs(v)).collect();
+        if kept.is_empty() {
             return;
         }
-        let is_told = |v: &Vlr| told.iter().any(|t| t.record == v.record && t.data == v.data);
-        let differs = vlrs.iter().any(|v| tells_system(v) && !is_told(v));
+        let is_equal = |v: &Vlr| kept.iter().any(|t| t.record == v.record && t.data == v.data);
+        let differs = vlrs.iter().any(|v| is_of_crs(v) && !is_equal(v));
         self.other_systems += usize::from(differs);
-        vlrs.retain(|v| !tells_system(v));
+        vlrs.retain(|v| !is_of_crs(v));
     }
 
     /// Whether a record still holds in the new file: indices into the order of points do not.
     fn is_kept(&mut self, vlr: &Vlr) -> bool {
         let what = match (vlr.user.as_str(), vlr.record) {
-            ("copc", _) => "the sources' COPC index is left out: the order of points is another",
+            ("copc", _) => "the sources' COPC index is left out: the order of points changes",
             ("LAStools", 30) => {
-                "the sources' spatial index is left out: the order of points is another"
+                "the sources' spatial index is left out: the order of points changes"
             }
             _ => return true,
         };
@@ -280,7 +280,7 @@ impl Found {
 }
 
 /// Whether a record is part of a coordinate reference system: WKT or GeoTIFF keys.
-fn tells_system(vlr: &Vlr) -> bool {
+fn is_of_crs(vlr: &Vlr) -> bool {
     vlr.user == "LASF_Projection"
 }
 
@@ -336,7 +336,7 @@ fn new_head(wkt: Option<&str>) -> (Vec<u8>, Vec<Vlr>, Vec<u8>) {
 /// otherwise keeps its version.
 fn with_version(
     mut header: Vec<u8>,
-    found: &Found,
+    found: &SourceSummary,
     records: &Records,
     needed: u8,
     notes: &mut Vec<String>,

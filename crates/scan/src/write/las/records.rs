@@ -25,7 +25,7 @@ enum Put {
 
 /// Field that the values of a column are written to.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Destination {
     column: usize,
     bytes: usize,
     offset: usize,
@@ -39,7 +39,7 @@ pub struct Records {
     pub point_format: u8,
     /// Size of a record, in bytes.
     pub record_bytes: usize,
-    places: Vec<Place>,
+    destinations: Vec<Destination>,
 }
 
 impl Records {
@@ -49,9 +49,10 @@ impl Records {
         if !own.iter().map(Attribute::key).eq(schema.attributes.iter().map(Attribute::key)) {
             return None;
         }
-        let places = layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
-        let places = places.collect();
-        Some(Self { point_format, record_bytes: layout.record_bytes, places })
+        let destinations =
+            layout.fields.iter().enumerate().map(|(column, field)| back(column, field));
+        let destinations = destinations.collect();
+        Some(Self { point_format, record_bytes: layout.record_bytes, destinations })
     }
 
     /// The layout of a point format for any attributes; also returns those that become extra bytes.
@@ -61,26 +62,29 @@ impl Records {
         schema: &Schema,
     ) -> (Self, Vec<Attribute>) {
         let base = Layout::new(point_format, base_bytes, Vec::new());
-        let mut records = Self { point_format, record_bytes: base_bytes, places: Vec::new() };
+        let mut records = Self { point_format, record_bytes: base_bytes, destinations: Vec::new() };
         let mut extra = Vec::new();
         for (column, attribute) in schema.attributes.iter().enumerate() {
             let of = |name: &str, ty| base.schema.find_typed(name, ty).map(|i| base.fields[i]);
             let name = attribute.name.as_str();
             let colour = [names::RED, names::GREEN, names::BLUE].contains(&name);
             let bytes = attribute.ty.size();
-            let place = |field: Field, put| Place { column, bytes, offset: field.offset, put };
+            let destination =
+                |field: Field, put| Destination { column, bytes, offset: field.offset, put };
             let found = match attribute.ty {
-                AttrType::U8 if colour => of(name, AttrType::U16).map(|f| place(f, Put::Widened)),
+                AttrType::U8 if colour => {
+                    of(name, AttrType::U16).map(|f| destination(f, Put::Widened))
+                }
                 AttrType::I8 if name == names::SCAN_ANGLE_RANK && point_format >= 6 => {
-                    of(names::SCAN_ANGLE, AttrType::I16).map(|f| place(f, Put::Degrees))
+                    of(names::SCAN_ANGLE, AttrType::I16).map(|f| destination(f, Put::Degrees))
                 }
                 ty => of(name, ty).map(|field| back(column, &field)),
             };
-            records.places.push(found.unwrap_or_else(|| {
+            records.destinations.push(found.unwrap_or_else(|| {
                 extra.push(attribute.clone());
                 let offset = records.record_bytes;
                 records.record_bytes += bytes;
-                Place { column, bytes, offset, put: Put::Back(Take::Copy) }
+                Destination { column, bytes, offset, put: Put::Back(Take::Copy) }
             }));
         }
         (records, extra)
@@ -89,14 +93,16 @@ impl Records {
     /// For each column, the index of its field. A column that is converted has the field of another
     /// one.
     pub fn fields(&self) -> Vec<usize> {
-        let same = |a: &Place, b: &Place| a.offset == b.offset && a.take() == b.take();
-        let first = |place: &Place| self.places.iter().position(|other| same(place, other));
-        self.places.iter().filter_map(first).collect()
+        let same = |a: &Destination, b: &Destination| a.offset == b.offset && a.take() == b.take();
+        let first = |destination: &Destination| {
+            self.destinations.iter().position(|other| same(destination, other))
+        };
+        self.destinations.iter().filter_map(first).collect()
     }
 }
 
-fn back(column: usize, field: &Field) -> Place {
-    Place { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
+fn back(column: usize, field: &Field) -> Destination {
+    Destination { column, bytes: field.bytes, offset: field.offset, put: Put::Back(field.take) }
 }
 
 impl Encode for Records {
@@ -117,9 +123,13 @@ impl Encode for Records {
                 }
             }
             let first = block * BLOCK_POINTS;
-            for place in &self.places {
-                let values = &batch.columns[place.column][first * place.bytes..];
-                place.scatter(&values[..positions.len() * place.bytes], records, stride);
+            for destination in &self.destinations {
+                let values = &batch.columns[destination.column][first * destination.bytes..];
+                destination.scatter(
+                    &values[..positions.len() * destination.bytes],
+                    records,
+                    stride,
+                );
             }
             for record in records.chunks_exact(stride) {
                 let number = record[14] & if self.point_format < 6 { 7 } else { 15 };
@@ -139,7 +149,7 @@ pub fn raw(u: u32) -> i32 {
     (i64::from(u) - ORIGIN) as i32
 }
 
-impl Place {
+impl Destination {
     /// How a reader extracts the field.
     fn take(&self) -> Take {
         match self.put {
