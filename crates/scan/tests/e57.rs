@@ -1,5 +1,5 @@
-//! E57: places come in the pose of their scan, exactly where they are integers; values keep their
-//! types; damaged files end in an error.
+//! E57: points have the pose of their scan, exactly if they are integers; values keep their types;
+//! damaged files end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -57,7 +57,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A place turned by a quaternion of unit length: `v + 2 u x (u x v + w v)`.
+/// A vector rotated by a quaternion of unit length: `v + 2 u x (u x v + w v)`.
 fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let u = [x, y, z];
     let inner = cross(u, v);
@@ -119,8 +119,8 @@ proptest! {
         let at = at % bytes.len();
         let same = bytes[at] == byte;
         bytes[at] = byte;
-        // Every page has a checksum; the first page's head is read before it, and says where the
-        // rest is.
+        // Every page has a checksum. The head of the first page is read before it and says where
+        // the rest is.
         let is_sound = read(&bytes).is_ok();
         prop_assert!(is_sound == same || at < 48, "{at}");
     }
@@ -282,13 +282,13 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
         drop(writer);
         read(bytes.into_inner()).unwrap()
     };
-    // White is white, of however many bits.
+    // White is white, whatever the number of bits.
     let white = |max: i64| scan(colours(max), vec![Value::Integer(max); 3]);
     let cloud = write(&[white(255), white(1023), white(65_535)]);
     assert_eq!(cloud.column("red"), (AttrType::U16, vec![65_535.0; 3]));
     assert_eq!(cloud.info.colour_depth, Some(esker_points::ColourDepth::Sixteen));
     assert_eq!(cloud.report.colour_max, 65_535);
-    // Integers in a type that has both, and one of 64 bits to the last of them.
+    // Integers get a type that holds both, and 64-bit ones are exact to the last digit.
     let row = |min: i64, max: i64, n: i64| {
         scan(vec![integer(Name::RowIndex, min, max)], vec![Value::Integer(n)])
     };
@@ -298,7 +298,7 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
     let cloud = write(&[row(i64::MIN, i64::MAX, long)]);
     assert_eq!(cloud.types(), "row_index:i64");
     assert_eq!(cloud.bytes("row_index"), long.to_le_bytes());
-    // Names that meet are both kept; the scan's number has its own.
+    // Attributes of equal names are both kept; the scan's number has its own name.
     let meeting = |n: i64| {
         let fields = vec![
             integer(Name::Intensity, 0, 9),

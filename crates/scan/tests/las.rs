@@ -1,6 +1,6 @@
-//! LAS and LAZ as users meet them: files written here byte by byte, for every version and point
-//! format, come back to the bit; damaged ones end in an error. The writer below knows nothing of
-//! the reader's tables: it places every field by the specification.
+//! LAS and LAZ files, written here byte by byte for every version and point format, are read bit by
+//! bit; damaged ones end in an error. The writer of these tests does not use the reader's tables:
+//! it places every field by the specification.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -37,7 +37,7 @@ fn read(source: &dyn Source) -> Result<(Vec<Batch>, ReadReport), ScanError> {
     Ok((batches, report))
 }
 
-/// All values of an attribute as raw bytes, a point.
+/// All values of an attribute as raw bytes, one per point.
 fn column(batches: &[Batch], name: &str) -> Vec<Vec<u8>> {
     let mut values = Vec::new();
     for batch in batches {
@@ -48,7 +48,7 @@ fn column(batches: &[Batch], name: &str) -> Vec<Vec<u8>> {
     values
 }
 
-/// Holds every attribute and coordinate of what was read against what was written.
+/// Compares every attribute and coordinate of the read batches with the written points.
 fn assert_equal(batches: &[Batch], points: &[Point], variant: Variant) {
     let positions: Vec<_> = batches.iter().flat_map(|b| &b.positions).collect();
     assert_eq!(positions.len(), points.len());
@@ -329,23 +329,23 @@ fn counts_that_lie_are_named_or_put_right() {
         assert_eq!(source.info().points_hint, 10);
         assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
     }
-    // Cut within a record, it is the file that is wrong.
+    // If a record is cut off, the file is truncated.
     let error = open(&with_count(11, all - 7)).err().unwrap().to_string();
     assert!(error.contains("claims 11 points") && error.contains("for 9 only"), "{error}");
     assert!(!error.contains('\n'));
-    // What is no whole number of records may be anything.
+    // A number of bytes that is not whole records may be anything.
     let disk = with_count(8, all - 7);
     let source = open(&disk).unwrap();
     assert!(source.info().notes[0].contains("33 bytes behind"), "{:?}", source.info().notes);
     assert_eq!(read(source.as_ref()).unwrap().1.points, 8);
 }
 
-/// Bytes that were never points may make whole records by chance.
+/// Bytes that were never points may be whole records by chance.
 #[test]
 fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
     let variant = Variant { format: 0, minor: 2, extra: 0 };
     let mut points = plain_points(10, 0);
-    // With the box of the first points as the header's.
+    // With the box of the first points in the header.
     let bytes_of = |points: &[Point], claimed: usize| {
         let mut bytes = file_of(variant, points.to_vec()).las();
         bytes[107..111].copy_from_slice(&(claimed as u32).to_le_bytes());
@@ -366,7 +366,7 @@ fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
         assert!(note.contains(&format!("{} bytes behind the 10 points", 20 * records)), "{note}");
         assert_equal(&read(source.as_ref()).unwrap().0, &points, variant);
     }
-    // Points that were added without the header being told lie outside of its box, and are points.
+    // Points appended without a new header lie outside of its box, and are points.
     points.iter_mut().skip(4).for_each(|p| p.position[0] += 100);
     let disk = on_disk(&bytes_of(&points, 4));
     let source = open(&disk).unwrap();
@@ -391,7 +391,7 @@ fn zeros_behind_the_points_that_the_header_claims_are_padding() {
         let (points, note) = padded(10, records, 0);
         assert_eq!(points, 10);
         assert!(note.contains(&format!("{} bytes of zeros behind the 10 points", 20 * records)));
-        // Anything else there is a point, and so is all where the header claims none.
+        // Other bytes there are a point, and so are all records if the header claims none.
         assert_eq!(padded(10, records, 1).0, 10 + records as u64);
         assert_eq!(padded(9, records, 0).0, 10 + records as u64);
         assert_eq!(padded(0, records, 0).0, 10 + records as u64);
@@ -414,7 +414,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
             assert_equal(&read(source.as_ref()).unwrap().0, &file.points, file.variant);
         }
     }
-    // Older chunks don't tell: what is left out is said, what is missing is an error.
+    // Other chunks have no count: points left out make a note, missing ones an error.
     let file = file_of(Variant { format: 3, minor: 2, extra: 0 }, plain_points(1000, 0));
     let with_count = |claimed: u32| {
         let mut bytes = file.laz(300);
@@ -429,7 +429,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
     assert!(error.contains("claims 2000 points") && error.contains("at most 1200"), "{error}");
     let disk = with_count(1100);
     assert!(read(open(&disk).unwrap().as_ref()).is_err());
-    // No points at all are none.
+    // A file without points is read as empty.
     for (format, minor) in [(3, 2), (7, 4)] {
         let empty = file_of(Variant { format, minor, extra: 0 }, Vec::new());
         let disk = on_disk(&empty.laz(300));
@@ -441,7 +441,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
 
 #[test]
 fn a_chunk_larger_than_memory_is_refused_with_what_to_do() {
-    // Layered chunks are decoded whole. Larger than what is decoded side by side.
+    // Layered chunks are decoded whole; this one is larger than those decoded in parallel.
     let variant = Variant { format: 6, minor: 4, extra: 200 };
     let points: Vec<_> = (0..160_000u64)
         .map(|i| {

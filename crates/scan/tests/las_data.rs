@@ -1,5 +1,5 @@
-//! The LAS and LAZ files of the data folder, where `ESKER_DATA` names one: all good ones are read
-//! with the count of the manifest, LAS/LAZ pairs hold the same points, bad ones end as they must.
+//! The LAS and LAZ files of the data folder: all good ones are read with the count of the manifest,
+//! LAS/LAZ pairs hold the same points, bad ones end in an error or a note.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -1,5 +1,5 @@
-//! PCD: lines, records and compressed fields give the same points and attributes, exactly; headers
-//! that lie and bytes that are damaged end in an error.
+//! PCD: lines, records and compressed fields give the same points and attributes, exactly; wrong
+//! headers and damaged bytes end in an error.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -14,7 +14,7 @@ use proptest::prelude::*;
 
 const FIELDS: &str = "VERSION 0.7\nFIELDS x y z rgb _ label normal_x normal_y normal_z\nSIZE 4 4 4 4 1 2 4 4 4\n\
     TYPE F F F F U I F F F\nCOUNT 1 1 1 1 3 1 1 1 1\n";
-/// Bytes of each field.
+/// Size of each field, in bytes.
 const BYTES: [usize; 9] = [4, 4, 4, 4, 3, 2, 4, 4, 4];
 
 fn header(points: usize, data: &str) -> String {
@@ -48,7 +48,7 @@ impl Point {
     }
 }
 
-/// A file of these points, as lines, records, or compressed (runs of bytes alone).
+/// A file of these points as lines, as records, or compressed (literal runs only).
 fn file(points: &[Point], data: &str) -> Vec<u8> {
     let mut out = header(points.len(), data).into_bytes();
     match data {

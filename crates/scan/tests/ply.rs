@@ -1,5 +1,5 @@
-//! PLY: every encoding gives the same points and attributes, exactly; headers that lie and bytes
-//! that are damaged end in an error or in the points that are sound, never in a panic.
+//! PLY: every encoding gives the same points and attributes, exactly; wrong headers and damaged
+//! bytes end in an error or in the sound points, never in a panic.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -142,7 +142,7 @@ fn lines_behind_the_last_vertex_are_noted() {
         cloud.info.notes
     };
     let point = "1 2 3\n";
-    // Of one block and of many; the last vertex may end a block.
+    // In one block and in many; the last vertex may end a block.
     for count in [1, 3, 100_000, (256 << 10) / 6] {
         let body = point.repeat(count);
         let none: Vec<String> = Vec::new();
@@ -222,7 +222,7 @@ const TYPES: [(&str, AttrType); 8] = [
     ("double", AttrType::F64),
 ];
 
-/// A value as a PLY of any encoding has it, from random bits; finite.
+/// A value as in a PLY of any encoding, from random bits; finite.
 fn value(ty: AttrType, bits: u64) -> Vec<u8> {
     let bytes = bits.to_le_bytes();
     match ty {
@@ -286,14 +286,15 @@ proptest! {
         for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
             let cloud = read(write(format, &types, &rows)).unwrap();
             prop_assert_eq!(cloud.world.len(), rows.len());
-            // What the lattice takes for noise of `f64` while placing: a millionth of a step.
+            // Tolerance of the lattice for noise of `f64` while placing points: a millionth of a
+            // step.
             let lattice = Lattice::choose(std::slice::from_ref(&cloud.info.grid)).unwrap();
             let error = cloud.report.rounding_error_max + lattice.scale[0].max(lattice.scale[1]).max(lattice.scale[2]) * 1e-6;
             for (p, row) in cloud.world.iter().zip(&rows) {
                 for i in 0..3 {
                     let want = TYPES[types[i]].1.to_f64(&row[i]);
-                    // The last term: an f32 in decimal text differs from its binary twin by its
-                    // text.
+                    // The last term: an f32 in decimal text differs from its binary twin by the
+                    // rounding of the text.
                     let text = if format == "ascii" { want.abs() * 6e-8 } else { 0.0 };
                     prop_assert!((p[i] - want).abs() <= error + want.abs() * 1e-15 + text + 1e-12, "{} {} {}", p[i], want, error);
                 }
@@ -354,7 +355,7 @@ fn the_ascii_bunny_is_the_binary_bunny() {
     let ascii = read_path(&data.join("models/bunny-zipper-ascii.ply")).unwrap();
     let binary = read_path(&data.join("models/bunny-36k.ply")).unwrap();
     assert!(ascii.info.notes.contains(&"69451 faces ignored".to_owned()));
-    // Half a step of the grid of floats: 2^31 steps hold an extent of 0.156.
+    // Half a step of the grid for floats: 2^31 steps hold an extent of 0.156.
     assert!(binary.report.rounding_error_max <= 2f64.powi(-34));
     for (a, b) in ascii.world.iter().zip(&binary.world) {
         for i in 0..3 {

@@ -1,6 +1,6 @@
-//! PTX and PTS: points come where their scan stood, with what was measured of them; directions
-//! without a return and lines of counts are no points; what is cut or damaged is refused in one
-//! line that says why.
+//! PTX and PTS: points have the pose of their scan, with their attributes; directions without a
+//! return and lines of counts are no points; truncated or damaged files are refused with a reason
+//! in one line.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -49,7 +49,7 @@ fn scans_are_told_apart_and_turned() {
     let cloud = read(first + &head(2, 1, turned) + "1 2 3 1\n0 0 0 0.5\n").unwrap();
     assert!(cloud.lies_at(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [8.0, 21.0, 33.0]]));
     assert_eq!(cloud.info.grid.kind, GridKind::Float);
-    // Seven digits are more than a single has.
+    // Seven digits are more than a single holds.
     assert_eq!(cloud.types(), "intensity:f64 point_source_id:u16");
     assert_eq!(cloud.column("point_source_id").1, [1.0, 1.0, 2.0]);
     let at = [(1, [0.0; 3]), (2, [10.0, 20.0, 30.0])];
@@ -103,7 +103,7 @@ proptest! {
         let cut = text[..cut.min(text.len())].to_owned();
         let whole = text.match_indices("2\n2\n0 0 0").filter(|(at, _)| *at <= cut.len()).count();
         if let Ok(cloud) = read(&cut) {
-            // The last number of a cut line may lack digits.
+            // The last number of a truncated line may lack digits.
             prop_assert!(cloud.world.len() == 4 * whole || cloud.world.len() + 4 == 4 * whole, "{}", cut.len());
         }
     }

@@ -1,5 +1,5 @@
-//! Text: numbers come back exact at their digits, columns get the narrowest types, and what is not
-//! a table of points is refused in one line that says why.
+//! Text: numbers are exact to their digits, columns get the narrowest types, and files that are not
+//! a table of points are refused with a reason in one line.
 
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without ends it")]
 
@@ -68,7 +68,7 @@ fn fields_of_las_are_known_however_they_are_spelled() {
         ("point_source_id", AttrType::U16),
     ];
     assert_eq!(read(text).unwrap().keys(), want);
-    // What the type of LAS does not hold keeps its name.
+    // A column that does not fit the type of LAS keeps its name.
     assert_eq!(read("X,Y,Z,Classification\n1,2,3,2.5\n").unwrap().keys()[0].0, "Classification");
 }
 
@@ -168,7 +168,7 @@ fn a_long_beginning_is_read() {
     let (names, values) = (names.join(","), vec!["1"; 1000].join(","));
     let cloud = read(format!("x,y,z,{names}\n1,2,3,{values}\n")).unwrap();
     assert_eq!((cloud.report.points, cloud.keys().len()), (1, 1000));
-    // The head ends within some line, whatever their length.
+    // The first bytes end within some line, whatever the length of lines.
     for line in ["# comment", "// a comment of another length"] {
         let text = format!("{line}\n").repeat(1000) + &"1 2 3\n".repeat(20_000);
         assert_eq!(read(&text).unwrap().report.points, 20_000);
@@ -281,8 +281,8 @@ fn real_files_have_the_points_of_the_manifest() {
         let fields: Vec<&str> = line.split(',').collect();
         let cloud = read_path(&data.join(fields[0])).unwrap();
         assert_eq!(cloud.report.points, fields[2].parse::<u64>().unwrap(), "{}", fields[0]);
-        // Written with six digits wherever the point is, two of them pass 2^32 steps of their last
-        // digit; steps coarsen by tens, so that a step is at most ten times what would fit.
+        // Two files have six digits for every magnitude and exceed 2^32 steps of their last digit.
+        // Steps coarsen by tens, so a step is at most ten times the finest that fits.
         let [lo, hi] = cloud.info.grid.bounds.unwrap();
         let extent = (0..3).map(|i| hi[i] - lo[i]).fold(0.0, f64::max);
         let allowed = extent * 10.0 / 2f64.powi(33);

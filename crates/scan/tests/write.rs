@@ -1,5 +1,5 @@
-//! Scans written by Esker are what was read: LAS records to the bit, with header and VLRs as they
-//! were; what LAS has no field for as extra bytes; and blocks of a source that lie make no panic.
+//! Scans written by Esker equal what was read: LAS records bit by bit, with header and VLRs;
+//! attributes without a field in LAS as extra bytes. Damaged blocks of a source cause no panic.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::disallowed_methods, reason = "reads back whole what the test itself wrote")]
@@ -47,7 +47,7 @@ fn rows(batches: &[Batch]) -> Vec<Vec<u8>> {
     rows
 }
 
-/// Writes batches of one schema; the notes.
+/// Writes batches of one schema; returns the notes.
 fn write(
     path: &Path,
     lattice: Lattice,
@@ -129,7 +129,7 @@ proptest! {
             prop_assert!(notes.is_empty(), "{notes:?}");
             let back = std::fs::read(&out).unwrap();
             prop_assert_eq!(records(&las), records(&back));
-            // All but bounds and counts.
+            // Everything except bounds and counts.
             let vlrs = usize::from(u16::from_le_bytes([las[94], las[95]]))..las.len() - records(&las).concat().len();
             for range in [0..107, 131..179, vlrs] {
                 prop_assert_eq!(&las[range.clone()], &back[range]);
@@ -190,7 +190,7 @@ proptest! {
     }
 }
 
-/// Two points with normals, colours of 8 bits and a number of their own.
+/// Two points with normals, colours of 8 bits and an attribute of their own.
 fn normals() -> Batch {
     let mut attributes = ["nx", "ny", "nz"].map(|n| Attribute::new(n, AttrType::F32)).to_vec();
     attributes.extend(["red", "green", "blue"].map(|n| Attribute::new(n, AttrType::U8)));
@@ -239,14 +239,14 @@ fn what_las_has_no_field_for_becomes_extra_bytes() {
             };
             assert_eq!(back[0].columns[at], want, "{}", a.name);
         }
-        // LAZ brings them into an order of its own.
+        // LAZ reorders points.
         let mut positions = back[0].positions.clone();
         positions.sort_by_key(|p| p[0] != ORIGIN as u32);
         assert_eq!(positions, batch.positions);
     }
 }
 
-/// Other programs know of no scale there: what was counted in halves is told as metres.
+/// Other programs cannot know a scale there: values counted in halves are written in metres.
 #[test]
 fn formats_without_scales_have_values_as_they_are_shown() {
     let folder = tempfile::tempdir().unwrap();
@@ -294,7 +294,7 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
             open(&file(folder.path(), &format!("{format}.las"), &scan.las()))
         });
         let schema = Arc::new(sources[0].info().schema.union(&sources[1].info().schema));
-        // As the points of a file of both are: zeros where a point lacks an attribute.
+        // As the points of a file that has both: zeros where a point lacks an attribute.
         let widened = sources.each_ref().map(|source| {
             let own = read(source.as_ref()).1.remove(0);
             let column = |attribute: &Attribute| {

@@ -6,7 +6,7 @@
 //! | scene | what it is |
 //! |---|---|
 //! | `bridge` | a bridge over a river, scanned from tripods around, under and on it |
-//! | `office` | three floors of furnished rooms off corridors, scanned from a tripod in every room |
+//! | `office` | three floors of furnished rooms, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 //!
 //! There are also models ([`model`]), `cube` and `csg`: solids of about the given number of splats,
