@@ -67,7 +67,7 @@ fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
 
 proptest! {
     #[test]
-    fn scans_stand_in_their_poses(scans in prop::collection::vec((prop::array::uniform4(-1.0f64..1.0), prop::array::uniform3(-1e3f64..1e3), prop::collection::vec(prop::array::uniform3(-50.0f64..50.0), 1..40)), 1..4)) {
+    fn scans_have_their_poses(scans in prop::collection::vec((prop::array::uniform4(-1.0f64..1.0), prop::array::uniform3(-1e3f64..1e3), prop::collection::vec(prop::array::uniform3(-50.0f64..50.0), 1..40)), 1..4)) {
         let (mut written, mut places, mut number, mut of) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (i, (q, at, points)) in scans.iter().enumerate() {
             let length = q.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-9);
@@ -127,7 +127,7 @@ proptest! {
 }
 
 #[test]
-fn values_keep_their_types_and_states_are_heeded() {
+fn values_keep_their_types_and_invalid_points_are_refused() {
     let mut prototype = cartesian(&SINGLE);
     prototype.extend([
         record(Name::CartesianInvalidState, Kind::Integer { min: 0, max: 2 }),
@@ -166,7 +166,7 @@ fn values_keep_their_types_and_states_are_heeded() {
 }
 
 #[test]
-fn colours_that_are_shares_become_sixteen_bits() {
+fn colours_of_a_range_become_sixteen_bits() {
     let mut prototype = cartesian(&DOUBLE);
     let share = Kind::Single { min: Some(0.0), max: Some(2.0) };
     prototype.extend(
@@ -181,7 +181,7 @@ fn colours_that_are_shares_become_sixteen_bits() {
 }
 
 #[test]
-fn directions_and_ranges_become_places() {
+fn directions_and_ranges_become_positions() {
     let names = [Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation];
     let prototype = names.map(|n| record(n, DOUBLE)).to_vec();
     let right = std::f64::consts::FRAC_PI_2;
@@ -202,7 +202,7 @@ fn directions_and_ranges_become_places() {
 }
 
 #[test]
-fn what_a_scan_lacks_is_told() {
+fn attributes_that_a_scan_lacks_are_noted() {
     let plain = Scan {
         prototype: cartesian(&DOUBLE),
         pose: None,
@@ -236,7 +236,7 @@ fn scans_that_are_moved_by_whole_steps_share_a_grid() {
 }
 
 #[test]
-fn bounds_that_lie_are_surveyed() {
+fn wrong_bounds_are_surveyed() {
     let kind = Kind::ScaledInteger { min: -1000, max: 1000, scale: 0.5, offset: 0.0 };
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = E57Writer::new(&mut bytes, "a file").unwrap();
@@ -255,7 +255,7 @@ fn bounds_that_lie_are_surveyed() {
 }
 
 #[test]
-fn values_of_unlike_scans_meet_in_types_that_hold_them() {
+fn values_of_different_scans_get_types_that_hold_them() {
     let scan = |extra: Vec<Record>, values: Vec<Value>| {
         let mut prototype = cartesian(&DOUBLE);
         prototype.extend(extra);
@@ -325,7 +325,7 @@ fn values_of_unlike_scans_meet_in_types_that_hold_them() {
 }
 
 #[test]
-fn more_values_than_are_kept_are_refused() {
+fn too_many_values_are_refused() {
     let mut prototype = cartesian(&DOUBLE);
     let own = |i: usize| Name::Unknown { namespace: "e".into(), name: format!("value{i}") };
     prototype.extend((0..1024).map(|i| record(own(i), Kind::Integer { min: 0, max: 1 })));
@@ -340,7 +340,7 @@ fn more_values_than_are_kept_are_refused() {
 }
 
 #[test]
-fn files_that_are_none_are_refused() {
+fn damaged_files_and_poses_are_refused() {
     let points = vec![[1.0, 2.0, 3.0].map(Value::Double).to_vec(); 500];
     let bytes = file(&[Scan { prototype: cartesian(&DOUBLE), pose: None, points: points.clone() }]);
     for cut in [9, 40, 1000, bytes.len() - 1024] {
@@ -349,7 +349,7 @@ fn files_that_are_none_are_refused() {
     assert!(error("ASTM-E57 and nothing else").contains("cloud.las"));
     let turn = pose([0.0; 4], [0.0; 3]);
     let error = error(file(&[Scan { prototype: cartesian(&DOUBLE), pose: turn, points }]));
-    assert!(error.contains("scan 1 has a pose that is no rotation"), "{error}");
+    assert!(error.contains("scan 1 has a pose that is not a rotation"), "{error}");
     let nothing = read(file(&[])).unwrap();
     assert!(nothing.world.is_empty() && nothing.info.notes == ["has no points"]);
 }

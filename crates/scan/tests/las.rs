@@ -96,7 +96,7 @@ fn file_of(variant: Variant, points: Vec<Point>) -> File {
 
 proptest! {
     #[test]
-    fn every_bit_of_a_las_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40)))) {
+    fn every_bit_of_a_las_file_is_read((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40)))) {
         let disk = on_disk(&file_of(variant, points.clone()).las());
         let source = open(&disk).unwrap();
         let (batches, report) = read(source.as_ref()).unwrap();
@@ -106,7 +106,7 @@ proptest! {
     }
 
     #[test]
-    fn every_bit_of_a_laz_file_comes_back((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40))), chunk in 1u32..20) {
+    fn every_bit_of_a_laz_file_is_read((variant, points) in variants().prop_flat_map(|v| (Just(v), points(v.extra, 0..40))), chunk in 1u32..20) {
         let disk = on_disk(&file_of(variant, points.clone()).laz(chunk));
         let source = open(&disk).unwrap();
         let (batches, _) = read(source.as_ref()).unwrap();
@@ -195,7 +195,7 @@ fn laz_of_varying_chunks_gives_all_points() {
 }
 
 #[test]
-fn laz_without_chunk_table_gives_all_points_and_says_so() {
+fn laz_without_chunk_table_gives_all_points_and_a_note() {
     for (format, minor) in [(3, 2), (7, 4)] {
         let variant = Variant { format, minor, extra: 3 };
         let file = file_of(variant, plain_points(1000, 3));
@@ -228,7 +228,7 @@ fn a_laszip_record_that_the_decoder_does_not_know_is_refused_by_name() {
 }
 
 #[test]
-fn chunk_tables_that_lie_are_refused_without_believing_them() {
+fn wrong_chunk_tables_are_refused_before_allocating() {
     let file = file_of(Variant { format: 6, minor: 4, extra: 0 }, plain_points(10, 0));
     let good = file.laz(5);
     let start = u32::from_le_bytes(good[96..100].try_into().unwrap()) as usize;
@@ -280,7 +280,7 @@ fn extra_bytes_get_their_names_types_and_scales() {
 }
 
 #[test]
-fn descriptions_of_more_bytes_than_there_are_fall_back_to_raw_bytes() {
+fn descriptions_of_too_many_bytes_fall_back_to_raw_bytes() {
     let mut file = file_of(Variant { format: 1, minor: 2, extra: 2 }, plain_points(5, 2));
     file.vlrs.push(las_writer::extra_bytes_vlr(&[(10, 0, "wide")]));
     let disk = on_disk(&file.las());
@@ -294,7 +294,7 @@ fn descriptions_of_more_bytes_than_there_are_fall_back_to_raw_bytes() {
 }
 
 #[test]
-fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
+fn eight_bit_colours_are_detected_and_can_be_overridden() {
     let variant = Variant { format: 2, minor: 2, extra: 0 };
     let mut file = file_of(variant, plain_points(3, 0));
     for (value, depth) in
@@ -313,7 +313,7 @@ fn eight_bit_colours_are_told_from_sixteen_and_can_be_overridden() {
 }
 
 #[test]
-fn counts_that_lie_are_named_or_put_right() {
+fn wrong_counts_are_refused_or_corrected() {
     let file = file_of(Variant { format: 0, minor: 2, extra: 0 }, plain_points(10, 0));
     let with_count = |count: u32, bytes: usize| {
         let mut bytes = file.las()[..bytes].to_vec();
@@ -342,7 +342,7 @@ fn counts_that_lie_are_named_or_put_right() {
 
 /// Bytes that were never points may be whole records by chance.
 #[test]
-fn what_lies_behind_the_points_and_far_from_their_box_is_none_of_them() {
+fn records_behind_the_points_and_far_from_their_box_are_no_points() {
     let variant = Variant { format: 0, minor: 2, extra: 0 };
     let mut points = plain_points(10, 0);
     // With the box of the first points in the header.
@@ -399,7 +399,7 @@ fn zeros_behind_the_points_that_the_header_claims_are_padding() {
 }
 
 #[test]
-fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
+fn wrong_counts_are_corrected_from_chunks_with_counts() {
     let file = file_of(Variant { format: 7, minor: 4, extra: 3 }, plain_points(1000, 3));
     for good in [file.laz(300), file.laz_of_varying_chunks(&[400, 1, 99, 500]), file.laz(5000)] {
         for claimed in [0u64, 1, 899, 901, 999, 1001, 4999, 1 << 40, u64::MAX] {
@@ -440,7 +440,7 @@ fn counts_that_lie_about_chunks_that_tell_their_own_are_put_right() {
 }
 
 #[test]
-fn a_chunk_larger_than_memory_is_refused_with_what_to_do() {
+fn a_chunk_larger_than_memory_is_refused_with_a_remedy() {
     // Layered chunks are decoded whole; this one is larger than those decoded in parallel.
     let variant = Variant { format: 6, minor: 4, extra: 200 };
     let points: Vec<_> = (0..160_000u64)

@@ -112,7 +112,7 @@ proptest! {
 }
 
 #[test]
-fn lines_are_decimals_beyond_what_a_single_holds() {
+fn lines_are_decimals_beyond_the_digits_of_a_single() {
     let text = "VERSION 0.7\nFIELDS X Y Z rgba\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 2\nHEIGHT 1\nDATA ascii\n\
         289814.15 4320978.61 170.76 4278190337\n289814.64 4320978.84 nan 1\n";
     let cloud = read(text).unwrap();
@@ -127,7 +127,7 @@ fn lines_are_decimals_beyond_what_a_single_holds() {
 }
 
 #[test]
-fn an_image_tells_where_its_sensor_stood() {
+fn an_image_has_the_position_of_its_sensor() {
     let place = |height: &str, viewpoint: &str| {
         let text = format!(
             "FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nWIDTH 2\nHEIGHT {height}\n{viewpoint}DATA ascii\n"
@@ -140,7 +140,7 @@ fn an_image_tells_where_its_sensor_stood() {
 }
 
 #[test]
-fn what_is_cut_or_lies_is_refused_with_the_reason() {
+fn truncated_or_wrong_files_are_refused_with_the_reason() {
     let points = some();
     let cut = |data: &str, by: usize| {
         let bytes = file(&points, data);

@@ -6,11 +6,12 @@
 use esker_points::lattice::{GridKind, Lattice};
 use esker_points::{AttrType, ColourDepth};
 use proptest::prelude::*;
-use std::path::PathBuf;
 
 mod cloud;
+mod data;
 
-use cloud::{error, read, read_path};
+use cloud::{error, is_error_one_line, read, read_path};
+use data::Entry;
 
 #[test]
 fn attributes_get_their_usual_names_and_keep_their_types() {
@@ -75,7 +76,7 @@ fn other_elements_and_lists_are_skipped_with_a_note() {
 }
 
 #[test]
-fn counts_that_lie_are_refused_with_both_numbers() {
+fn wrong_counts_are_refused_with_both_numbers() {
     for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
         for claimed in ["3", "4294967295", "18446744073709551615"] {
             let mut bytes = format!(
@@ -96,7 +97,7 @@ fn counts_that_lie_are_refused_with_both_numbers() {
 }
 
 #[test]
-fn what_holds_no_points_is_told_in_a_line() {
+fn files_without_points_are_refused_in_a_line() {
     let no_z = "element vertex 1\nproperty float x\nproperty float y\nproperty list uchar int z\n";
     for (body, want) in [("", "no element `vertex`"), (no_z, "lack x, y or z")] {
         let error = error(format!("ply\nformat ascii 1.0\n{body}end_header\n1 2 0\n").as_bytes());
@@ -157,7 +158,7 @@ fn lines_behind_the_last_vertex_are_noted() {
 }
 
 #[test]
-fn points_without_a_place_are_refused_and_counted() {
+fn points_without_a_finite_position_are_refused_and_counted() {
     let mut bytes = b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar i\nend_header\n".to_vec();
     for (i, x) in [1.0, f32::NAN, f32::INFINITY, 4.0].into_iter().enumerate() {
         for c in [x, 0.0, 1e-3] {
@@ -315,34 +316,20 @@ proptest! {
             let at = at.index(bytes.len());
             bytes[at] = with;
         }
-        if let Err(e) = read(&bytes) {
-            prop_assert!(!e.to_string().contains('\n'));
-        }
+        prop_assert!(is_error_one_line(read(&bytes)));
     }
-}
-
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("ESKER_DATA");
-    if data.is_none() {
-        println!("skipped: ESKER_DATA is not set");
-    }
-    data.map(PathBuf::from)
 }
 
 #[test]
 fn real_files_have_the_points_of_the_manifest() {
-    let Some(data) = data() else { return };
-    let manifest = std::fs::read_to_string(data.join("manifest.csv")).unwrap();
+    let Some(data) = data::folder() else { return };
     let mut files = 0;
-    for line in manifest.lines() {
-        // The second column may be quoted and hold a comma; the count is the first number after it.
-        let (name, rest) = line.split_once(',').unwrap();
+    for Entry { name, points, .. } in data::manifest(&data) {
         if !(name.starts_with("ply/") || name.starts_with("models/")) {
             continue;
         }
-        let count = rest.split(',').find_map(|f| f.parse::<u64>().ok()).unwrap();
-        let cloud = read_path(&data.join(name)).unwrap();
-        assert_eq!(cloud.report.points, count, "{name}");
+        let cloud = read_path(&data.join(&name)).unwrap();
+        assert_eq!(Some(cloud.report.points), points, "{name}");
         assert!(cloud.report.refused.is_empty(), "{name}");
         files += 1;
     }
@@ -351,7 +338,7 @@ fn real_files_have_the_points_of_the_manifest() {
 
 #[test]
 fn the_ascii_bunny_is_the_binary_bunny() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     let ascii = read_path(&data.join("models/bunny-zipper-ascii.ply")).unwrap();
     let binary = read_path(&data.join("models/bunny-36k.ply")).unwrap();
     assert!(ascii.info.notes.contains(&"69451 faces ignored".to_owned()));
@@ -366,7 +353,7 @@ fn the_ascii_bunny_is_the_binary_bunny() {
 
 #[test]
 fn bad_files_are_refused_in_a_line() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder() else { return };
     for (name, want) in
         [("ply-no-vertex.ply", "no element `vertex`"), ("ply-no-z.ply", "lack x, y or z")]
     {

@@ -61,7 +61,7 @@ fn every_scene_has_the_same_points_on_every_machine() {
 }
 
 #[test]
-fn there_are_as_many_points_as_asked_for_within_the_bounds() {
+fn the_number_of_points_is_as_requested_and_all_are_within_the_bounds() {
     for (scene, _) in PINNED {
         for points in [0u64, 1, 7, 1000, 16_384, 16_385, 60_000] {
             let source = open(&format!("synthetic:{scene}:{points}"));

@@ -116,7 +116,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn las_of_every_format_comes_back_to_the_bit(scan in scan()) {
+    fn las_of_every_format_is_written_bit_by_bit(scan in scan()) {
         let folder = tempfile::tempdir().unwrap();
         let las = scan.las();
         let source = open(&file(folder.path(), "in.las", &las));
@@ -141,7 +141,7 @@ proptest! {
     }
 
     #[test]
-    fn text_is_read_again_whatever_its_columns_are_called(
+    fn text_is_read_again_whatever_the_names_of_columns(
         names in prop::collection::vec(prop_oneof!["[ \\PC]{1,12}", " {1,3}"], 1..6),
         values in prop::collection::vec(any::<u8>(), 1..20),
     ) {
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn blocks_that_lie_make_a_file_or_an_error(
+    fn damaged_blocks_make_a_file_or_an_error(
         header in prop::collection::vec(any::<u8>(), 0..500),
         vlrs in prop::collection::vec(any::<u8>(), 0..300),
         evlrs in prop::collection::vec(any::<u8>(), 0..300),
@@ -210,7 +210,7 @@ fn normals() -> Batch {
 }
 
 #[test]
-fn what_las_has_no_field_for_becomes_extra_bytes() {
+fn attributes_without_a_las_field_become_extra_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let batch = normals();
     let origin = Origin { kind: GridKind::Float, crs: None, verbatim: Vec::new() };
@@ -248,7 +248,7 @@ fn what_las_has_no_field_for_becomes_extra_bytes() {
 
 /// Other programs cannot know a scale there: values counted in halves are written in metres.
 #[test]
-fn formats_without_scales_have_values_as_they_are_shown() {
+fn formats_without_scales_get_scaled_values() {
     let folder = tempfile::tempdir().unwrap();
     let mut batch = normals();
     let own = batch.schema.find("own").unwrap();
@@ -256,7 +256,7 @@ fn formats_without_scales_have_values_as_they_are_shown() {
     for ending in ["ply", "xyz", "csv"] {
         let out = folder.path().join(format!("out.{ending}"));
         let notes = write(&out, Lattice::default(), &[], std::slice::from_ref(&batch), 2);
-        assert_eq!(notes, ["by their scale, as they are shown: own"]);
+        assert_eq!(notes, ["written as scaled values: own"]);
         let back = read(open(&out).as_ref()).1.remove(0);
         let own = back.schema.find("own").unwrap();
         let ty = back.schema.attributes[own].ty;
@@ -270,7 +270,7 @@ fn formats_without_scales_have_values_as_they_are_shown() {
 }
 
 #[test]
-fn sources_of_different_formats_share_the_least_that_holds_all() {
+fn sources_of_different_formats_get_the_least_format_that_holds_all() {
     let folder = tempfile::tempdir().unwrap();
     let make = |format, minor| {
         let variant = Variant { format, minor, extra: 0 };
@@ -341,7 +341,7 @@ fn sources_of_different_formats_share_the_least_that_holds_all() {
 
 /// A gap must not become a height because another source has no heights.
 #[test]
-fn the_value_that_stands_for_none_stays_known_where_another_source_lacks_the_attribute() {
+fn the_no_data_value_is_kept_if_another_source_lacks_the_attribute() {
     let folder = tempfile::tempdir().unwrap();
     let mut description = vec![0u8; 192];
     // Unsigned 16 bits; no data, scale.
@@ -370,7 +370,7 @@ fn the_value_that_stands_for_none_stays_known_where_another_source_lacks_the_att
 }
 
 #[test]
-fn a_file_tells_one_coordinate_reference_system() {
+fn a_file_has_one_coordinate_reference_system() {
     let folder = tempfile::tempdir().unwrap();
     let of = |name: &str, vlrs: Vec<(String, u16, Vec<u8>)>| {
         let variant = Variant { format: 1, minor: 2, extra: 0 };
@@ -387,8 +387,8 @@ fn a_file_tells_one_coordinate_reference_system() {
     let by_keys = of("b.las", vec![projection(34735, &keys), ("me".into(), 7, vec![7])]);
     let again = of("c.las", vec![wkt("Lambert")]);
     for (sources, kept, others) in [
-        (vec![&none, &by_wkt, &by_keys, &again], vec![2112, 7], "1 sources tell"),
-        (vec![&by_keys, &by_wkt, &again], vec![34735, 7], "2 sources tell"),
+        (vec![&none, &by_wkt, &by_keys, &again], vec![2112, 7], "1 sources have"),
+        (vec![&by_keys, &by_wkt, &again], vec![34735, 7], "2 sources have"),
         (vec![&by_wkt, &again], vec![2112], ""),
     ] {
         let (lattice, batches) = read(sources[0].as_ref());
@@ -409,7 +409,7 @@ fn a_file_tells_one_coordinate_reference_system() {
 }
 
 #[test]
-fn more_points_than_old_headers_count_make_it_a_newer_one() {
+fn too_many_points_for_old_headers_raise_the_version() {
     let folder = tempfile::tempdir().unwrap();
     let variant = Variant { format: 1, minor: 2, extra: 0 };
     let point = Point { position: [7; 3], fields: [9; 60], extra: vec![] };
@@ -424,7 +424,7 @@ fn more_points_than_old_headers_count_make_it_a_newer_one() {
 }
 
 #[test]
-fn endings_name_the_format() {
+fn extensions_select_the_format() {
     for (name, target) in [
         ("a.LAS", Target::Las),
         ("a.b.laz", Target::Laz),

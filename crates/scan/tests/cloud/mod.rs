@@ -110,3 +110,8 @@ pub fn error(bytes: impl AsRef<[u8]>) -> String {
     assert!(error.contains("cloud.las: ") && !error.contains('\n'), "{error}");
     error
 }
+
+/// Whether reading succeeded or ended in an error of one line.
+pub fn is_error_one_line(read: Result<Cloud, ScanError>) -> bool {
+    read.err().is_none_or(|error| !error.to_string().contains('\n'))
+}

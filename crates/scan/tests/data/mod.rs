@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 /// A file of the manifest.
 pub struct Entry {
     pub name: String,
-    pub points: u64,
+    /// Number of points, if the file can be read.
+    pub points: Option<u64>,
     /// Least and greatest coordinates, if the file has points.
     pub bounds: Option<[[f64; 3]; 2]>,
 }
@@ -31,7 +32,7 @@ pub fn manifest(folder: &Path) -> Vec<Entry> {
         let bounds = position(&fields[4]).zip(position(&fields[5]));
         Entry {
             name: fields[0].clone(),
-            points: fields[2].parse().unwrap(),
+            points: fields[2].parse().ok(),
             bounds: bounds.map(|(low, high)| [low, high]),
         }
     };
