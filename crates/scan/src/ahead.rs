@@ -78,7 +78,7 @@ mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
     #[test]
-    fn what_was_begun_is_taken_in_any_order_on_any_number_of_threads() {
+    fn results_are_taken_in_any_order_on_any_number_of_threads() {
         for threads in [1, 2, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let made = pool.install(|| {
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_what_has_panicked() {
+    fn waiting_ends_when_the_task_panics() {
         let waits = || {
             rayon::in_place_scope_fifo(|scope| {
                 let lost = Ahead::<()>::begin(scope, || panic!("as this test wants"));

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn panics_are_caught_and_what_follows_is_not() {
+    fn panics_are_caught_only_inside_of_catch() {
         assert!(catch(|| 7).is_ok_and(|seven| seven == 7) && !IS_CAUGHT.get());
         // An inner call does not end the outer one.
         assert!(catch(|| catch(|| IS_CAUGHT.get()).is_ok() && IS_CAUGHT.get()).is_ok_and(|is| is));

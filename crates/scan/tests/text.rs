@@ -16,7 +16,7 @@ use data::Entry;
 
 #[test]
 fn whole_numbers_that_doubles_round_are_noted() {
-    let told = |value: &str| {
+    let is_noted = |value: &str| {
         let cloud = read(format!("x,y,z,id,at\n0,0,0,{value},5\n1,1,1,7,1e30\n")).unwrap();
         cloud
             .info
@@ -24,8 +24,8 @@ fn whole_numbers_that_doubles_round_are_noted() {
             .iter()
             .any(|n| n == "whole numbers from 2^53 on are rounded to doubles: id")
     };
-    assert!(told("1700000000123456789") && told("-9007199254740993"));
-    assert!(!told("9007199254740991") && !told("0.5") && !told("17.5"));
+    assert!(is_noted("1700000000123456789") && is_noted("-9007199254740993"));
+    assert!(!is_noted("9007199254740991") && !is_noted("0.5") && !is_noted("17.5"));
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //!
 //! If there are several scans, the `point_source_id` of a point is the number of its scan, from 1.
 
-mod ahead;
+mod buffered;
 mod colours;
 mod fields;
 mod grid;
@@ -19,7 +19,7 @@ use crate::error::ScanError;
 use crate::source::{Crs, Format, OpenOptions, ReadReport, Scanner, Sink, Source, SourceInfo};
 use crate::text::blocks::in_order;
 use crate::text::naming::{NO_RETURN, NOT_FINITE, colour_max, wide_colours};
-use ahead::{Ahead, file_of};
+use buffered::{BufferedFile, file_of};
 use e57::{E57Reader, PointCloud, PointCloudReaderRaw, RecordValue};
 use esker_points::lattice::{GridKind, OffLattice, Placement, float_grid};
 use esker_points::{Batch, Cancelled, ColourDepth, InputGrid, Task};
@@ -46,7 +46,7 @@ struct E57Source {
     fields: Fields,
 }
 
-type Reader = E57Reader<Ahead>;
+type Reader = E57Reader<BufferedFile>;
 
 /// Values of some points of a scan, one point after another.
 struct ValueBlock {
@@ -198,7 +198,7 @@ struct Blocks<'a> {
     /// Number of the scan in the file, for messages.
     what: String,
     scan: usize,
-    points: PointCloudReaderRaw<'a, Ahead>,
+    points: PointCloudReaderRaw<'a, BufferedFile>,
     points_max: usize,
 }
 

@@ -3,7 +3,7 @@
 //! ahead of another. So a file in which a field is far ahead, as in no sound file, is refused
 //! before unpacking.
 
-use super::ahead::Ahead;
+use super::buffered::BufferedFile;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Task;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
@@ -18,7 +18,7 @@ const PACKETS_A_LOOK: u64 = 1 << 12;
 
 /// A file as a stream without the checksums of its pages.
 struct Pages {
-    file: Ahead,
+    file: BufferedFile,
     page_bytes: u64,
     at: u64,
 }
@@ -70,7 +70,7 @@ pub(crate) fn bits(kind: &Kind) -> u64 {
 /// # Errors
 /// If the file cannot be read; if cancelled, of kind [`ErrorKind::Interrupted`].
 pub(crate) fn are_even(
-    file: Ahead,
+    file: BufferedFile,
     page_bytes: u64,
     cloud: &PointCloud,
     task: &dyn Task,
@@ -163,12 +163,12 @@ mod tests {
         let mut cloud = PointCloud::default();
         (cloud.records, cloud.prototype) = (records, prototype.to_vec());
         let file = file(packets);
-        let input = super::super::ahead::file_of(file.path()).unwrap();
+        let input = super::super::buffered::file_of(file.path()).unwrap();
         are_even(input, PAGE_BYTES as u64, &cloud, &Silent).unwrap()
     }
 
     #[test]
-    fn what_runs_ahead_is_found_and_what_is_cut_is_not() {
+    fn fields_far_ahead_are_found_and_truncated_files_pass() {
         let even = vec![[48_000, 750]; 20];
         assert!(is_even(&even, 120_000));
         assert!(is_even(&even, 1 << 40), "its reader reports that it is truncated");

@@ -138,7 +138,7 @@ pub fn descriptions(records: &Records) -> impl Iterator<Item = &[u8]> {
 
 /// Names that exported extra dimensions avoid, because other programs use them for something else.
 /// Normals are exported under other names.
-pub fn taken() -> Vec<&'static str> {
+pub fn avoided_names() -> Vec<&'static str> {
     let normals = NORMALS.map(|(_, own)| own);
     let fields = RESERVED.into_iter().filter(|name| !normals.contains(name));
     fields.chain(["x", "y", "z", "X", "Y", "Z", "return_number", "number_of_returns"]).collect()

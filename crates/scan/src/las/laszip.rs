@@ -102,7 +102,7 @@ impl Compression {
             }
             Some(at) if at < found.start || at + 8 > file_bytes => {
                 let what = format!(
-                    "the chunk table is said to stand at byte {at}, but the file ends at {file_bytes}: it is cut short or damaged"
+                    "the chunk table is said to be at byte {at}, but the file ends at {file_bytes}: it is cut short or damaged"
                 );
                 return Err(ScanError::damaged(path, what));
             }

@@ -79,7 +79,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_packed_comes_back(bytes in prop::collection::vec(0u8..4, 0..600), far in prop::collection::vec(any::<u8>(), 0..300)) {
+        fn compressed_bytes_are_decompressed(bytes in prop::collection::vec(0u8..4, 0..600), far in prop::collection::vec(any::<u8>(), 0..300)) {
             let mut all = far.clone();
             all.extend(&bytes);
             all.extend(&far);
@@ -87,13 +87,13 @@ mod tests {
         }
 
         #[test]
-        fn damaged_bytes_are_refused_or_some_bytes(packed in prop::collection::vec(any::<u8>(), 0..200), bytes in 0usize..2000) {
+        fn damaged_bytes_are_refused_or_give_the_claimed_size(packed in prop::collection::vec(any::<u8>(), 0..200), bytes in 0usize..2000) {
             prop_assert!(unpack(&packed, bytes).is_none_or(|out| out.len() == bytes));
         }
     }
 
     #[test]
-    fn what_is_too_long_or_too_short_is_refused() {
+    fn wrong_sizes_are_refused() {
         let packed = pack(b"abcabcabcabcabcabcabcabc");
         assert!(unpack(&packed, 24).is_some());
         for (packed, bytes) in [(&packed[..], 23), (&packed, 25), (&packed[..packed.len() - 1], 24)]

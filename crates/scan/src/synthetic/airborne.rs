@@ -37,7 +37,7 @@ const TURN_S: f64 = 180.0;
 const START_S: f64 = 301_000_000.0;
 
 /// The survey of an area.
-struct Survey {
+struct AerialSurvey {
     country: Landscape,
     points: u64,
     seed: u64,
@@ -72,10 +72,10 @@ pub fn make(points: u64, seed: u64) -> Box<dyn Scene> {
     let swings = (pulses * edge / width).sqrt().max(1.0);
     let height = 0.5 * width / TANGENT_MAX;
     let country = Landscape { seed };
-    Box::new(Survey { country, points, seed, edge, strips, width, height, swings })
+    Box::new(AerialSurvey { country, points, seed, edge, strips, width, height, swings })
 }
 
-impl Survey {
+impl AerialSurvey {
     fn pulse(&self, index: u64, draw: &mut Draw) -> Pulse {
         let strip = ((index + 1) * self.strips - 1) / self.points;
         let first = strip * self.points / self.strips;
@@ -140,7 +140,7 @@ impl Survey {
     }
 }
 
-impl Scene for Survey {
+impl Scene for AerialSurvey {
     fn grid(&self) -> Grid {
         Grid { scale: [SCALE; 3], offset: [600_000.0, 5_300_000.0, 500.0] }
     }

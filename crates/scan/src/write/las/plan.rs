@@ -98,7 +98,7 @@ pub fn plan(
     };
     check_extra(path, &records, &extra)?;
     let wanted: Vec<_> = extra.iter().map(|a| (a.name.clone(), a.ty)).collect();
-    let (names, renamed) = unique(&wanted, &extra_bytes::taken(), extra_bytes::NAME_BYTES);
+    let (names, renamed) = unique(&wanted, &extra_bytes::avoided_names(), extra_bytes::NAME_BYTES);
     extra.iter_mut().zip(names).for_each(|(attribute, name)| attribute.name = name);
     let (header, mut vlrs, tail) =
         found.first.take().unwrap_or_else(|| new_head(found.wkt.as_deref()));

@@ -9,12 +9,12 @@ use std::path::Path;
 const READ_BYTES: usize = 256 << 10;
 
 /// A file whose read-ahead buffer survives the reader's seeks to each page.
-pub(crate) struct Ahead {
+pub(crate) struct BufferedFile {
     file: BufReader<File>,
     at: u64,
 }
 
-impl Read for Ahead {
+impl Read for BufferedFile {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let bytes = self.file.read(buffer)?;
         self.at += bytes as u64;
@@ -22,7 +22,7 @@ impl Read for Ahead {
     }
 }
 
-impl Seek for Ahead {
+impl Seek for BufferedFile {
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
         match to {
             SeekFrom::Start(to) if to <= i64::MAX as u64 => {
@@ -36,7 +36,7 @@ impl Seek for Ahead {
 }
 
 /// Opens a file for buffered reading.
-pub(crate) fn file_of(path: &Path) -> Result<Ahead, ScanError> {
+pub(crate) fn file_of(path: &Path) -> Result<BufferedFile, ScanError> {
     let file = File::open(path).map_err(|e| ScanError::io(path, e))?;
-    Ok(Ahead { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
+    Ok(BufferedFile { file: BufReader::with_capacity(READ_BYTES, file), at: 0 })
 }
