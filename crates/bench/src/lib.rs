@@ -1,6 +1,6 @@
 //! Benchmarks as calls. A benchmark takes a request, runs what the programs run, through the same
-//! calls, and returns a report: a serialisable type for machines, and a function `text` that writes it
-//! for people.
+//! calls, and returns a report: a serialisable type for machines, and a function `text` that writes
+//! it for people.
 
 pub mod build;
 pub mod draw;

@@ -1,5 +1,5 @@
-//! Times of passes in reports: [`Stages`] as an object of milliseconds by the names of [`Pass::ALL`],
-//! with the time of the whole frame beside them.
+//! Times of passes in reports: [`Stages`] as an object of milliseconds by the names of
+//! [`Pass::ALL`], with the time of the whole frame beside them.
 
 use esker_render::{Pass, Stages};
 use serde::de::Error;

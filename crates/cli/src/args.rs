@@ -2,9 +2,11 @@
 
 use crate::bench::Benchmark;
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, MethodArg, Threads};
+use crate::shared::{BuildHow, DrawWithArgs, FilterArgs, Threads, method_parser};
 use clap::{Args as ClapArgs, Parser, Subcommand};
+use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::draw::method::DEFAULT_METHOD;
 use esker_engine::io::quantity;
 use std::path::PathBuf;
 
@@ -22,9 +24,10 @@ pub enum Command {
     /// Build an .esker file from scans (LAS, LAZ, E57, PTX, PTS, PLY, PCD, XYZ, TXT, CSV), or from
     /// generated scans (synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED).
     Build(Build),
-    /// Add scans to an .esker file without rewriting it: a new file holds the new points and names the
-    /// old file. Open the new file from then on. Coordinates are rounded to the old file's steps. Points
-    /// outside its range of coordinates are refused and counted; if all are refused, that is an error.
+    /// Add scans to an .esker file without rewriting it: a new file holds the new points and names
+    /// the old file. Open the new file from then on. Coordinates are rounded to the old file's
+    /// steps. Points outside its range of coordinates are refused and counted; if all are refused,
+    /// that is an error.
     Append(Append),
     /// Print what an .esker file, or a scan, holds; or what the machine can draw with.
     Info {
@@ -40,10 +43,12 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Check every byte of an .esker file; with --against also that its points are those of the scans.
+    /// Check every byte of an .esker file; with --against also that its points are those of the
+    /// scans.
     Verify(Verify),
-    /// Write an .esker file, or a part of it, as a scan: LAS, LAZ, PLY or text, by the end of its name.
-    /// The whole of a file has the points, records and header of the scans that it was built from.
+    /// Write an .esker file, or a part of it, as a scan: LAS, LAZ, PLY or text, by the end of its
+    /// name. The whole of a file has the points, records and header of the scans that it was built
+    /// from.
     Export(crate::export::Export),
     /// Draw a picture of an .esker file, or of scans, which are first built into a temporary file.
     Render(Box<Render>),
@@ -64,22 +69,22 @@ pub enum Command {
 
 #[derive(ClapArgs)]
 pub struct Build {
-    /// The scans, or folders, which stand for all scans directly in them (.las, .laz, .ply, .pcd, .e57,
-    /// .ptx, .xyz, .txt, .csv, .pts); with --merge .esker files. Generated scans are named
-    /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office, terrain, or a
-    /// model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G; SEED a whole number,
-    /// 1 by default.
+    /// The scans, or folders, which stand for all scans directly in them (.las, .laz, .ply, .pcd,
+    /// .e57, .ptx, .xyz, .txt, .csv, .pts); with --merge .esker files. Generated scans are named
+    /// synthetic:SCENE:POINTS or synthetic:SCENE:POINTS:SEED: SCENE is bridge, office, terrain, or
+    /// a model with sharp edges, cube or csg; POINTS such as 250000, 100k, 10M or 1G; SEED a whole
+    /// number, 1 by default.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// The file to build.
     #[arg(short, long, value_name = "OUT.esker")]
     pub out: PathBuf,
-    /// Take .esker files as inputs and make one tree of them and of all files that they name; every point
-    /// and all that is known of its source is kept.
+    /// Take .esker files as inputs and make one tree of them and of all files that they name; every
+    /// point and all that is known of its source is kept.
     #[arg(long)]
     pub merge: bool,
-    /// Continue an earlier build of this output that was interrupted; inputs and options must be the
-    /// same. Without one, start from the beginning.
+    /// Continue an earlier build of this output that was interrupted; inputs and options must be
+    /// the same. Without one, start from the beginning.
     #[arg(long)]
     pub resume: bool,
     #[command(flatten)]
@@ -99,8 +104,8 @@ pub struct Append {
     /// The file to build.
     #[arg(short, long, value_name = "OUT.esker")]
     pub out: PathBuf,
-    /// Continue an earlier build of this output that was interrupted; inputs and options must be the
-    /// same. Without one, start from the beginning.
+    /// Continue an earlier build of this output that was interrupted; inputs and options must be
+    /// the same. Without one, start from the beginning.
     #[arg(long)]
     pub resume: bool,
     #[command(flatten)]
@@ -113,8 +118,8 @@ pub struct Append {
 pub struct Verify {
     /// The file.
     pub file: PathBuf,
-    /// The scans that the file was built from, or folders of them. For a file made by append, the scans
-    /// that were added last, or those of all files, in any order.
+    /// The scans that the file was built from, or folders of them. For a file made by append, the
+    /// scans that were added last, or those of all files, in any order.
     #[arg(long, num_args = 1.., value_name = "IN")]
     pub against: Vec<PathBuf>,
     #[command(flatten)]
@@ -131,19 +136,19 @@ pub struct Render {
     /// The picture to write.
     #[arg(short, long, value_name = "P.png", required_unless_present = "explain")]
     pub out: Option<PathBuf>,
-    /// Draw nothing, and print what the picture would take: passes, attributes, pipelines, and what is
-    /// left out and why.
+    /// Draw nothing, and print what the picture would take: passes, attributes, pipelines, and what
+    /// is left out and why.
     #[arg(long)]
     pub explain: bool,
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x1024", value_parser = quantity::picture_size)]
     pub size: [u32; 2],
     /// Points alone, closed surfaces, or splats.
-    #[arg(long, value_enum, default_value_t)]
-    pub method: MethodArg,
-    /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be missing.
-    /// Without a target the camera looks along "direction=x,y,z"; without an eye it is placed so that
-    /// the whole scan is in view.
+    #[arg(long, value_parser = method_parser(), default_value = DEFAULT_METHOD)]
+    pub method: Method,
+    /// "eye=x,y,z;target=x,y,z;up=x,y,z;fovy=60", in the scan's coordinates; each part may be
+    /// missing. Without a target the camera looks along "direction=x,y,z"; without an eye it is
+    /// placed so that the whole scan is in view.
     #[arg(long, default_value = "", hide_default_value = true)]
     pub camera: Camera,
     /// Show the whole scan, whatever eye and target the camera names.
@@ -152,12 +157,13 @@ pub struct Render {
     /// Greatest number of points that are drawn.
     #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = quantity::points_budget)]
     pub budget_points: u64,
-    /// Distance of neighbouring points in the picture that is fine enough, in pixels; 0 draws all points.
+    /// Distance of neighbouring points in the picture that is fine enough, in pixels; 0 draws all
+    /// points.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true, value_parser = quantity::spacing_px)]
     pub target_spacing: f64,
     /// What gives points their colour: rgb, intensity, elevation, classification, return_number,
-    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any attribute. A
-    /// range of values may follow, with either end open.
+    /// number_of_returns, source_id, time, normal, level, depth, plain, or the name of any
+    /// attribute. A range of values may follow, with either end open.
     #[arg(long, value_name = "NAME[:MIN..MAX]", aliases = ["colour-by", "color"])]
     pub colour: Option<String>,
     #[command(flatten)]
@@ -165,8 +171,8 @@ pub struct Render {
     /// Light surfaces without highlights.
     #[arg(long)]
     pub no_highlights: bool,
-    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan or
-    /// scan_id tells scans apart.
+    /// Even out differences of exposure where scans cover the same surface; point_source_id, scan
+    /// or scan_id tells scans apart.
     #[arg(long)]
     pub even_exposure: bool,
     /// Draw exact colours although the file has compact ones (see build --compact).

@@ -1,7 +1,7 @@
 //! `esker bench`: the options of each benchmark, and the call of `esker_bench` that they become.
 
 use crate::output::Output;
-use crate::shared::{BuildHow, DrawWithArgs, MethodArg, Threads, note_built};
+use crate::shared::{BuildHow, DrawWithArgs, Threads, method_parser, note_built};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use esker_bench::build::{self, BuildBenchRequest, Rival};
@@ -11,6 +11,7 @@ use esker_bench::render::{self, RenderBenchRequest};
 use esker_bench::size::{self, SizeBenchRequest};
 use esker_bench::splats::{self, SplatsBenchRequest};
 use esker_bench::stream::{self, FlightRequest, Settings, StreamBenchRequest};
+use esker_engine::Method;
 use esker_engine::cameras::camera::Camera;
 use esker_engine::io::progress::Progress;
 use esker_engine::io::quantity;
@@ -21,15 +22,15 @@ use std::sync::atomic::AtomicBool;
 
 #[derive(Subcommand)]
 pub enum Benchmark {
-    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times, bytes
-    /// read, memory against the budgets; with and without the depth test.
+    /// Fly a camera through a scan without a window and measure streaming: nodes, points, times,
+    /// bytes read, memory against the budgets; with and without the depth test.
     Stream(Box<Stream>),
-    /// Draw points that are in memory: points a second by every path of the GPU and by the CPU, in Morton
-    /// and in random order, and the share of memory bandwidth that they reach.
+    /// Draw points that are in memory: points a second by every path of the GPU and by the CPU, in
+    /// Morton and in random order, and the share of memory bandwidth that they reach.
     Draw(Box<Draw>),
-    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does: milliseconds a
-    /// pass, beside the time in which the same bytes are copied; on a GPU also beside the floor that its
-    /// memory and dispatches set.
+    /// Draw models whole by every method and backend, as table 1 of marroquim2007 does:
+    /// milliseconds a pass, beside the time in which the same bytes are copied; on a GPU also
+    /// beside the floor that its memory and dispatches set.
     Render(Box<BenchRender>),
     /// Draw a scene with and without each thing that it can do without: bytes read, bytes resident,
     /// milliseconds.
@@ -37,8 +38,8 @@ pub enum Benchmark {
     /// Draw a scene from smaller forms of its data: error of the picture, of positions, colours and
     /// normals, against bytes a point.
     Size(BenchSize),
-    /// Build scans and, in turn, have another program build them: seconds, CPU time, memory, scratch
-    /// space, bytes written, and what decoding alone takes.
+    /// Build scans and, in turn, have another program build them: seconds, CPU time, memory,
+    /// scratch space, bytes written, and what decoding alone takes.
     Build(BenchBuild),
     /// Read scans and discard their points: the least time that building can take.
     Decode(Decode),
@@ -70,7 +71,8 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
 
 #[derive(ClapArgs)]
 pub struct BenchRender {
-    /// .esker files or scans; by default generated models with as many points as those of the paper.
+    /// .esker files or scans; by default generated models with as many points as those of the
+    /// paper.
     #[arg(value_name = "MODEL", conflicts_with = "points")]
     pub models: Vec<PathBuf>,
     /// Numbers of points of generated models, such as 25k,5M.
@@ -84,12 +86,12 @@ pub struct BenchRender {
         value_parser = quantity::picture_size
     )]
     pub size: Vec<[u32; 2]>,
-    /// Measure this method alone. ewa without a model measures splats a second, in one pass and in three
-    /// (table 1 of zwicker2004).
-    #[arg(long, value_enum)]
-    pub method: Option<MethodArg>,
-    /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius, beside
-    /// that of a full screen.
+    /// Measure this method alone. ewa without a model measures splats a second, in one pass and in
+    /// three (table 1 of zwicker2004).
+    #[arg(long, value_parser = method_parser())]
+    pub method: Option<Method>,
+    /// Multiply the radii of points by these factors, such as 1,2,4: the time against the radius,
+    /// beside that of a full screen.
     #[arg(long, value_name = "X,X", value_delimiter = ',', value_parser = radius_factor)]
     pub radii: Vec<f32>,
     #[command(flatten)]
@@ -113,8 +115,8 @@ pub struct LeaveOut {
 
 #[derive(ClapArgs)]
 pub struct BenchBuild {
-    /// The scans. Each is built by itself, in a process of its own, into a temporary file; each run builds
-    /// all of them.
+    /// The scans. Each is built by itself, in a process of its own, into a temporary file; each run
+    /// builds all of them.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
     /// The other program: the path of PotreeConverter or copc_converter, or a command line such as
@@ -130,8 +132,8 @@ pub struct BenchBuild {
     /// Threads of `esker build`; one a core by default.
     #[arg(long, value_parser = quantity::threads)]
     pub threads: Option<usize>,
-    /// Folder for outputs and scratch files, which are deleted after each run; the system's temporary
-    /// folder by default.
+    /// Folder for outputs and scratch files, which are deleted after each run; the system's
+    /// temporary folder by default.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
     /// Further options of `esker build`.
@@ -154,8 +156,8 @@ pub struct Decode {
 
 #[derive(ClapArgs)]
 pub struct Stream {
-    /// .esker files or scans; scans, and synthetic:SCENE:POINTS:SEED, are first built into a temporary
-    /// file. Each file is measured in a process of its own.
+    /// .esker files or scans; scans, and synthetic:SCENE:POINTS:SEED, are first built into a
+    /// temporary file. Each file is measured in a process of its own.
     #[arg(required = true, value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
     /// The camera path; by default an overview, a nearer view, then a dense place.
@@ -172,8 +174,8 @@ pub struct Stream {
     /// Draw hidden nodes too, and measure no second flight.
     #[arg(long)]
     pub no_occlusion: bool,
-    /// Remove the file from the system's cache before each flight, and compare loading a view with plain
-    /// reads of the same bytes.
+    /// Remove the file from the system's cache before each flight, and compare loading a view with
+    /// plain reads of the same bytes.
     #[arg(long)]
     pub cold: bool,
     /// Width and height in pixels.
@@ -205,8 +207,8 @@ pub struct Draw {
     /// An .esker file, whose points are drawn in its order; generated points by default.
     #[arg(value_name = "FILE", conflicts_with = "points")]
     pub file: Option<PathBuf>,
-    /// Numbers of generated points, such as 1M,20M; by default 1, 5 and 20 million, on a GPU from 1 million
-    /// to as many as fit.
+    /// Numbers of generated points, such as 1M,20M; by default 1, 5 and 20 million, on a GPU from 1
+    /// million to as many as fit.
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = quantity::points)]
     pub points: Vec<u64>,
     /// Widths and heights in pixels.
@@ -268,7 +270,7 @@ fn radius_factor(text: &str) -> Result<f32> {
 
 /// Table 1 of `marroquim2007`: times of a frame.
 fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
-    if args.models.is_empty() && args.method == Some(MethodArg::Ewa) {
+    if args.models.is_empty() && args.method == Some(Method::Ewa) {
         return run_splats(args, stop);
     }
     if args.size.is_empty() {
@@ -278,7 +280,7 @@ fn run_render(mut args: BenchRender, stop: Arc<AtomicBool>) -> Result<()> {
         models: args.models,
         points: args.points,
         sizes: args.size,
-        method: args.method.map(Into::into),
+        method: args.method,
         radii: args.radii,
         with: (&args.how.with).into(),
         threads: args.how.threads.count,

@@ -14,8 +14,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Runs a command; `stop` is set when the user interrupts it. Returns the exit code: 0, or that of the
-/// window.
+/// Runs a command; `stop` is set when the user interrupts it. Returns the exit code: 0, or that of
+/// the window.
 pub fn run(command: Command, stop: Arc<AtomicBool>) -> Result<ExitCode> {
     let done = match command {
         Command::Build(args) => run_build(args, stop),
@@ -85,7 +85,7 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     }
     let request = PictureRequest {
         size: args.size,
-        method: args.method.into(),
+        method: args.method,
         camera,
         budget_points: args.budget_points,
         target_spacing_px: args.target_spacing,
@@ -109,8 +109,8 @@ fn run_render(args: Render, stop: Arc<AtomicBool>) -> Result<()> {
     }
 }
 
-/// Folder of the sample scan: the current folder if it is a clone of the project, else the one that the
-/// program was built from.
+/// Folder of the sample scan: the current folder if it is a clone of the project, else the one that
+/// the program was built from.
 fn project() -> &'static Path {
     let built = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
     if Path::new("tests/sample").is_dir() { Path::new(".") } else { built }

@@ -1,6 +1,6 @@
-//! The `esker` program: parses the command line, calls `esker_engine` or `esker_bench`, and prints the
-//! report. The exit code is 0 only if all of the work succeeded. With `--json` the last line of standard
-//! output is one JSON object.
+//! The `esker` program: parses the command line, calls `esker_engine` or `esker_bench`, and prints
+//! the report. The exit code is 0 only if all of the work succeeded. With `--json` the last line of
+//! standard output is one JSON object.
 
 mod args;
 mod bench;

@@ -1,7 +1,9 @@
 //! Groups of options that several commands share, and the engine's types that they become.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use esker_engine::calls::export;
+use esker_engine::draw::method::{METHODS, method_of_name};
 use esker_engine::io::file::is_esker;
 use esker_engine::io::quantity;
 use esker_engine::machine::backend::{Api, Backend, DrawWith, GpuRequest, ProjectPath};
@@ -32,13 +34,15 @@ pub struct BuildHow {
     /// appended to.
     #[arg(long)]
     pub node_capacity: Option<u32>,
-    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input by default.
+    /// What 16-bit colour fields hold: values of 8 or of 16 bits. Detected for each input by
+    /// default.
     #[arg(long, value_enum)]
     pub colour_bits: Option<ColourBits>,
     /// Compression of attributes that are not drawn; nothing is lost.
     #[arg(long, value_enum, default_value_t)]
     pub compress: Compress,
-    /// Accept inputs of different coordinate reference systems, and take their coordinates as they are.
+    /// Accept inputs of different coordinate reference systems, and take their coordinates as they
+    /// are.
     #[arg(long)]
     pub ignore_crs: bool,
     /// Where the normals that are drawn come from.
@@ -47,12 +51,12 @@ pub struct BuildHow {
     /// Find sharp edges, at which --method ewa clips its splats; estimates normals.
     #[arg(long)]
     pub sharp_features: bool,
-    /// Store the shapes of splats (4 bytes a point), with which --method ewa closes the gaps between scan
-    /// lines; estimates normals.
+    /// Store the shapes of splats (4 bytes a point), with which --method ewa closes the gaps
+    /// between scan lines; estimates normals.
     #[arg(long)]
     pub tangents: bool,
-    /// Store positions a second time, with palette colours (8 bytes a point), so that drawing colours
-    /// reads 8 bytes a point instead of 12.
+    /// Store positions a second time, with palette colours (8 bytes a point), so that drawing
+    /// colours reads 8 bytes a point instead of 12.
     #[arg(long)]
     pub compact: bool,
     #[command(flatten)]
@@ -60,7 +64,8 @@ pub struct BuildHow {
 }
 
 impl BuildHow {
-    /// Names of the given options that change what is built, and so have no effect on an .esker file.
+    /// Names of the given options that change what is built, and so have no effect on an .esker
+    /// file.
     fn given(&self) -> Vec<&'static str> {
         let all = [
             (self.node_capacity.is_some(), "--node-capacity"),
@@ -102,7 +107,8 @@ impl BuildHow {
     }
 }
 
-/// Prints a note for each input that is an `.esker` file, if there are options that have no effect on it.
+/// Prints a note for each input that is an `.esker` file, if there are options that have no effect
+/// on it.
 pub fn note_built(inputs: &[PathBuf], how: &BuildHow) {
     let options = how.given().join(", ");
     let is_built = |file: &&PathBuf| is_esker(file).is_ok_and(|is_built| is_built);
@@ -175,12 +181,13 @@ impl From<Compress> for Codec {
 /// Choice of points; all by default.
 #[derive(ClapArgs)]
 pub struct FilterArgs {
-    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen from above.
+    /// Points in this box, its faces included, in the scan's coordinates; with four numbers, seen
+    /// from above.
     #[arg(long = "box", value_name = "x0,y0,z0,x1,y1,z1", allow_hyphen_values = true)]
     pub bounds: Option<Bounds>,
-    /// Points above or below this polygon, its edges included, in the scan's coordinates: corners as
-    /// "x,y x,y x,y", or a file of lines of x and y, in which an empty line begins another ring, or of
-    /// GeoJSON.
+    /// Points above or below this polygon, its edges included, in the scan's coordinates: corners
+    /// as "x,y x,y x,y", or a file of lines of x and y, in which an empty line begins another ring,
+    /// or of GeoJSON.
     #[arg(long, value_name = "POLYGON", allow_hyphen_values = true, value_parser = parse_polygon)]
     pub polygon: Option<Polygon>,
     /// Points of these classes: numbers, ranges and names, such as 2,6 or ground,3-5.
@@ -270,23 +277,9 @@ impl From<&DrawWithArgs> for DrawWith {
     }
 }
 
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum MethodArg {
-    /// One pixel a point.
-    Points,
-    /// Surfaces closed by pull-push interpolation.
-    #[default]
-    PullPush,
-    /// Splats of exact perspective shape, filtered and blended: slower, of the highest quality.
-    Ewa,
-}
-
-impl From<MethodArg> for Method {
-    fn from(arg: MethodArg) -> Self {
-        match arg {
-            MethodArg::Points => Self::Points,
-            MethodArg::PullPush => Self::PullPush,
-            MethodArg::Ewa => Self::Ewa,
-        }
-    }
+/// Parses the name of a drawing method.
+pub fn method_parser() -> impl TypedValueParser<Value = Method> {
+    let values = METHODS.map(|(_, name, help)| PossibleValue::new(name).help(help));
+    let parser = PossibleValuesParser::new(values);
+    parser.try_map(|name| method_of_name(&name).ok_or("no such method"))
 }

@@ -1,5 +1,6 @@
-//! `esker view`: starts the window, `esker-view`, with the arguments as they are, and returns its exit
-//! code. The window is a program of its own, in the same folder, so that `esker` links no window library.
+//! `esker view`: starts the window, `esker-view`, with the arguments as they are, and returns its
+//! exit code. The window is a program of its own, in the same folder, so that `esker` links no
+//! window library.
 
 use anyhow::{Context, Result, anyhow};
 use std::ffi::OsString;

@@ -1,5 +1,5 @@
-//! One run of a program in a child process: its time, the CPU time and memory that the system counts,
-//! the bytes of its files while it ran and at its end, and the report that it printed.
+//! One run of a program in a child process: its time, the CPU time and memory that the system
+//! counts, the bytes of its files while it ran and at its end, and the report that it printed.
 
 use crate::build::program::Invocation;
 use anyhow::{Context, Result, bail};
@@ -59,8 +59,8 @@ pub(super) struct ChildReport {
 /// Runs a command to its end. A program that cannot be started, or fails, sets [`ChildRun::error`].
 ///
 /// # Errors
-/// If files cannot be made or the process cannot be waited for, or `task` is cancelled, which kills the
-/// process.
+/// If files cannot be made or the process cannot be waited for, or `task` is cancelled, which kills
+/// the process.
 pub(super) fn run(mut invocation: Invocation, task: &dyn Task) -> Result<ChildRun> {
     let printed = || tempfile::tempfile().context("cannot make a temporary file");
     let (mut stdout, mut stderr) = (printed()?, printed()?);

@@ -163,8 +163,8 @@ fn figures(runs: &[ChildRun], points: Option<u64>, references: References<'_>) -
     }
 }
 
-/// Bytes of scratch files: as the program reports them, which counts files without names; else as they
-/// were seen.
+/// Bytes of scratch files: as the program reports them, which counts files without names; else as
+/// they were seen.
 fn scratch_bytes(run: &ChildRun) -> u64 {
     let reported = run.report.scratch_bytes_peak.or(run.report.scratch_bytes);
     reported.unwrap_or(run.scratch_bytes_peak)

@@ -27,8 +27,8 @@ pub struct Rival {
 }
 
 impl Rival {
-    /// Parses the value of `--against`: the path of a known program, or a command line with the words
-    /// `{in}` and `{out}`, split at spaces.
+    /// Parses the value of `--against`: the path of a known program, or a command line with the
+    /// words `{in}` and `{out}`, split at spaces.
     ///
     /// # Errors
     /// If the program is not known, or the line lacks `{in}` or `{out}`.

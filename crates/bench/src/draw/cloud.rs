@@ -1,7 +1,7 @@
-//! Points to draw, laid out as in a built file: nodes with hot positions and nothing else. A generated
-//! cloud is a hilly ground with woods, in Morton order or shuffled. Each of its points is a function of
-//! its index, the same on every machine, so that a cloud needs no memory of its own and can be larger
-//! than memory.
+//! Points to draw, laid out as in a built file: nodes with hot positions and nothing else. A
+//! generated cloud is a hilly ground with woods, in Morton order or shuffled. Each of its points is
+//! a function of its index, the same on every machine, so that a cloud needs no memory of its own
+//! and can be larger than memory.
 
 use anyhow::{Context, Result};
 use bytemuck::Zeroable;
@@ -84,7 +84,8 @@ impl Cloud<'_> {
         }
     }
 
-    /// A view with all points in the picture. A ground is seen from above, so that it fills the picture.
+    /// A view with all points in the picture. A ground is seen from above, so that it fills the
+    /// picture.
     pub fn view(&self, size: [u32; 2]) -> View {
         match self {
             Self::Ground(..) => {
@@ -96,8 +97,8 @@ impl Cloud<'_> {
         }
     }
 
-    /// Hands each node with its hot positions to `sink`, in order and on this thread. Nodes are made or
-    /// read in parallel.
+    /// Hands each node with its hot positions to `sink`, in order and on this thread. Nodes are
+    /// made or read in parallel.
     ///
     /// # Errors
     /// If a file cannot be read, `sink` fails, or `task` is cancelled.
@@ -165,8 +166,8 @@ fn lay_out(points: u64, order: Order, range: Range<u64>) -> (Node, Vec<u8>) {
     (node, plane)
 }
 
-/// Point `index` along the curve. The curve visits a grid of 4^k cells, at least one a point; points
-/// are at random places in cells that are evenly distributed along it.
+/// Point `index` along the curve. The curve visits a grid of 4^k cells, at least one a point;
+/// points are at random places in cells that are evenly distributed along it.
 fn ground_point(index: u64, points: u64) -> [u32; 3] {
     let log2 = (0..GROUND_LOG2).find(|k| 1u64 << (2 * k) >= points).unwrap_or(GROUND_LOG2);
     let cell = ((u128::from(index) << (2 * log2)) / u128::from(points.max(1))) as u64;
@@ -190,8 +191,8 @@ fn wave(t: f64) -> f64 {
     hump * hump
 }
 
-/// Permutes the numbers below `points`: invertible rounds on the next power of two, repeated until the
-/// result is below `points`.
+/// Permutes the numbers below `points`: invertible rounds on the next power of two, repeated until
+/// the result is below `points`.
 fn shuffled(number: u64, points: u64) -> u64 {
     let bits = 64 - (points.max(2) - 1).leading_zeros();
     let mask = (1u64 << bits) - 1;

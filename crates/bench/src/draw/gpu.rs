@@ -1,6 +1,6 @@
 //! The passes of the GPU that turn points into single pixels, over points in its memory, and the
-//! bandwidth of that memory that copies reach. Each frame is submitted and waited for; timestamps time
-//! it beside the wall clock if the device has them.
+//! bandwidth of that memory that copies reach. Each frame is submitted and waited for; timestamps
+//! time it beside the wall clock if the device has them.
 
 use crate::draw::cloud::Cloud;
 use crate::draw::frame::{Covered, Times, draw_of, frame_of};
@@ -181,8 +181,8 @@ impl OnGpu {
     }
 }
 
-/// Copies a large buffer by the driver and by a kernel, and returns the greater of both median rates:
-/// bytes a second, read and written. The copies of some drivers are slower than a kernel.
+/// Copies a large buffer by the driver and by a kernel, and returns the greater of both median
+/// rates: bytes a second, read and written. The copies of some drivers are slower than a kernel.
 ///
 /// # Errors
 /// If memory is refused or the device fails.
@@ -245,8 +245,8 @@ pub(crate) fn wait(gpu: &Gpu) -> Result<(), GpuError> {
     gpu.fault().map_or(Ok(()), Err)
 }
 
-/// Places the nodes of a cloud one after another, none across the end of a page, and returns the end
-/// of the last one as well.
+/// Places the nodes of a cloud one after another, none across the end of a page, and returns the
+/// end of the last one as well.
 fn places(cloud: &Cloud<'_>, page_bytes: u64) -> (Vec<PlaneAt>, u64) {
     /// Alignment of bound ranges, bytes.
     const ALIGNMENT: u64 = 256;

@@ -1,5 +1,5 @@
-//! Runs the benchmark of the drawing rate: brings each cloud into the memories that it fits in, and draws
-//! it by every path in turns.
+//! Runs the benchmark of the drawing rate: brings each cloud into the memories that it fits in, and
+//! draws it by every path in turns.
 
 use crate::draw::cloud::{Cloud, Order};
 use crate::draw::cpu::{self, OnCpu};
@@ -51,8 +51,8 @@ pub struct DrawBenchRequest {
 /// Measures the drawing rate.
 ///
 /// # Errors
-/// If a required GPU is missing or fails, a file cannot be read, nothing fits the budgets, or `task` is
-/// cancelled.
+/// If a required GPU is missing or fails, a file cannot be read, nothing fits the budgets, or
+/// `task` is cancelled.
 pub fn measure(request: &DrawBenchRequest, task: &dyn Task) -> Result<DrawReport> {
     ensure!(!request.sizes.is_empty(), "no picture size: --size needs one at least");
     let file = request.file.as_ref().map(|path| Forest::open(path)).transpose()?;
@@ -206,7 +206,8 @@ impl Bench<'_> {
                 MeasuredPath::new(name, Some(i), device.clone(), software, *rate)
             }));
         }
-        // The first frames are slower, for memory is new; they show whether all paths draw the same.
+        // The first frames are slower, for memory is new; they show whether all paths draw the
+        // same.
         for path in &mut paths {
             resident.frame(path.index)?;
             path.covered = resident.covered(path.index)?;
@@ -278,8 +279,8 @@ impl MeasuredPath {
         }
     }
 
-    /// Times by the GPU's clock if all frames have one, else by the wall clock. Timestamps of software
-    /// drivers are not used: they may miss the work between them.
+    /// Times by the GPU's clock if all frames have one, else by the wall clock. Timestamps of
+    /// software drivers are not used: they may miss the work between them.
     fn ms(&self) -> (Vec<f64>, &'static str) {
         match self.gpu_ms().filter(|gpu| !self.is_software && gpu.iter().all(|&ms| ms > 0.0)) {
             Some(gpu) => (gpu, "timestamps"),

@@ -1,6 +1,6 @@
-//! The things that pictures of a file can do without, each with the picture that has it and the one that
-//! does not. Some apply to dense views only; these are drawn at the largest size at which the view is
-//! dense, and from farther away if it is dense at no size.
+//! The things that pictures of a file can do without, each with the picture that has it and the one
+//! that does not. Some apply to dense views only; these are drawn at the largest size at which the
+//! view is dense, and from farther away if it is dense at no size.
 
 use crate::render::scene::Changes;
 use anyhow::Result;
@@ -185,7 +185,8 @@ fn largest(
     Ok(picture.clone())
 }
 
-/// A picture's camera, moved back by the diagonal of the file's bounds, so that nothing is near the eye.
+/// A picture's camera, moved back by the diagonal of the file's bounds, so that nothing is near the
+/// eye.
 fn farther(file: &Forest, picture: &PictureRequest) -> Camera {
     let bounds = info::bounds(file);
     let view = picture.camera.view(bounds, picture.size);

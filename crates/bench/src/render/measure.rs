@@ -1,5 +1,5 @@
-//! Runs the benchmark of rendering: makes or opens each model, draws it by each method on all backends
-//! in turns, and measures copies of the same bytes.
+//! Runs the benchmark of rendering: makes or opens each model, draws it by each method on all
+//! backends in turns, and measures copies of the same bytes.
 
 use crate::draw::copy_rate;
 use crate::pass_times;
@@ -35,10 +35,11 @@ const METHODS: [(Method, &str); 3] =
 const FRAMES: [usize; 2] = [3, 15];
 /// Time after which the least number of frames is enough.
 const PATIENCE: Duration = Duration::from_secs(4);
-/// Bytes of a pixel that a frame of points writes and reads: the hit of projection, and the picture.
+/// Bytes of a pixel that a frame of points writes and reads: the hit of projection, and the
+/// picture.
 const POINT_PIXEL_BYTES: u64 = 8 + 8;
-/// Bytes of a pixel that a frame of surfaces needs in addition: the planes of the pyramid with normals,
-/// and a third more for its upper levels.
+/// Bytes of a pixel that a frame of surfaces needs in addition: the planes of the pyramid with
+/// normals, and a third more for its upper levels.
 const SURFACE_PIXEL_BYTES: u64 = (16 + 16 + 4 + 16) * 4 / 3;
 /// Least time of a dispatch on a GPU, milliseconds.
 const DISPATCH_MS: f64 = 0.01;
@@ -175,8 +176,8 @@ impl Setting<'_> {
         Ok(rows)
     }
 
-    /// Measures frames of `scene` and makes a row a backend. `full_screen_ms` has the times of the CPU
-    /// and of the GPU.
+    /// Measures frames of `scene` and makes a row a backend. `full_screen_ms` has the times of the
+    /// CPU and of the GPU.
     fn rows(
         &self,
         scene: &mut ResidentScene<'_>,
@@ -273,8 +274,8 @@ fn frames_of(scene: &mut ResidentScene<'_>, task: &dyn Task) -> Result<[Vec<Stag
     Ok(frames)
 }
 
-/// Median time of a frame of the same points from so near that every pixel is covered, on the CPU and on
-/// the GPU, milliseconds; `None` if no view does that.
+/// Median time of a frame of the same points from so near that every pixel is covered, on the CPU
+/// and on the GPU, milliseconds; `None` if no view does that.
 fn full_screen_ms(scene: &mut ResidentScene<'_>, task: &dyn Task) -> Result<[Option<f64>; 2]> {
     task.phase("a full screen", None, "frames");
     let view = scene.picture.view;

@@ -1,6 +1,6 @@
 //! Generated models: closed surfaces with normals, with as many points as those of table 1 of
-//! `marroquim2007`, the same on every machine. Each is a pebble, a sphere whose radius varies smoothly,
-//! sampled evenly.
+//! `marroquim2007`, the same on every machine. Each is a pebble, a sphere whose radius varies
+//! smoothly, sampled evenly.
 
 use anyhow::{Context, Result};
 use glam::DVec3;
@@ -9,8 +9,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Rows of the paper's table: model, points, and the times of a frame of 512 x 512 and of 1024 x 1024
-/// pixels, milliseconds.
+/// Rows of the paper's table: model, points, and the times of a frame of 512 x 512 and of 1024 x
+/// 1024 pixels, milliseconds.
 pub const TABLE_1: [(&str, u64, [f64; 2]); 5] = [
     ("head", 25_000, [12.0, 42.0]),
     ("armadillo", 173_000, [14.0, 46.0]),

@@ -114,8 +114,8 @@ fn floor(row: &RenderRow) -> String {
     }
 }
 
-/// A line for each row with a factor of radii: the share of the picture that they cover, and the time
-/// beside that of a full screen.
+/// A line for each row with a factor of radii: the share of the picture that they cover, and the
+/// time beside that of a full screen.
 fn beside_full_screen(row: &RenderRow) -> Option<String> {
     let full = row.full_screen_ms?;
     let pixels = f64::from(row.width) * f64::from(row.height);

@@ -1,5 +1,5 @@
-//! A scene that stays in memory and is drawn again and again, by the CPU and by a GPU. Its camera is
-//! fixed; frames differ by [`Changes`], which leave the planes as they are.
+//! A scene that stays in memory and is drawn again and again, by the CPU and by a GPU. Its camera
+//! is fixed; frames differ by [`Changes`], which leave the planes as they are.
 
 use crate::draw::wait;
 use anyhow::Result;
@@ -95,8 +95,9 @@ impl<'a> ResidentScene<'a> {
         self.octree = CompactOctree::new(self.file.table(), &drawn);
     }
 
-    /// Moves the eye towards the middle of the file until nearly all pixels are covered, and returns
-    /// whether they are; if not, the view is left as it was. Nodes and planes stay the same.
+    /// Moves the eye towards the middle of the file until nearly all pixels are covered, and
+    /// returns whether they are; if not, the view is left as it was. Nodes and planes stay the
+    /// same.
     ///
     /// # Errors
     /// If the view makes no valid camera.
@@ -166,8 +167,8 @@ impl<'a> ResidentScene<'a> {
         Ok(self.cpu_picture.stats.stages)
     }
 
-    /// Draws a frame on the GPU, waits for it, and returns its times by the GPU's clock. On a software
-    /// driver the total is by the wall clock. Without a GPU the times are zero.
+    /// Draws a frame on the GPU, waits for it, and returns its times by the GPU's clock. On a
+    /// software driver the total is by the wall clock. Without a GPU the times are zero.
     ///
     /// # Errors
     /// If the GPU fails.

@@ -304,8 +304,8 @@ impl Loss {
             points: self.points,
             bytes: self.bytes,
             bytes_a_point: self.bytes as f64 / points,
-            // The error on an axis is uniform within half a step, so its variance is a twelfth of the
-            // squared step; there are three axes.
+            // The error on an axis is uniform within half a step, so its variance is a twelfth of
+            // the squared step; there are three axes.
             place_px_rms: (self.step_px_squares / points / 12.0 * 3.0).sqrt(),
             place_px_most: self.step_px_most * 0.75f64.sqrt(),
             colour_rms: (self.colour_squares / points / 3.0).sqrt(),
@@ -316,8 +316,8 @@ impl Loss {
     }
 }
 
-/// Returns the mean difference of a channel, 0 to 255, and the share of pixels that differ by more than
-/// [`CHANGED`].
+/// Returns the mean difference of a channel, 0 to 255, and the share of pixels that differ by more
+/// than [`CHANGED`].
 fn compare(a: &Picture, b: &Picture) -> (f64, f64) {
     let pairs = || a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4));
     let off = |(a, b): (&[u8], &[u8])| [0, 1, 2].map(|i| a[i].abs_diff(b[i]));

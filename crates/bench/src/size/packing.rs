@@ -80,8 +80,8 @@ impl Positions {
         }
     }
 
-    /// Packs a plane and unpacks it again, each point to the middle of its step. Returns the step in units
-    /// of hot steps.
+    /// Packs a plane and unpacks it again, each point to the middle of its step. Returns the step
+    /// in units of hot steps.
     pub fn round_trip(self, plane: &mut [u8], points: usize) -> u32 {
         if self == Self::Full {
             return 1;
@@ -112,7 +112,8 @@ impl Colours {
         }
     }
 
-    /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences of channels.
+    /// Packs a plane of RGBA and unpacks it again. Returns the sum of squared differences of
+    /// channels.
     pub fn round_trip(self, plane: &mut [u8], palette: Option<&Palette>) -> f64 {
         let mut squares = 0u64;
         for rgba in plane.chunks_exact_mut(4).filter(|rgba| rgba[3] != 0 && self != Self::Full) {
@@ -151,7 +152,8 @@ impl Normals {
         }
     }
 
-    /// Packs a plane and unpacks it again. Returns the sum of squared angles, radians, and their number.
+    /// Packs a plane and unpacks it again. Returns the sum of squared angles, radians, and their
+    /// number.
     pub fn round_trip(self, plane: &mut [u8]) -> (f64, u64) {
         let (mut squares, mut count) = (0.0, 0);
         let codebook = if self == Self::Codebook { directions() } else { Vec::new() };
@@ -184,7 +186,8 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Directions spread evenly over the sphere by a Fibonacci lattice (`swinbank2006`), from the top down.
+/// Directions spread evenly over the sphere by a Fibonacci lattice (`swinbank2006`), from the top
+/// down.
 fn directions() -> Vec<[f32; 3]> {
     let turn = PI * (3.0 - 5f32.sqrt());
     let direction = |i: usize| {
@@ -242,7 +245,8 @@ mod tests {
             let norm = dot(n, n).sqrt();
             prop_assume!(norm > 0.01);
             let n = n.map(|c| c / norm);
-            // 255 even directions are about 13 degrees apart, so that none is much farther away than half of it.
+            // 255 even directions are about 13 degrees apart, so that none is much farther away
+            // than half of it.
             let found = nearest(&directions(), n);
             prop_assert!(dot(found, n) > 10f32.to_radians().cos());
             let best = directions().into_iter().map(|d| dot(d, n)).fold(-1.0, f32::max);

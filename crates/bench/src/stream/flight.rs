@@ -1,5 +1,5 @@
-//! Flies a session along a path, frame by frame, and records what each frame did: at each view until
-//! it is complete and then for as long as the path stays there; and on the way to each view.
+//! Flies a session along a path, frame by frame, and records what each frame did: at each view
+//! until it is complete and then for as long as the path stays there; and on the way to each view.
 
 use crate::pass_times;
 use crate::quantile::quantile;

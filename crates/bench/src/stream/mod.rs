@@ -1,7 +1,7 @@
-//! The benchmark of streaming (`kanzok2015`, section 4): flies a camera along a path through `.esker`
-//! files and scans, and reports nodes, points, times, bytes and memory against the budgets. From a
-//! request (`request`) to runs in processes of their own (`process`, `run`), to a report (`report`)
-//! and a table (`table`).
+//! The benchmark of streaming (`kanzok2015`, section 4): flies a camera along a path through
+//! `.esker` files and scans, and reports nodes, points, times, bytes and memory against the
+//! budgets. From a request (`request`) to runs in processes of their own (`process`, `run`), to a
+//! report (`report`) and a table (`table`).
 
 mod disk;
 mod flight;

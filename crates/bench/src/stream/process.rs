@@ -70,8 +70,8 @@ pub fn measure(request: &StreamBenchRequest, task: &dyn Task) -> Result<StreamRe
 }
 
 impl StreamBenchRequest {
-    /// Measures `file` with its settings, and with those of the paper if they are requested; appends
-    /// the reports to `runs`, under the name of `input`, which `file` was built from.
+    /// Measures `file` with its settings, and with those of the paper if they are requested;
+    /// appends the reports to `runs`, under the name of `input`, which `file` was built from.
     fn runs_of(
         &self,
         input: &Path,

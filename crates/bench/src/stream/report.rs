@@ -29,7 +29,8 @@ impl StreamReport {
     }
 }
 
-/// Report of one file flown through with one set of settings. `bench/README.md` explains the fields.
+/// Report of one file flown through with one set of settings. `bench/README.md` explains the
+/// fields.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct StreamRun {
     pub file: String,

@@ -1,4 +1,5 @@
-//! What the benchmark of streaming measures: files and scans, and how each of them is flown through.
+//! What the benchmark of streaming measures: files and scans, and how each of them is flown
+//! through.
 
 use esker_engine::draw::session::Options;
 use esker_engine::machine::backend::DrawWith;
@@ -57,8 +58,8 @@ pub enum Settings {
     /// Esker's defaults.
     #[default]
     Own,
-    /// `kanzok2015`, sections 3.2.3 to 3.2.5: five buffers in flight, one loader thread, the nearest
-    /// node first, a cache of 2,000 nodes.
+    /// `kanzok2015`, sections 3.2.3 to 3.2.5: five buffers in flight, one loader thread, the
+    /// nearest node first, a cache of 2,000 nodes.
     Paper,
 }
 

@@ -1,6 +1,6 @@
 //! One run of the benchmark of streaming: an `.esker` file flown along a path with and without the
-//! depth test, beside plain reads of the same file. Peaks of memory are those of the whole process, so
-//! each run has a process of its own (`process`).
+//! depth test, beside plain reads of the same file. Peaks of memory are those of the whole process,
+//! so each run has a process of its own (`process`).
 
 use crate::quantile::quantile;
 use crate::stream::disk;
@@ -233,7 +233,8 @@ impl Run<'_> {
         if left_gpu { &flight.drawer } else { &self.drawer }
     }
 
-    /// Whether peaks of memory exceed the budgets; those of the whole process by more than [`MARGIN`].
+    /// Whether peaks of memory exceed the budgets; those of the whole process by more than
+    /// [`MARGIN`].
     fn exceeds(&self, peak_gpu_bytes: u64, peak_rss_bytes: u64) -> bool {
         let request = self.request;
         let budgets = request.budget_gpu_bytes

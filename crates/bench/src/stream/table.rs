@@ -1,6 +1,6 @@
-//! The report of the benchmark of streaming for people: table 3 of `kanzok2015` with the times of its
-//! table 2, a line for each run with and without the depth test; and below it what the paper does not
-//! report.
+//! The report of the benchmark of streaming for people: table 3 of `kanzok2015` with the times of
+//! its table 2, a line for each run with and without the depth test; and below it what the paper
+//! does not report.
 
 use crate::pass_times;
 use crate::stream::report::{StreamReport, StreamRun, ViewFigures};
