@@ -71,8 +71,7 @@ pub fn run(benchmark: Benchmark, stop: Arc<AtomicBool>) -> Result<()> {
 
 #[derive(ClapArgs)]
 pub struct BenchRender {
-    /// .esker files or scans; by default generated models with as many points as those of the
-    /// paper.
+    /// .esker files or scans; by default generated models as large as those of the paper.
     #[arg(value_name = "MODEL", conflicts_with = "points")]
     pub models: Vec<PathBuf>,
     /// Numbers of points of generated models, such as 25k,5M.

@@ -64,8 +64,7 @@ pub struct BuildHow {
 }
 
 impl BuildHow {
-    /// Names of the given options that change what is built, and so have no effect on an .esker
-    /// file.
+    /// Names of the given options that change what is built; they have no effect on .esker files.
     fn given(&self) -> Vec<&'static str> {
         let all = [
             (self.node_capacity.is_some(), "--node-capacity"),
