@@ -9,11 +9,9 @@ use esker_lod::View;
 use esker_points::quant::{oct_encode, radius_code};
 use esker_points::{Lattice, Node, Task};
 use esker_render::ewa::{Options, Passes};
-use esker_render::gpu::passes::ewa::{GpuEwa, Room};
+use esker_render::gpu::passes::ewa::{BatchCapacity, GpuEwa};
 use esker_render::gpu::{Gpu, GpuRenderer, NodePool, PlaneAt};
-use esker_render::{
-    Background, ColourBy, ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages,
-};
+use esker_render::{ColourPlane, DrawNode, Frame, Method, Pass, Picture, Renderer, Stages};
 use glam::DVec3;
 use serde::Serialize;
 use std::time::Instant;
@@ -156,21 +154,10 @@ impl Wall {
     /// A frame of the wall.
     fn frame<'a, P>(&'a self, draws: &'a [DrawNode<'a, P>]) -> Frame<'a, P> {
         Frame {
-            view: &self.view,
-            lattice: &self.lattice,
-            draws,
-            octree: None,
             method: Method::Ewa,
-            colour: ColourBy::Plain,
             cull_back_faces: true,
-            hides_points: false,
-            shines: true,
             skips_push: false,
-            averages: true,
-            smooths: true,
-            fits_planes: true,
-            evens_exposure: false,
-            background: Background::default(),
+            ..Frame::new(&self.view, &self.lattice, draws)
         }
     }
 
@@ -214,7 +201,7 @@ impl Wall {
             }
         }
         let mut renderer = GpuRenderer::new(gpu)?;
-        let mut ewa = GpuEwa::new(gpu, Room::default())?;
+        let mut ewa = GpuEwa::new(gpu, BatchCapacity::default())?;
         ewa.options = options;
         renderer.set_ewa(ewa);
         let frame = self.frame(&draws);

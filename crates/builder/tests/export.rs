@@ -8,7 +8,7 @@ mod given;
 
 use cloud::below;
 use esker_builder::{BuildError, Options, build_sources, export};
-use esker_format::{Footer, Forest, PlaneKind, Shown};
+use esker_format::{Footer, Forest, ForestFilter, PlaneKind};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES};
 use esker_points::task::Silent;
 use esker_points::{AttrType, Filter, Task};
@@ -82,7 +82,8 @@ fn class_filters_match_only_points_that_have_a_class() {
     for (classes, points) in [("0", 4_000), ("0-4", 20_000), ("0-255", 20_000)] {
         let wanted = filter(|f| f.classes = Some(classes.parse().unwrap()));
         assert_eq!(lines(&file, folder.path(), &wanted).len(), points, "{classes}");
-        let shown = Shown::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
+        let shown =
+            ForestFilter::of(&file, Some(wanted.on(file.lattice()).unwrap()), None).unwrap();
         let nodes = 0..file.table().nodes.len() as u32;
         let drawn = nodes.map(|node| {
             let planes = shown.read(&file, node, &[PlaneKind::Position]).unwrap();

@@ -29,7 +29,8 @@ const NAMED: &[(&[u8], &str)] = &[(
 /// Opens a scan, its format told by its content; or a generated one, told by its name.
 ///
 /// # Errors
-/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is generated.
+/// Where the file cannot be read, is of no known format, or is damaged; where no such scan is
+/// generated.
 pub fn open(
     path: &Path,
     options: &OpenOptions,
@@ -60,8 +61,8 @@ pub fn open(
     }
 }
 
-/// The scans that lie directly in a folder, by their names' endings and in the order of their names; hidden files are
-/// none.
+/// The scans that lie directly in a folder, by their names' endings and in the order of their
+/// names; hidden files are none.
 ///
 /// # Errors
 /// Where the folder cannot be read, or has no scan.

@@ -1,5 +1,5 @@
-//! The window's state and what happens in a pass of it: input moves the camera, the scene is drawn for it, the
-//! picture is shown, the panel beside it. Knows egui, but not who shows the window.
+//! The window's state and what happens in a pass of it: input moves the camera, the scene is drawn
+//! for it, the picture is shown, the panel beside it. Knows egui, but not who shows the window.
 
 use crate::args::Args;
 use crate::counters::Counters;

@@ -1,5 +1,5 @@
-//! The input events that a hand would make, for scripts and the autopilot: keys, clicks, the wheel; and what
-//! a script sees of the window in each frame.
+//! The input events that a hand would make, for scripts and the autopilot: keys, clicks, the wheel;
+//! and what a script sees of the window in each frame.
 
 use crate::camera::Camera;
 use eframe::egui::{

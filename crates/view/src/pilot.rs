@@ -1,6 +1,7 @@
-//! Flies by a script: turns its steps into the input that egui would get from a hand, frame by frame, and says what
-//! else is to be done. The flight is repeated from the same pose until a repetition reads nothing from the disk, so
-//! that loading and fully resident are compared on the same path in the same run.
+//! Flies by a script: turns its steps into the input that egui would get from a hand, frame by
+//! frame, and says what else is to be done. The flight is repeated from the same pose until a
+//! repetition reads nothing from the disk, so that loading and fully resident are compared on the
+//! same path in the same run.
 
 use crate::autopilot::Autopilot;
 use crate::camera::{Camera, Pose};

@@ -1,4 +1,5 @@
-//! A scripted run: the script, who flies by it, and what is recorded. The report is written when the window closes.
+//! A scripted run: the script, who flies by it, and what is recorded. The report is written when
+//! the window closes.
 
 use crate::input_events::Sight;
 use crate::pilot::{Order, Pilot};

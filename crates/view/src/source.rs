@@ -1,5 +1,6 @@
-//! Where the scene comes from: an `.esker` file is opened, scans are first built into one, in a temporary folder
-//! that goes with it. Done by a thread of its own, which tells how far it is and can be stopped.
+//! Where the scene comes from: an `.esker` file is opened, scans are first built into one, in a
+//! temporary folder that goes with it. Done by a thread of its own, which tells how far it is and
+//! can be stopped.
 
 use anyhow::{Context, Result, bail};
 use esker_engine::calls::build;

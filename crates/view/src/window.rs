@@ -1,6 +1,6 @@
-//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where there is none, the
-//! CPU, which is several times faster than a software driver. A machine without a display gets a message that says
-//! what to do.
+//! Who shows the window: eframe on a real GPU, by Vulkan (or Metal, Direct3D) before OpenGL; where
+//! there is none, the CPU, which is several times faster than a software driver. A machine without
+//! a display gets a message that says what to do.
 
 use crate::app::App;
 use crate::args::{Args, Backend, WindowBy};
@@ -42,8 +42,8 @@ pub fn run(args: Args, start: Instant) -> Result<ExitCode> {
     }
 }
 
-/// The same command with a window that needs no driver, in a process of its own: a process has its connection to the
-/// display once.
+/// The same command with a window that needs no driver, in a process of its own: a process has its
+/// connection to the display once.
 fn again_by_cpu() -> Result<ExitCode> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
     let mut command = Command::new(program);
@@ -143,8 +143,8 @@ fn options(args: &Args) -> NativeOptions {
     NativeOptions { viewport: viewport(args), wgpu_options, ..NativeOptions::default() }
 }
 
-/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no software driver where
-/// `is_real`.
+/// The adapter to show the window by: one that can show it, real GPUs first, OpenGL last; no
+/// software driver where `is_real`.
 fn choose(
     adapters: &[wgpu::Adapter],
     surface: Option<&wgpu::Surface<'_>>,

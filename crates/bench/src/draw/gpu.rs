@@ -267,11 +267,12 @@ mod tests {
     use super::*;
     use crate::draw::cloud::Order;
     use esker_points::task::Silent;
-    use esker_render::gpu::Request;
+    use esker_render::gpu::GpuRequest;
 
     #[test]
     fn the_pass_without_pixels_leaves_them_as_they_are() {
-        let Ok(gpu) = Gpu::open(&Request { allow_software: true, ..Request::default() }) else {
+        let Ok(gpu) = Gpu::open(&GpuRequest { allow_software: true, ..GpuRequest::default() })
+        else {
             eprintln!("no adapter");
             return;
         };

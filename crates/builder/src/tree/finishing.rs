@@ -1,4 +1,5 @@
-//! The nodes below a cell: each is finished by itself, in any order and on any thread, then they are put together.
+//! The nodes below a cell: each is finished by itself, in any order and on any thread, then they
+//! are put together.
 
 use crate::page::histograms::Counts;
 use crate::rows::row::Rows;
@@ -8,7 +9,8 @@ use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
 
-/// What is below a cell and not finished: cells before those in them, and those of one cell in Morton order.
+/// What is below a cell and not finished: cells before those in them, and those of one cell in
+/// Morton order.
 pub struct Unfinished {
     cells: Vec<Unit>,
     /// Points that are in none of them.
@@ -89,8 +91,8 @@ impl Unfinished {
         task.advance(*points);
     }
 
-    /// The nodes right below the cell, with those below them, where all are finished, and of each where the nodes below it are
-    /// that are finished elsewhere; `None` where one has panicked.
+    /// The nodes right below the cell, with those below them, where all are finished, and of each
+    /// where the nodes below it are that are finished elsewhere; `None` where one has panicked.
     pub fn into_children(self) -> Option<(Children, Vec<Option<usize>>)> {
         let mut below: Vec<Vec<Subtree>> = self.cells.iter().map(|_| Vec::new()).collect();
         let (mut top, mut top_elsewhere) = (Vec::new(), Vec::new());

@@ -1,4 +1,5 @@
-//! What is built: cells that wait for the one above, and what waits to be written; and how the journal keeps it.
+//! What is built: cells that wait for the one above, and what waits to be written; and how the
+//! journal keeps it.
 
 use crate::page::histograms::Counts;
 use crate::rows::journal_record::{Kind, Reading, Record};
@@ -48,8 +49,8 @@ pub struct Pages {
 }
 
 impl Pages {
-    /// Takes those of siblings, then of what lies below each, where they have not been taken: the nodes are told their places
-    /// from this offset on.
+    /// Takes those of siblings, then of what lies below each, where they have not been taken: the
+    /// nodes are told their places from this offset on.
     pub fn take(siblings: &mut [Subtree], offset: u64, with_crc: bool) -> Self {
         let mut taken = Self::default();
         let mut open = vec![siblings];
@@ -72,13 +73,15 @@ impl Pages {
 }
 
 impl Built {
-    /// Gives the pages of siblings, then of what lies below each, their places, where they have none.
+    /// Gives the pages of siblings, then of what lies below each, their places, where they have
+    /// none.
     pub fn place(&mut self, siblings: &mut [Subtree]) {
         let pages = Pages::take(siblings, self.page_offset, self.part.is_told);
         self.add(pages);
     }
 
-    /// The same with pages that were taken from all nodes of these trees, as if they stood at the beginning.
+    /// The same with pages that were taken from all nodes of these trees, as if they stood at the
+    /// beginning.
     pub fn place_taken(&mut self, trees: &mut [Subtree], pages: Pages) {
         let mut open: Vec<&mut Subtree> = trees.iter_mut().collect();
         while let Some(tree) = open.pop() {
@@ -99,8 +102,8 @@ impl Built {
         self.part = Part { page_offset: self.page_offset, is_told, ..Part::default() };
     }
 
-    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as [`Held::offer`] has it, and what
-    /// nodes are below.
+    /// The part, of so many rows, has ended. The journal wants to know what its cell offers, as
+    /// [`Held::offer`] has it, and what nodes are below.
     pub fn end(
         &mut self,
         context: &Context,

@@ -75,8 +75,9 @@ impl Camera {
         Ok(camera)
     }
 
-    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not in the middle on both axes.
-    /// It stays as it is, so that figures of different versions compare.
+    /// The view of a whole scan that benchmarks begin with: as near as shows all of it, and so not
+    /// in the middle on both axes. It stays as it is, so that figures of different versions
+    /// compare.
     pub fn of_benchmarks(bounds: [[f64; 3]; 2], size: [u32; 2]) -> View {
         Self::overview(bounds, oblique(DVec3::Z), FOVY_DEG.to_radians(), size)
     }

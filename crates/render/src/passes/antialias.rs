@@ -1,11 +1,13 @@
-//! Soften: antialiasing where a surface ends before another or before the background, and at creases;
-//! elsewhere nothing changes. What is seen around such a pixel falls into two, before and behind the step.
-//! A weighted count of both is the pixel's coverage, which smooths the outline and gives it its share of a
-//! pixel; the two are mixed by it. In linear light, colours weighted by their alpha.
+//! Soften: antialiasing where a surface ends before another or before the background, and at
+//! creases; elsewhere nothing changes. What is seen around such a pixel falls into two, before and
+//! behind the step. A weighted count of both is the pixel's coverage, which smooths the outline and
+//! gives it its share of a pixel; the two are mixed by it. In linear light, colours weighted by
+//! their alpha.
 //!
-//! A pixel shows a surface wherever a point or an ellipse touches it, so that outlines lie about half a pixel too far out. They are
-//! taken back by the slope of the count, which is how much of it a pixel's step makes; but not those of lines two pixels
-//! wide or less, of which too little would be left.
+//! A pixel shows a surface wherever a point or an ellipse touches it, so that outlines lie about
+//! half a pixel too far out. They are taken back by the slope of the count, which is how much of it
+//! a pixel's step makes; but not those of lines two pixels wide or less, of which too little would
+//! be left.
 
 use crate::inputs::colour::{linear, words};
 use crate::picture::marks::{Marks, bits};
@@ -17,22 +19,23 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Weights of coverage an axis (binomial).
-const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
-const COVERAGE_SUM: f32 = 256.0;
+pub(crate) const COVERAGE: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+pub(crate) const COVERAGE_SUM: f32 = 256.0;
 /// Places of the weights, pixels from the middle.
 const PLACES: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Weights of colours an axis.
-const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
-const COLOUR_SUM: f32 = 16.0;
+pub(crate) const COLOUR: [f32; 3] = [1.0, 2.0, 1.0];
+pub(crate) const COLOUR_SUM: f32 = 16.0;
 /// How much steeper the outline is than its weighted count. Steeper ones show steps again.
-const STEEP: f32 = 1.5;
-/// How far outlines are taken back, pixels: of a sphere and a cube with normals, samples a pixel apart, alpha is off by 0.21
-/// (root of the mean square where the true outline crosses a pixel), without by 0.35. More dents outlines of sparse samples.
-const INSET_PX: f32 = 0.4;
+pub(crate) const STEEP: f32 = 1.5;
+/// How far outlines are taken back, pixels: of a sphere and a cube with normals, samples a pixel
+/// apart, alpha is off by 0.21 (root of the mean square where the true outline crosses a pixel),
+/// without by 0.35. More dents outlines of sparse samples.
+pub(crate) const INSET_PX: f32 = 0.4;
 /// Depth over width beyond which neighbouring pixels show two surfaces.
-const STEP_PX: f32 = 6.0;
+pub(crate) const STEP_PX: f32 = 6.0;
 /// Square of the cosine below which neighbouring normals make a crease (30 degrees).
-const CREASE: f32 = 0.75;
+pub(crate) const CREASE: f32 = 0.75;
 
 /// Whether two normals make a crease. Their lengths do not matter.
 #[inline]
@@ -41,15 +44,15 @@ pub fn is_crease(a: Vec3, b: Vec3) -> bool {
     dot * dot.max(0.0) < CREASE * a.length_squared() * b.length_squared()
 }
 
-/// The same of several.
+/// [`is_crease`] for several pairs of normals.
 #[inline(always)]
 pub fn are_creases<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);
     (along * along.max(along.like(0.0))).cmplt(dot(a, a) * CREASE * dot(b, b))
 }
 
-/// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie at a step of
-/// `depth` (infinite where there is nothing), and those of `creases`.
+/// Softens a picture of `width` pixels a row (sRGB, straight alpha): the pixels of `edges` that lie
+/// at a step of `depth` (infinite where there is nothing), and those of `creases`.
 pub fn antialias(
     depth: &[f32],
     width: usize,
@@ -121,15 +124,16 @@ impl Outlines<'_> {
 /// Rows of depths around eight pixels, two to each side.
 type Depths<'a> = [&'a [f32; EIGHT + 4]; 5];
 
-/// The depths between the two sides of the greatest steps from eight pixels to a neighbour, where these are more than the
-/// share `near` of the depth; else infinity.
+/// The depths between the two sides of the greatest steps from eight pixels to a neighbour, where
+/// these are more than the share `near` of the depth; else infinity.
 #[inline(always)]
 fn split<S: Simd>(simd: S, depths: Depths<'_>, near: f32) -> f32x8<S> {
     let here = eight(simd, depths[2], 2);
     let (mut most, mut split) = (here.like(0.0), here.like(f32::INFINITY));
     for (row, from) in [(2, 1), (2, 3), (1, 2), (3, 2)] {
         let beside = eight(simd, depths[row], from);
-        // Infinity less infinity is no number, which is no step; nor is there one to what lies beyond the picture.
+        // Infinity less infinity is no number, which is no step; nor is there one to what lies
+        // beyond the picture.
         let (step, nearer) = ((beside - here).abs(), beside.min(here));
         let is_most = (nearer * near).cmplt(step) & most.cmplt(step);
         let between = (nearer + step * 0.5).min(step.like(f32::MAX));
@@ -212,8 +216,8 @@ fn lit<const N: usize>(shown: &[[u8; 4]; N]) -> [[f32; N]; 4] {
     planes
 }
 
-/// Whether of the surroundings of eight pixels that lies before which lies two pixels from the middle in a direction. Whole
-/// numbers and no root, so that processors and GPUs choose the same.
+/// Whether of the surroundings of eight pixels that lies before which lies two pixels from the
+/// middle in a direction. Whole numbers and no root, so that processors and GPUs choose the same.
 #[inline(always)]
 fn is_inside<S: Simd>([x, y]: [f32x8<S>; 2], places: u32x8<S>) -> mask32x8<S> {
     let square = x * x + y * y;
@@ -260,7 +264,8 @@ mod tests {
         antialiased(|i| if i % SIDE < 6 { f32::INFINITY } else { 1.0 }, &mut rgba);
         let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
         assert_eq!([row[4], row[7]], [[0; 4], [200, 0, 0, 255]]);
-        // Of the pixel that the outline was beside, 0.44 are taken, and nothing is left of the one beyond.
+        // Of the pixel that the outline was beside, 0.44 are taken, and nothing is left of the one
+        // beyond.
         assert!(row[5][3] <= 2 && (140..=144).contains(&row[6][3]), "{row:?}");
         assert!(row[6][0].abs_diff(200) <= 1);
     }
@@ -275,7 +280,8 @@ mod tests {
             antialiased(|i| if is_line(i) { 1.0 } else { f32::INFINITY }, &mut rgba);
             let row = &rgba.as_chunks::<4>().0[5 * SIDE..6 * SIDE];
             let alphas = row.iter().map(|p| f32::from(p[3]) / 255.0).sum::<f32>();
-            // As much as there was without taking anything back: 0.56 and 1.81; of two pixels, what lies beyond them goes.
+            // As much as there was without taking anything back: 0.56 and 1.81; of two pixels, what
+            // lies beyond them goes.
             let expected = [0.5625, 1.375, 2.1125][width - 1];
             assert!((alphas - expected).abs() < 0.02, "{alphas} of {width}");
         }

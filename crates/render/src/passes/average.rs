@@ -1,48 +1,52 @@
-//! Average: where several points fall on a pixel, the one that wins it is chance: colours alias, and flicker when the
-//! view moves (a limitation that marroquim2007 names in section 5). Here all points of a pixel's front surface have
-//! their share: a second pass over the points, after gather, as in the high-quality splatting of Schuetz et al.
-//! (Rendering Point Clouds with Compute Shaders and Vertex Order Optimization, 2021). That takes what lies within
-//! 1 % of the front depth; this takes what lies before the end of the winner's depth interval, moved along its
-//! plane as pull does ([`crate::passes::tangent`]): with normals, a wall a radius behind another has no part in it.
+//! Average: where several points fall on a pixel, the winner is chance, so that colours alias and
+//! flicker when the view moves (a limitation that marroquim2007 names in section 5). A second pass
+//! over the points, after gather, averages all points of a pixel's front surface, as the
+//! high-quality splatting of schuetz2021 does. That takes points within 1 % of the front depth;
+//! this pass takes points in front of the end of the winner's depth interval, moved along its plane
+//! as pull does ([`crate::passes::tangent`]): with normals, a wall a radius behind another has no
+//! part in it.
 //!
-//! Sums are of integers, so that the order of adding changes nothing. Depths are compared by what a unit of length
-//! takes on the picture there, `focal_px / depth`: along a plane that is linear in the picture.
+//! Sums are of integers, so that the order of addition does not matter. Depths are compared as
+//! `focal_px / depth`, which is linear in the picture along a plane.
 
 use crate::inputs::camera::{Camera, NodePlace};
 use crate::passes::gather::Lookup;
 use crate::passes::project::{is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
-use crate::simd::lanes::Lane;
+use crate::simd::values::Lane;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What is summed lies between 0 and so many steps.
-const STEPS: f32 = 16_383.0;
-/// Means of normals no part of which is more are of none.
+/// Steps of a summand from 0 to 1.
+pub(crate) const STEPS: f32 = 16_383.0;
+/// Greatest component of a mean normal that counts as none.
 const NO_NORMAL: f32 = 2.0 / STEPS;
-/// Points of a pixel whose sums fit into 32 bits; of more one wins it.
-const POINTS_MAX: f32 = 262_144.0;
-/// Points a job has.
+/// Most points of a pixel whose sums fit into 32 bits; with more points the winner stays.
+pub(crate) const POINTS_MAX: f32 = 262_144.0;
+/// Points of a job.
 const JOB_POINTS: usize = 1 << 14;
-/// Points placed before they are added: the arithmetic is then free of branches.
+/// Points of a block, which are projected before any is added, so that the arithmetic has no
+/// branches.
 const BLOCK: usize = 64;
 
-/// What is added up for the pixels of a picture. Memory is kept from frame to frame.
+/// Sums of the pixels of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Averages {
-    /// The winner's plane: its scale (`focal_px / depth`) at the pixel's centre, what that changes by a pixel right and
-    /// down, and how much less it is where the depth interval ends. An infinite scale where there is no winner.
+    /// Plane of the winner: its scale (`focal_px / depth`) at the centre of the pixel, the change
+    /// of the scale a pixel to the right and down, and the decrease of the scale to the end of the
+    /// depth interval. The scale is infinite without a winner.
     planes: Vec<Vec4>,
-    /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums of 32 bits each. With
-    /// normals the winner's depth is exact on its plane, and the mean's no better.
+    /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums
+    /// of 32 bits in each word. Depth is summed only without normals: with normals the winner's
+    /// depth is exact on its plane.
     sums: Vec<[AtomicU64; 4]>,
 }
 
 impl Averages {
-    /// Replaces what the winners brought to `base` by the means of their pixels' front surfaces.
+    /// Replaces the winners' attributes in `base` by means over their pixels' front surfaces.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
@@ -52,7 +56,7 @@ impl Averages {
         self.finish(lens, base);
     }
 
-    /// Takes the winners' planes, and clears the sums.
+    /// Stores the winners' planes and clears the sums.
     fn begin(&mut self, lens: &Lens, base: &Level) {
         self.planes.resize(base.front.len(), Vec4::ZERO);
         self.sums.resize_with(base.front.len(), Default::default);
@@ -82,19 +86,19 @@ impl Averages {
         let mut offsets = [[0; BLOCK]; 3];
         for start in run.clone().step_by(BLOCK) {
             let count = positions.offsets(start, &mut offsets).min(run.end - start);
-            let block = Block::new(camera, place, &offsets);
+            let block = PointBlock::new(camera, place, &offsets);
             for k in 0..count {
                 let pixel = block.pixels[k] as usize;
                 let Some(plane) = self.planes.get(pixel) else { continue };
                 let behind =
                     plane.x + plane.y * block.dx[k] + plane.z * block.dy[k] - block.scale[k];
-                // Infinite where there is no winner.
+                // The scale is infinite without a winner.
                 if behind > plane.w {
                     continue;
                 }
                 let (i, offset) = (start + k, offsets.map(|axis| axis[k]));
                 let from_eye = place.steps_from_eye(offset) * camera.step;
-                // Zero where there is none.
+                // Zero for a point without a normal.
                 let mut normal = planes.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, i));
                 let looks_away = normal.dot(from_eye) > 0.0;
                 let is_hidden = frame.hides_points && is_hidden(planes.position, i);
@@ -120,8 +124,9 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; one alone is there already, exactly. What sums run over into
-    /// is the next sum, so the number of points is never too small.
+    /// Writes the means of pixels with more than one point; a single point is already there,
+    /// exactly. A sum that overflows spills into the next one, so that the number of points is
+    /// never too small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
         let width = base.width;
         for_each_row(base, |row| {
@@ -142,7 +147,7 @@ impl Averages {
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
-                    // Of points without normals the mean is off from zero by what steps round.
+                    // For points without normals the mean is zero apart from the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
                     *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
                     continue;
@@ -157,7 +162,7 @@ impl Averages {
     }
 }
 
-/// The plane of the winner of a pixel, as [`Averages`] keeps it.
+/// Plane of the winner of a pixel, in the form of [`Averages`].
 fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     let pixel = y * base.width + x;
     let front = base.front[pixel];
@@ -170,7 +175,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
         (Some(normal), _) => {
             let own = [normal.x, normal.y, normal.z].map(Lane::splat);
             let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
-            // Divided first: a scale over what there is of no normal is infinite.
+            // Divided first: the scale over the zero of a missing normal is infinite.
             Vec2::new(normal.x, -normal.y) / facing.x * scale
         }
         (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
@@ -180,7 +185,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     Vec4::new(scale + slope.dot(displaced), slope.x, slope.y, scale - ends)
 }
 
-/// A number from 0 to 1 in steps; what is no number is 0.
+/// Converts a number from 0 to 1 to steps; NaN is 0.
 #[inline(always)]
 fn steps(value: f32) -> u64 {
     (value.clamp(0.0, 1.0) * STEPS + 0.5) as u64
@@ -191,19 +196,20 @@ fn pair(low: f32, high: f32) -> u64 {
     steps(low) | steps(high) << 32
 }
 
-/// Where a block of points is on the picture.
-struct Block {
-    /// Pixels, row by row; beyond all for what is outside.
+/// A block of projected points.
+struct PointBlock {
+    /// Pixel of each point, row by row; beyond all pixels for points outside the picture.
     pixels: [u32; BLOCK],
-    /// From the pixel's centre, pixels.
+    /// Offset from the centre of the pixel, pixels.
     dx: [f32; BLOCK],
     dy: [f32; BLOCK],
     /// `focal_px / depth`.
     scale: [f32; BLOCK],
 }
 
-impl Block {
-    /// The steps of [`crate::passes::project`]: a point is at the same pixel.
+impl PointBlock {
+    /// Projects points with the same operations as [`crate::passes::project`], so that each is at
+    /// the same pixel.
     #[inline(always)]
     fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
         let [right, up, back] = camera.view_from_world;

@@ -1,17 +1,18 @@
-//! The elliptical box filter (marroquim2007 section 3.2): the orthogonal projection of a point's disc
-//! onto the picture. Its major axis is twice the radius, across the normal's projection; its minor axis
-//! is the major one times the normal's z, or a little more ([`crate::passes::gather`]).
+//! The elliptical box filter (marroquim2007 section 3.2): the orthogonal projection of a point's
+//! disc onto the picture. Its major axis is twice the radius, across the normal's projection; its
+//! minor axis is the major one times the normal's z, or a little more ([`crate::passes::gather`]).
 
 use crate::simd::values::Values;
 
-/// Whether places lie in the ellipse: offsets from its centre and `radius` in pixels (y down); of the
-/// normal in view space (y up), x and y, of any length, and the minor axis over the major one, at most 1.
+/// Whether places lie in the ellipse: offsets from its centre and `radius` in pixels (y down); of
+/// the normal in view space (y up), x and y, of any length, and the minor axis over the major one,
+/// at most 1.
 ///
 /// With offset v, share w of the minor axis and m the normal's projection, the ellipse is
 /// `(v.m/|m|)^2 / (r w)^2 + (v x m/|m|)^2 / r^2 <= 1`. Multiplied out that is
-/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: there is no division, and as m is squared everywhere,
-/// its length cancels. Edge on (w = 0) the inequality holds along a whole line, hence the circle as well;
-/// without a direction (m = 0) the circle alone is left.
+/// `(v.m)^2 (1 - w^2) <= (r^2 - |v|^2) w^2 |m|^2`: there is no division, and as m is squared
+/// everywhere, its length cancels. Edge on (w = 0) the inequality holds along a whole line, hence
+/// the circle as well; without a direction (m = 0) the circle alone is left.
 #[inline(always)]
 pub(crate) fn covers_at<V: Values>([x, y]: [V; 2], radius: V, [nx, ny, share]: [V; 3]) -> V::Mask {
     let beyond = x * x + y * y - radius * radius;

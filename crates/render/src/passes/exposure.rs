@@ -1,12 +1,13 @@
-//! Even: takes differences of exposure from scans that cover the same surface. One point wins a pixel, so that where two
-//! scans overlap, pixels of either lie side by side at random. Preiner et al. (Auto Splats, 2012), after whom kanzok2015
-//! (section 3.2.4) evens_exposure out illumination, blend all splats of a surface, and what is fine with them. Here a pixel is
-//! multiplied by what its surroundings have in all scans over what they have in the pixel's own: scans meet in the middle,
-//! and the texture stays as fine as it is.
+//! Exposure: removes differences of exposure between scans that cover the same surface. One point
+//! wins a pixel, so that pixels of either scan are mixed at random where two scans overlap.
+//! preiner2012, which kanzok2015 (section 3.2.4) follows for illumination, blends all splats of a
+//! surface, and fine detail with them. Here a pixel is multiplied by the mean of its surroundings
+//! over all scans divided by the mean over its own scan: scans meet in the middle, and the texture
+//! stays as fine as it is.
 //!
-//! Surroundings are cells of the picture and of depth, nearly cubes (the grid of Chen, Paris and Durand, Real-time
-//! edge-aware image processing with the bilateral grid, 2007), and a slot of each cell is a scan's: across an edge of depth nothing is
-//! evened. Sums are of whole steps, so that the order of adding changes nothing.
+//! Surroundings are cells of the picture and of depth, nearly cubes (the bilateral grid of
+//! chen2007), with a slot for each scan: nothing is compensated across an edge of depth. Sums are
+//! of integer steps, so that the order of addition does not matter.
 
 use crate::frame::ColourPlane;
 use crate::passes::gather::Lookup;
@@ -16,32 +17,35 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Pixels on a side of a cell. Smaller ones take texture for exposure, larger ones miss what changes within a scan.
+/// Side of a cell, pixels. Smaller cells take texture for exposure, larger ones miss changes within
+/// a scan.
 pub(crate) const CELL_PX: usize = 32;
-/// Bits of a depth below those that number its slice: eight slices double it, about what a cell is wide.
-const SLICE_BITS: u32 = 20;
-/// Slices that are told apart: depths that differ by a multiple of 16 times share one.
+/// Bits of a depth below those that number its slice: eight slices double the depth, which is about
+/// the width of a cell.
+pub(crate) const SLICE_BITS: u32 = 20;
+/// Number of slices: depths that differ by a factor of 16 share one.
 pub(crate) const SLICES: usize = 32;
-/// Slots of a cell: the first is of all scans, the others are a scan's each, by its number modulo theirs.
+/// Slots of a cell: the first is for all scans, the others for one scan each, by its number modulo
+/// their count.
 pub(crate) const SLOTS: usize = 16;
-/// What is summed lies between 0 and so many steps: sums of a cell are whole numbers that `f32` has.
-const STEPS: f32 = 16_383.0;
-/// Colours are multiplied by so much at most, or its inverse: a difference beyond that is none of exposure.
-const GAIN_MAX: f32 = 2.0;
-/// Added to means before they are divided: of what is nearly black there is no gain.
-const DARK: f32 = 1e-3;
+/// Steps of a summand from 0 to 1: sums of a cell are integers that `f32` holds exactly.
+pub(crate) const STEPS: f32 = 16_383.0;
+/// Greatest factor of a colour, and its inverse the least: larger differences are not exposure.
+pub(crate) const GAIN_MAX: f32 = 2.0;
+/// Added to means before they are divided, so that nearly black colours get no gain.
+pub(crate) const DARK: f32 = 1e-3;
 
-/// What is added up for the cells of a picture. Memory is kept from frame to frame.
+/// Sums of the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct ExposureGrid {
     /// Red, green, blue and the number of pixels; slot by slot, slice by slice, cell by cell.
     cells: Vec<Vec4>,
-    /// The slot of each pixel's scan.
+    /// Slot of the scan of each pixel.
     slots: Vec<u8>,
 }
 
 impl ExposureGrid {
-    /// Evens the pixels of `base`, whose points `target` names.
+    /// Compensates the exposure of the pixels of `base`, whose points are in `target`.
     pub fn run(&mut self, lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) {
         let (width, columns) = (base.width, base.width.div_ceil(CELL_PX));
         let row_of_cells = columns * SLICES * SLOTS;
@@ -83,7 +87,7 @@ impl ExposureGrid {
     }
 }
 
-/// The slot of the scan of the point that won a pixel.
+/// Slot of the scan of the point that won a pixel.
 fn slot_of(lookup: &Lookup<'_>, value: u64) -> u8 {
     if value == EMPTY {
         return 1;
@@ -96,24 +100,26 @@ fn slot_of(lookup: &Lookup<'_>, value: u64) -> u8 {
     1 + scan % (SLOTS - 1) as u8
 }
 
-/// Where a cell's slots begin in its row of cells.
+/// Index of a cell's first slot in its row of cells.
 fn slots_at(column: usize, slice: usize) -> usize {
     (column * SLICES + slice % SLICES) * SLOTS
 }
 
-/// A colour in whole steps, and one pixel. What is no number is 0.
+/// Colour in integer steps, and a count of one pixel. NaN is 0.
 fn in_steps(colour: Vec3) -> Vec4 {
     let steps = |c: f32| (c.clamp(0.0, 1.0) * STEPS + 0.5) as u32 as f32;
     Vec4::new(steps(colour.x), steps(colour.y), steps(colour.z), 1.0)
 }
 
-/// Between the middles of which two cells a pixel lies: one more than the number of the first, and the share of the second.
+/// The two cells between whose centres a pixel is: one plus the index of the first, and the weight
+/// of the second.
 fn halfway(pixel: usize) -> (usize, f32) {
     let at = pixel + CELL_PX / 2;
     (at / CELL_PX, ((at % CELL_PX) as f32 + 0.5) / CELL_PX as f32)
 }
 
-/// Sums around a pixel: of all scans, and of that with a slot. `rows` are the rows of cells above and below, with their shares.
+/// Interpolated sums around a pixel: over all scans, and over the scan of `slot`. `rows` are the
+/// rows of cells above and below, with their weights.
 fn surroundings(
     rows: [(Option<&[Vec4]>, f32); 2],
     columns: usize,
@@ -123,7 +129,7 @@ fn surroundings(
 ) -> [Vec4; 2] {
     const SLICE: u32 = 1 << SLICE_BITS;
     let (left, right) = halfway(x);
-    // As `halfway` has it.
+    // Interpolates as [`halfway`] does.
     let behind = depth.to_bits() + SLICE / 2;
     let deeper = (behind % SLICE) as f32 / SLICE as f32;
     let slices = (behind / SLICE) as usize;
@@ -143,7 +149,7 @@ fn surroundings(
     [all, own]
 }
 
-/// What a colour is to be multiplied by, from sums over all scans and over its own.
+/// Factor of a colour, from the sums over all scans and over its own.
 fn gain([all, own]: [Vec4; 2]) -> Vec3 {
     let mean = |sum: Vec4| sum.truncate() / (sum.w * STEPS) + DARK;
     (mean(all) / mean(own)).clamp(Vec3::splat(1.0 / GAIN_MAX), Vec3::splat(GAIN_MAX))

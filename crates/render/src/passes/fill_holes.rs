@@ -1,9 +1,12 @@
-//! Mend: pixels that lie behind nearly all of their neighbours, or behind something within its radius in every direction, are gaps
-//! of the surface in front, through which a farther one or the background is seen. They take the mean of what surrounds them (after the masks of
-//! Rosenthal and Linsen, Image-space point cloud rendering, 2008). Pull-push leaves such gaps where an
-//! ellipse that should cover a pixel is a mean that does not, and where a depth interval has grown so
-//! long that it takes in the surface behind. A gap takes nothing from other gaps: what is read in a round is not
-//! written in it, so that a GPU may close all of them at once, in place.
+//! Fill holes: closes gaps of the front surface through which a farther surface or the background
+//! shows. A gap is a pixel behind nearly all of its neighbours, or with something in front of it
+//! within its radius in every direction (after the masks of rosenthal2008). It takes the mean of
+//! the surrounding pixels. Pull-push leaves such gaps where a mean ellipse does not cover a pixel
+//! that its parts cover, and where a depth interval has grown so long that it includes the surface
+//! behind.
+//!
+//! A gap takes nothing from other gaps: no pixel is both read and written in a round, so that a GPU
+//! may close all gaps at once, in place.
 
 use crate::passes::silhouette::rim::{AROUND, Grid};
 use crate::picture::marks::{Marks, bits};
@@ -14,21 +17,22 @@ use fearless_simd::{Level as Width, Simd, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
 
-/// Of the eight neighbours, how many must be in front. A gap one pixel wide has six.
-const SURROUNDED: usize = 6;
-/// A gap of two pixels by two is all corners, which have five. It is one where in all eight directions what is in front begins
-/// within its own radius, and so many pixels: discs of samples farther apart would not close it either. (With three pixels
-/// what hidden nodes change in offices is over its bound.)
-const CORNERED: usize = 5;
-const WITHIN_PX: usize = 2;
-/// How far in front they have to be, over their radius, with normals and without: where surfaces are as thin as their
-/// normals let them be, gaps show what lies nearer. And in pixels, at least.
-const BEFORE: [f32; 2] = [0.5, 1.0];
-const BEFORE_MIN_PX: f32 = 1.0;
-/// How often: a second time closes what the first has left one pixel wide.
-const ROUNDS: usize = 2;
+/// Least number of the eight neighbours in front of a gap. A gap one pixel wide has six.
+pub(crate) const SURROUNDED: usize = 6;
+/// Least number of neighbours in front of a corner, as the four pixels of a gap of two by two are.
+/// It is a gap if in all eight directions something in front begins within its own radius and
+/// within `WITHIN_PX` pixels: discs of sparser samples would not close it either. (With three
+/// pixels hidden nodes change pictures of offices.)
+pub(crate) const CORNERED: usize = 5;
+pub(crate) const WITHIN_PX: usize = 2;
+/// Least distance in front, over the radius, with normals and without: surfaces with normals are
+/// thinner, and gaps show nearer ones. And the least distance in pixels.
+pub(crate) const BEFORE: [f32; 2] = [0.5, 1.0];
+pub(crate) const BEFORE_MIN_PX: f32 = 1.0;
+/// Number of rounds: the second one closes gaps that the first has left one pixel wide.
+pub(crate) const ROUNDS: usize = 2;
 
-/// A pixel's new attributes.
+/// New attributes of a pixel.
 struct Patch {
     pixel: usize,
     front: Vec4,
@@ -37,17 +41,17 @@ struct Patch {
     normal: Vec4,
 }
 
-/// Closes gaps of `base`; `depth` is its depth image (infinite where there is nothing).
+/// Closes gaps of `base`, whose depth image is `depth` (infinite without a surface).
 pub fn fill_holes(base: &mut Level, depth: &mut [f32], focal_px: f32) {
     let mut patched = close(base, depth, None, focal_px);
     for _ in 1..ROUNDS {
-        // Only a gap that was closed, or another from which it is looked at, may be one still.
+        // Only closed gaps and pixels near them can still be gaps.
         let near = (0..WITHIN_PX).fold(patched, |near, _| near.grown(true));
         patched = close(base, depth, Some(&near), focal_px);
     }
 }
 
-/// Closes gaps at once, those among some pixels where these are told, and returns them.
+/// Closes all gaps, or those among some pixels, and returns them.
 fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f32) -> Marks {
     let gaps = gaps(base, depth, among, focal_px);
     let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
@@ -72,7 +76,7 @@ fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f
     patched
 }
 
-/// The gaps among some pixels, or all.
+/// Gaps among some pixels, or all of them.
 fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Marks {
     let Level { width, height, .. } = *base;
     let least = 1.0 + BEFORE_MIN_PX / focal_px;
@@ -82,7 +86,7 @@ fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Ma
             for x in (0..width).step_by(EIGHT) {
                 let (pixel, count) = (y * width + x, EIGHT.min(width - x));
                 let wanted = among.map_or((1 << count) - 1, |among| among.run(pixel, count));
-                // Most are none, which is seen without their radii.
+                // Most pixels are none, which needs no radii to find out.
                 if wanted != 0 {
                     let gaps = bits(wanted & surrounded(simd, rows, x, least)).map(|k| pixel + k);
                     gaps.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
@@ -92,7 +96,8 @@ fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Ma
     })
 }
 
-/// Which of eight pixels have enough neighbours whose depths, so many times as large, are less, a bit each.
+/// Marks those of eight pixels, a bit each, with enough neighbours whose depth times `times` is
+/// less than theirs.
 #[inline(always)]
 fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 {
     let mut space = [[0.0; _]; 3];
@@ -107,13 +112,13 @@ fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 
     u64::from(bits_of(count.like(CORNERED as f32).cmple(count)))
 }
 
-/// The neighbours of a pixel that is not at the border.
+/// Neighbours of a pixel, unless it is at the border.
 fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
     let grid = Grid { width: base.width, height: base.height };
     grid.around(grid.place(pixel))
 }
 
-/// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
+/// Whether a pixel is a gap.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let Some(around) = around(base, pixel) else { return false };
     let count = around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count();
@@ -139,7 +144,7 @@ fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: u
     depth[pixel] * (1.0 + reach / focal_px) < depth[behind]
 }
 
-/// What closes the gap at a pixel: the mean of those in front that are no gaps, if any.
+/// Mean of the neighbours in front that are no gaps, if there are any.
 fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize) -> Option<Patch> {
     let mut count = 0;
     let mut patch =
@@ -168,7 +173,7 @@ mod tests {
 
     const SIDE: usize = 24;
 
-    /// A near surface of red points, with other depths where `depth` has them.
+    /// A near surface of red points, with the depths of `depth`.
     fn filled(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let mut pyramid = Pyramid::default();
         pyramid.fit(SIDE, SIDE, Planes::None);
@@ -202,7 +207,7 @@ mod tests {
         let scene = |x, y| match (x, y) {
             (0..3, _) => f32::INFINITY,
             (8..12, 8..12) => 5.0,
-            // Longer than discs' radius.
+            // Longer than the radius of discs.
             (14..16, 17..20) => 5.0,
             _ => 1.0,
         };

@@ -1,14 +1,16 @@
-//! FittedPlanes: the planes of surfaces without normals, told from the depths around them, so that depths can be moved along
-//! them ([`crate::passes::tangent`]) as along those of normals. Without, depth intervals of different places have to be long to
-//! meet on a slope, and what lies up to twice a radius behind a surface shows through it.
+//! Fit planes: estimates planes of surfaces without normals from the depths around them, so that
+//! depths can be moved along planes ([`crate::passes::tangent`]) as with normals. Otherwise the
+//! depth intervals of neighbouring places must be long to meet on a slope, and surfaces up to twice
+//! a radius behind show through.
 //!
-//! Squares of four pixels keep their nearest point: in the front surface, and at its exact place. Of the planes through
-//! such a point and two of its neighbours, and the flat one, that is taken which the eight around are nearest to. How far
-//! they are from it says how much it is to be trusted: a wall's neighbours are on its plane, those of an edge or of leaves
-//! are not: the less it is trusted, the less it tilts, and the longer intervals are, up to what they are without.
+//! Squares of four pixels keep their nearest point, with its exact position. Of the planes through
+//! that point and two of its neighbours, and the flat plane, the one is taken that the eight
+//! neighbouring points are nearest to. Their mean distance is the trust in the plane: the less it
+//! is trusted, the less it tilts and the longer the depth intervals are, up to those without a
+//! plane.
 //!
-//! Of discs wider than a square nothing is told: where points are that few, planes changed with a point of what is hidden,
-//! or of a node that arrives.
+//! No plane is fitted where discs are wider than a square: planes of so few points would change
+//! with a single hidden point, or with a node that arrives.
 
 use crate::passes::project::{EMPTY, unpack};
 use crate::simd::values::{EIGHT, Values, load, only};
@@ -16,74 +18,80 @@ use fearless_simd::{Level as Simd, Simd as Token, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Pixels on a side of a square, and the widest radius of discs that something is told of.
+/// Side of a square, pixels, and the greatest radius of discs that get a plane.
 pub const SQUARE_PX: usize = 4;
-/// Length of the depth interval over the drawn radius where no plane is told: a disc of unknown tilt reaches far back; at
-/// one, floors seen aslant break into steps.
+/// Length of the depth interval over the drawn radius where no plane is fitted: a disc of unknown
+/// tilt reaches far back. With one, floors seen at a slant break into steps.
 pub const BARE_REACH: f32 = 2.0;
-/// Neighbours' distances from a plane count up to what so steep a slope makes of a square's width.
-const OFF_MAX: f32 = 1.0;
-/// Neighbours within the picture that may have no point: of what is thin, or ends here, no plane is told.
-const MISSING_MAX: f32 = 1.0;
-/// Least area between two neighbours, over a square's: of what lies in a line no plane is told.
-const AREA_MIN: f32 = 0.2;
-/// What a plane's sum of distances is to be less by than another's, over the most that one counts: less is rounding.
-const BETTER: f32 = 1e-3;
-/// In the place of one over a depth beyond the picture.
+/// Greatest distance of a neighbour from a plane that counts: the change of depth of a slope this
+/// steep over the side of a square.
+pub(crate) const OFF_MAX: f32 = 1.0;
+/// Greatest number of neighbouring squares without a point: thin surfaces and borders get no plane.
+pub(crate) const MISSING_MAX: f32 = 1.0;
+/// Least area between two neighbours over that of a square: points on a line define no plane.
+pub(crate) const AREA_MIN: f32 = 0.2;
+/// Least improvement of a plane's sum of distances, over the greatest distance that counts; smaller
+/// ones are rounding.
+pub(crate) const BETTER: f32 = 1e-3;
+/// Marks squares outside the picture in `near`, which else holds 1 / depth.
 const OUTSIDE: f32 = -1.0;
-/// How much nearer a neighbour is told to be at most, so that all stays finite.
-const NEARER_MAX: f32 = 1e6;
-/// The neighbours of a square: those beside it in a circle, then those at its corners.
+/// Greatest relative difference of 1 / depth to a neighbour, so that all values stay finite.
+pub(crate) const NEARER_MAX: f32 = 1e6;
+/// Neighbours of a square: those beside it in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
-/// How planes are trusted.
+/// How far planes are trusted.
 #[derive(Clone, Copy, Debug)]
-struct Trust {
-    /// Length of the depth interval across a plane that all around are on, over the drawn radius.
-    reach: f32,
-    /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
-    off: [f32; 2],
+pub(crate) struct Trust {
+    /// Length of the depth interval across a fully trusted plane, over the drawn radius.
+    pub(crate) reach: f32,
+    /// Mean distances from a plane, over the greatest that counts, between which the trust falls
+    /// from full to none.
+    pub(crate) off: [f32; 2],
 }
 
-/// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
-const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
-/// Where they crowd, means of all that lies there are what evens_exposure them out: with short intervals a scan flickers by 4 % more. Trusted
-/// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
-const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+/// Trust where points do not crowd. Intervals are shorter than the stored radius, since planes are
+/// estimates.
+pub(crate) const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
+/// Trust where points crowd: averages over all points in the interval suppress flicker, which short
+/// intervals would bring back. More trust changes pictures with hidden nodes.
+pub(crate) const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
 
-/// What is told of a surface.
+/// Plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedPlane {
-    /// What depth grows by a pixel right and down, over depth.
+    /// Relative growth of depth a pixel to the right and down.
     pub growth: [f32; 2],
     /// Length of the depth interval across the plane, over the drawn radius.
     pub reach: f32,
 }
 
 impl FittedPlane {
-    /// Where nothing is told.
+    /// No plane.
     pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
 }
 
-/// FittedPlanes of a picture. Memory is kept from frame to frame. Planes have a square around them where nothing is.
+/// Planes fitted to the squares of a picture. Memory is kept from frame to frame. The arrays have a
+/// border of one square.
 #[derive(Clone, Debug, Default)]
 pub struct FittedPlanes {
     width: usize,
     height: usize,
-    /// Squares from one row of the planes to the next.
+    /// Squares from one row of the arrays to the next.
     stride: usize,
-    /// One over the depth of the nearest point; zero where there is none, [`OUTSIDE`] where there is no square.
+    /// 1 / depth of the nearest point; zero without a point, [`OUTSIDE`] outside the picture.
     near: Vec<f32>,
-    /// Its pixel.
+    /// Pixel of the nearest point.
     x: Vec<f32>,
     y: Vec<f32>,
-    /// Row by row, without the squares around.
+    /// Planes row by row, without the border.
     fitted: Vec<FittedPlane>,
 }
 
 impl FittedPlanes {
-    /// Takes those of a frame buffer whose rows have so many pixels. Where points crowd, intervals stay long.
+    /// Fits a plane to each square of a frame buffer `width` pixels wide. `is_crowded` keeps depth
+    /// intervals long.
     pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
         let height = target.len() / width.max(1);
         (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
@@ -94,19 +102,19 @@ impl FittedPlanes {
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
-        self.take(target, width, height);
-        self.tell(focal_px, if is_crowded { CROWDED } else { APART });
+        self.find_nearest(target, width, height);
+        self.fit_all(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
-    /// What the surface of a pixel is told to be, which shows a disc of this radius, pixels.
+    /// Plane of the surface at a pixel that shows a disc of radius `radius_px`.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
-        let is_told = radius_px <= SQUARE_PX as f32;
+        let is_fitted = radius_px <= SQUARE_PX as f32;
         let square = y / SQUARE_PX * self.width + x / SQUARE_PX;
-        if is_told { self.fitted[square] } else { FittedPlane::NONE }
+        if is_fitted { self.fitted[square] } else { FittedPlane::NONE }
     }
 
-    /// Rows of the planes that have squares.
+    /// Rows of the arrays without the border.
     fn rows(&mut self) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
         let Self { stride, height, near, x, y, .. } = self;
         let rows = |plane| <[f32]>::par_chunks_mut(plane, *stride).skip(1).take(*height);
@@ -114,8 +122,8 @@ impl FittedPlanes {
         planes.map(|((near, x), y)| [near, x, y]).with_min_len(4)
     }
 
-    /// Takes the nearest points of a frame buffer.
-    fn take(&mut self, target: &[AtomicU64], width: usize, height: usize) {
+    /// Finds the nearest point of each square.
+    fn find_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
         let (side, squares) = (SQUARE_PX, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
             nears[1..=squares].fill(0.0);
@@ -136,18 +144,18 @@ impl FittedPlanes {
         });
     }
 
-    /// Tells the fitted.
-    fn tell(&mut self, focal_px: f32, trust: Trust) {
+    /// Fits the planes of all squares.
+    fn fit_all(&mut self, focal_px: f32, trust: Trust) {
         let mut fitted = std::mem::take(&mut self.fitted);
         let rows = fitted.par_chunks_mut(self.width).enumerate().with_min_len(4);
         rows.for_each(|(row, fitted)| {
-            dispatch!(Simd::new(), simd => self.tell_row(simd, focal_px, trust, row, fitted));
+            dispatch!(Simd::new(), simd => self.fit_row(simd, focal_px, trust, row, fitted));
         });
         self.fitted = fitted;
     }
 
     #[inline(always)]
-    fn tell_row<S: Token>(
+    fn fit_row<S: Token>(
         &self,
         simd: S,
         focal_px: f32,
@@ -185,7 +193,7 @@ impl FittedPlanes {
                     is_missing: beside.cmpeq(zero),
                 };
             }
-            let (growth, reach) = tell(&around, focal_px, trust);
+            let (growth, reach) = fit(&around, focal_px, trust);
             let [right, down] = growth.map(<[f32; EIGHT]>::from);
             let reach = <[f32; EIGHT]>::from(reach);
             for (k, plane) in fitted.iter_mut().enumerate() {
@@ -198,19 +206,19 @@ impl FittedPlanes {
 /// The nearest point of a neighbouring square.
 #[derive(Clone, Copy)]
 struct Neighbour<V: Values> {
-    /// From the own point to it, pixels.
+    /// Offset of the point, pixels.
     x: V,
     y: V,
-    /// What one over the depth is more there, over that here: linear on a plane.
+    /// Difference of 1 / depth over that of the own point; linear on a plane.
     nearer: V,
-    /// Whether there is one, and whether its square has none.
+    /// Whether the square has a point, and whether it is in the picture without one.
     is_there: V::Mask,
     is_missing: V::Mask,
 }
 
-/// The growth of depth and the reach that a point's neighbours tell.
+/// Fits a plane to a point's neighbours: growth of depth and reach.
 #[inline(always)]
-fn tell<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
+fn fit<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
     let side_px = SQUARE_PX as f32;
     let zero = around[0].x.like(0.0);
     let most = zero.like(OFF_MAX * side_px / focal_px);
@@ -246,9 +254,9 @@ fn tell<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> (
     let [wholly, none] = trust.off;
     let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
     let reach = mistrust * (BARE_REACH - trust.reach) + trust.reach;
-    let is_told = missing.cmple(zero.like(MISSING_MAX));
-    let share = only(is_told, zero.like(1.0) - mistrust);
-    ([-right * share, -down * share], V::select(is_told, reach, zero.like(BARE_REACH)))
+    let is_fitted = missing.cmple(zero.like(MISSING_MAX));
+    let share = only(is_fitted, zero.like(1.0) - mistrust);
+    ([-right * share, -down * share], V::select(is_fitted, reach, zero.like(BARE_REACH)))
 }
 
 #[cfg(test)]
@@ -260,7 +268,7 @@ mod tests {
     const HEIGHT: usize = 117;
     const FOCAL_PX: f32 = 150.0;
 
-    /// A frame buffer with the depths that `depth` has at some of its pixels.
+    /// Makes a frame buffer with `depth` at `share` percent of its pixels.
     fn target(share: u64, depth: impl Fn(usize, usize) -> f32) -> Vec<AtomicU64> {
         let mut state = 7u64;
         let all = (0..WIDTH * HEIGHT).map(|i| {
@@ -273,9 +281,9 @@ mod tests {
         all.collect()
     }
 
-    fn told(target: &[AtomicU64]) -> FittedPlanes {
+    fn fitted_to(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
-        // What was there before means nothing.
+        // An earlier frame must not matter.
         fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
         fitted.fill(target, WIDTH, FOCAL_PX, false);
         fitted
@@ -294,13 +302,13 @@ mod tests {
     }
 
     #[test]
-    fn planes_are_told_exactly_at_any_slope_and_trusted() {
+    fn planes_are_fitted_exactly_at_any_slope_and_trusted() {
         for [right, down] in [[0.0, 0.0], [1e-3, -2e-3], [-2e-3, 0.0], [3e-3, 3e-3]] {
-            // One over the depth is linear in the picture.
+            // 1 / depth is linear in the picture.
             let near =
                 |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
             let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
-            let fitted = told(&target);
+            let fitted = fitted_to(&target);
             for radius_px in [1.0, 4.0] {
                 let mut count = 0;
                 for (x, y, _) in won(&target, 32) {
@@ -308,9 +316,9 @@ mod tests {
                     let at = (y / SQUARE_PX + 1) * fitted.stride + x / SQUARE_PX + 1;
                     let own = near(fitted.x[at] as usize, fitted.y[at] as usize);
                     let truth = [right, down].map(|steeper| (-steeper / own) as f32);
-                    for (told, truth) in plane.growth.into_iter().zip(truth) {
+                    for (growth, truth) in plane.growth.into_iter().zip(truth) {
                         assert!(
-                            (told - truth).abs() < 2e-5,
+                            (growth - truth).abs() < 2e-5,
                             "{plane:?}, {truth:?}, {radius_px} px"
                         );
                     }
@@ -323,29 +331,29 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_surface_keeps_long_intervals() {
-        // Leaves: depths that have nothing to do with each other.
+    fn unrelated_depths_keep_long_intervals() {
+        // Leaves have unrelated depths.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
-        let fitted = told(&leaves);
+        let fitted = fitted_to(&leaves);
         let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| fitted.at(x, y, 2.0).reach).collect();
         let long = reaches.iter().filter(|reach| **reach > 1.6).count();
         assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
-        // One point by itself, and discs wider than a square.
+        // A single point, and discs wider than a square.
         let alone = target(100, |_, _| 1.0);
         alone.iter().enumerate().for_each(|(i, value)| {
             if i != 5 * WIDTH + 9 {
                 value.store(EMPTY, Relaxed);
             }
         });
-        assert_eq!(told(&alone).at(9, 5, 2.0), FittedPlane::NONE);
-        assert_eq!(told(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
-        assert_eq!(told(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
+        assert_eq!(fitted_to(&alone).at(9, 5, 2.0), FittedPlane::NONE);
+        assert_eq!(fitted_to(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
+        assert_eq!(fitted_to(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
     }
 
     #[test]
     fn a_wall_beside_another_is_told_by_its_own_points() {
         let target = target(50, |x, _| if x < 100 { 1.0 } else { 1.4 });
-        let fitted = told(&target);
+        let fitted = fitted_to(&target);
         for (x, y, _) in won(&target, 8) {
             let plane = fitted.at(x, y, 3.0);
             assert!(plane.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {plane:?}");
@@ -356,7 +364,7 @@ mod tests {
     fn any_depths_tell_finite_slants() {
         const DEPTHS: [f32; 6] = [1e-30, 1e30, 1.0, 1.0, 3e38, 1e-38];
         let target = target(70, |x, y| DEPTHS[(x * 31 + y * 17 + x * y) % 6]);
-        let fitted = told(&target);
+        let fitted = fitted_to(&target);
         for (x, y, _) in won(&target, 0) {
             for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
                 let FittedPlane { growth, reach } = fitted.at(x, y, radius_px);

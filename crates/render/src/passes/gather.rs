@@ -1,8 +1,9 @@
-//! Gather: the attributes of the points that won a pixel become level 0 of the pyramid (marroquim2007
-//! section 3.1). Radius, normal and colour are looked up here, once a covered pixel, not once a point.
+//! Gather (marroquim2007 section 3.1): writes the attributes of the points that won a pixel into
+//! level 0 of the pyramid. Radius, normal and colour are looked up once a covered pixel and not
+//! once a point.
 //!
-//! Drawn radius (DESIGN section 8): the stored radius, in units of the node's spacing, times the
-//! effective spacing of the finest drawn cell that holds the point.
+//! The drawn radius is the stored radius, in units of the node's spacing, times the effective
+//! spacing of the finest drawn cell that holds the point. See `docs/design/surfaces.md`.
 
 use crate::frame::{ColourPlane, Frame};
 use crate::inputs::camera::{Camera, NodePlace, Positions};
@@ -10,9 +11,11 @@ use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
 use crate::passes::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
-use crate::picture::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
-use crate::simd::lanes::{FITTED, FLAT, LANES, Lane, NORMALS, Pixels, moved, only};
-use crate::simd::values::directions;
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, RowMut, for_each_row,
+};
+use crate::simd::lanes::{LANES, Pixels, moved, only};
+use crate::simd::values::{Lane, directions};
 use esker_points::Node;
 use esker_points::fetch::fetch;
 use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
@@ -20,33 +23,33 @@ use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
-/// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of its
-/// points' ellipses, which covers less than they do: with covering radii as they are, up to 0.2 % of a
-/// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
-/// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
-const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
-/// Added to radii in the picture, pixels, with normals and without: pixels are covered where their centres are. With 0.2 the far side shows
-/// through a sphere of half a point a pixel.
-const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
-/// How much of what pictures are stretched by away from their middle radii take. Greatest gaps of even samples are 0.84 spacings, and
-/// discs without normals 1.15 wide: only what is stretched by more than their ratio opens. With 0.87 arriving nodes pop by 2.1 %
-/// of a picture, with all of it by 3.4 (asked 2).
-const STRETCHED: f32 = 0.83;
-/// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
-/// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
-const MINOR_FACTOR: f32 = 1.3;
-/// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
-/// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
-const MINOR_MIN_PX: f32 = 1.4;
+/// Drawn radius over stored radius, with normals and without. A coarser pixel's ellipse is the mean
+/// of its points' ellipses, which covers less than they do: covering radii as they are leave holes
+/// in tilted walls. Circles lose less, and any excess shows at silhouettes.
+pub(crate) const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
+/// Added to radii in the picture, pixels, with normals and without, since a pixel is covered only
+/// if its centre is. With 0.2 the far side shows through a sphere of half a point a pixel.
+pub(crate) const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
+/// Share of the perspective stretch away from the middle of the picture that radii take. The
+/// greatest gaps of even samples are 0.84 spacings and discs without normals are 1.15 wide, so that
+/// only a stretch beyond their ratio opens gaps. A larger share makes arriving nodes visible
+/// (`crates/engine/tests/popping.rs`).
+pub(crate) const STRETCHED: f32 = 0.83;
+/// Minor axis over that of the projected disc, for tilted discs: the mean of two ellipses one above
+/// the other covers least.
+pub(crate) const MINOR_FACTOR: f32 = 1.3;
+/// Half the least minor axis of an ellipse, pixels. Thinner ellipses pass between the centres of
+/// pixels, which leaves holes in floors seen at a slant.
+pub(crate) const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
-const THICKNESS: f32 = 1.0;
-/// Length of the depth interval over the drawn radius, at most, where planes are told from depths: what is told of steep
-/// ones is rough.
-const SLANT_REACH_MAX: f32 = 3.0;
-/// Radii are clamped here, so that sums of depth and radius stay finite.
-const RADIUS_MAX: f32 = 1e30;
+pub(crate) const THICKNESS: f32 = 1.0;
+/// Greatest length of the depth interval over the drawn radius where planes are fitted: the fit of
+/// steep planes is rough.
+pub(crate) const FITTED_REACH_MAX: f32 = 3.0;
+/// Greatest radius, so that sums of depth and radius stay finite.
+pub(crate) const RADIUS_MAX: f32 = 1e30;
 
-/// What is made once a frame to look points up.
+/// Tables made once a frame, to look up attributes of points.
 pub struct Lookup<'a> {
     pub(crate) frame: &'a Frame<'a>,
     pub(crate) camera: &'a Camera,
@@ -61,12 +64,12 @@ struct DrawLookup<'a> {
     positions: Positions<'a>,
     place: NodePlace,
     colour: Vec3,
-    /// Effective spacing of its points, where nothing is drawn below their node.
+    /// Effective spacing of the points, if nothing is drawn below their node.
     spacing: Option<f32>,
 }
 
 impl<'a> Lookup<'a> {
-    /// Tables of a frame.
+    /// Makes the tables of a frame.
     pub fn new(frame: &'a Frame<'a>, camera: &'a Camera, list: &'a DrawList) -> Self {
         let map = match &frame.colour {
             ColourBy::Scalar(m) | ColourBy::Elevation(m) | ColourBy::EyeDepth(m) => {
@@ -102,17 +105,17 @@ impl<'a> Lookup<'a> {
         }
     }
 
-    /// Whether any node brings normals.
+    /// Whether any node has normals.
     pub fn has_normals(&self) -> bool {
         self.frame.draws.iter().any(|d| d.normal.is_some())
     }
 
-    /// Positions of a draw's points, and their place against the eye.
+    /// Positions of a draw's points, and the place of their node relative to the eye.
     pub(crate) fn places(&self, draw: usize) -> (&Positions<'a>, &NodePlace) {
         (&self.draws[draw].positions, &self.draws[draw].place)
     }
 
-    /// Colour of a point alone, for the method without surfaces.
+    /// Colour of a point, for the method without surfaces.
     pub fn colour_of(&self, point: u32, depth: f32) -> Vec3 {
         let (d, index) = self.list.find(point);
         let (offset, _) = self.draws[d].positions.offset(index);
@@ -125,14 +128,14 @@ impl<'a> Lookup<'a> {
         self.radius_in(self.spacing(draw, offset), code)
     }
 
-    /// The same where the points have this effective spacing.
+    /// Drawn radius of a point with an effective spacing.
     #[inline(always)]
     fn radius_in(&self, spacing: f32, code: u8) -> f32 {
         let radius = spacing * self.radius_factors[usize::from(code)];
         if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
     }
 
-    /// The radii of all codes, where all points of a draw have the same effective spacing.
+    /// Radii of all codes, if all points of a draw have the same effective spacing.
     pub(crate) fn radii(&self, draw: usize) -> Option<[f32; 256]> {
         let spacing = self.draws[draw].spacing?;
         Some(std::array::from_fn(|code| self.radius_in(spacing, code as u8)))
@@ -152,7 +155,7 @@ impl<'a> Lookup<'a> {
         spacing_or(octree.spacing_from(draw.entry, p), draw.node)
     }
 
-    /// The colour of all points of a draw, where they have but one, linear light.
+    /// Colour that all points of a draw share, linear light, if they do.
     pub(crate) fn only_colour(&self, draw: usize) -> Option<Vec3> {
         let by = self.frame.colour;
         let has_none = matches!(self.frame.draws[draw].colour, ColourPlane::None);
@@ -160,9 +163,9 @@ impl<'a> Lookup<'a> {
         is_one.then_some(self.draws[draw].colour)
     }
 
-    /// Says ahead that a point will be fetched, if there is one.
+    /// Prefetches the attributes of the point of a frame-buffer value, if it has one.
     #[inline(always)]
-    fn ask<const PLANE: usize>(&self, value: u64) {
+    fn prefetch<const PLANE: usize>(&self, value: u64) {
         if value == EMPTY {
             return;
         }
@@ -217,13 +220,13 @@ impl<'a> Lookup<'a> {
     }
 }
 
-/// A drawn spacing, or a node's own where nothing says how it is drawn.
+/// The drawn spacing, or the spacing of the node if that is not known.
 fn spacing_or(drawn: f32, node: &Node) -> f32 {
     if drawn > 0.0 { drawn } else { node.spacing }
 }
 
-/// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `fitted`. Returns the number of
-/// valid pixels.
+/// Fills level 0 from the frame buffer `target`, with the planes of `fitted` if pixels have fitted
+/// planes. Returns the number of valid pixels.
 pub fn gather(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
@@ -238,7 +241,7 @@ pub fn gather(
     }
 }
 
-/// What a pixel is made from.
+/// Inputs of the pass.
 #[derive(Clone, Copy)]
 struct Gather<'a> {
     lookup: &'a Lookup<'a>,
@@ -259,7 +262,7 @@ impl Gather<'_> {
     }
 }
 
-/// An index of what differs with normals and without.
+/// Index into constants that differ with normals and without.
 const fn bare<const PLANE: usize>() -> usize {
     if PLANE == NORMALS { 0 } else { 1 }
 }
@@ -274,7 +277,7 @@ fn gather_row<const PLANE: usize>(
     for (x, value) in values.iter().enumerate() {
         let value = value.load(Relaxed);
         if let Some(ahead) = values.get(x + AHEAD) {
-            pass.lookup.ask::<PLANE>(ahead.load(Relaxed));
+            pass.lookup.prefetch::<PLANE>(ahead.load(Relaxed));
         }
         if value == EMPTY {
             row.front[x] = INVALID;
@@ -290,12 +293,12 @@ fn gather_row<const PLANE: usize>(
     count
 }
 
-/// Points that are fetched before anything is computed of them: memory is waited for once, not once each.
+/// Points that are fetched before they are processed, so that their cache misses overlap.
 const HITS: usize = 32;
-/// So many pixels before it is fetched, a point is asked for.
+/// Distance in pixels at which points are prefetched.
 const AHEAD: usize = 24;
 
-/// Points of a row that won a pixel, attribute by attribute.
+/// Points of a row that won a pixel, as arrays of attributes.
 struct Hits {
     count: usize,
     /// Pixels of the row.
@@ -306,9 +309,9 @@ struct Hits {
     radius_code: [u8; HITS],
     colour: [[f32; HITS]; 3],
     normal: [[i16; 2]; HITS],
-    /// Against the eye, in steps.
+    /// Position relative to the eye, in steps of the lattice.
     steps: [[f32; HITS]; 3],
-    /// Stored radius, the file's unit.
+    /// Stored radius, in the file's unit.
     radius: [f32; HITS],
 }
 
@@ -326,7 +329,7 @@ impl Hits {
         radius: [0.0; HITS],
     };
 
-    /// Adds the point that won pixel `x`; there must be room.
+    /// Adds the point that won pixel `x`. Needs room for it.
     #[inline(always)]
     fn fetch<const PLANE: usize>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
         let (depth, point) = unpack(value);
@@ -346,7 +349,7 @@ impl Hits {
         }
     }
 
-    /// Makes pixels of them, which are then no more.
+    /// Writes all points as pixels, and empties the list.
     #[inline(always)]
     fn write_all<const PLANE: usize>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
         let lookup = pass.lookup;
@@ -365,7 +368,7 @@ impl Hits {
         self.count = 0;
     }
 
-    /// Makes pixels of four of them.
+    /// Writes four points, from `first` on, as pixels.
     #[inline(always)]
     fn write<const PLANE: usize>(&self, pass: Gather<'_>, first: usize, row: &mut RowMut<'_>) {
         let four = |values: &[f32; HITS]| Vec4::from_slice(&values[first..]);
@@ -376,7 +379,7 @@ impl Hits {
         };
         let camera = pass.lookup.camera;
         let focal_px = camera.focal_px;
-        // What is no number is nothing: of a number and none, the second is the greater and the less.
+        // `max` and `min` return the second operand if the first is NaN, so that NaN becomes 0.
         let stored = four(&self.radius).max(Vec4::ZERO);
         let radius = stored.min(Vec4::splat(RADIUS_MAX));
         let depth = four(&self.depth);
@@ -396,7 +399,7 @@ impl Hits {
             (centre[0] - camera.centre_px[0]) * per_focal,
             (Vec4::splat(camera.centre_px[1]) - centre[1]) * per_focal,
         ];
-        let mut radius_px = in_pixels(Vec4::ONE, of_sphere(seen));
+        let mut radius_px = in_pixels(Vec4::ONE, sphere_stretch(seen));
         let [r, g, b] = &self.colour;
         let [r, g, b] = [four(r), four(g), four(b)];
         let mut out = Pixels {
@@ -416,18 +419,20 @@ impl Hits {
                 dot(right, from_eye) * per_depth + camera.centre_px[0],
                 -dot(up, from_eye) * per_depth + camera.centre_px[1],
             ];
-            // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+            // From the point's projection to the pixel's centre, limited to the pixel, however the
+            // projection was rounded.
             out.front[2] = within_half(centre[0] - place[0]);
             out.front[3] = within_half(centre[1] - place[1]);
             if let (FITTED, Some(fitted)) = (PLANE, pass.fitted) {
                 let [growth @ .., across] = four_planes(fitted, to, row.y, in_middle + margin);
                 let (tilt, plate, normal) = plane_of(camera, place, growth);
-                let is_told = (growth[0].abs() + growth[1].abs()).cmpgt(Vec4::ZERO);
-                let [_, major] = of_disc(normal, seen);
-                radius_px = Vec4::select(is_told, in_pixels(Vec4::ONE, major), radius_px);
+                let is_fitted = (growth[0].abs() + growth[1].abs()).cmpgt(Vec4::ZERO);
+                let [_, major] = disc_axes(normal, seen);
+                radius_px = Vec4::select(is_fitted, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
-                reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
-                // Discs stay where their pixels are; their depths are those that their planes have there.
+                reach = radius * (plate * across).min(Vec4::splat(FITTED_REACH_MAX));
+                // Discs stay at the centres of their pixels, with the depth that their planes have
+                // there.
                 let to_centre = [out.front[2], out.front[3]];
                 let moved = moved::<PLANE, _>(tilt, tilt[0], to_centre);
                 out.depth = depth * moved;
@@ -446,7 +451,7 @@ impl Hits {
                 let normal = [dot(right, world), dot(up, world), dot(back, world)];
                 let [x, y, z] =
                     [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
-                // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+                // If back faces are not culled, normals are turned to the eye.
                 let is_away = (x + y + z).cmpgt(Vec4::ZERO);
                 let turns = !pass.lookup.frame.cull_back_faces;
                 let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
@@ -454,7 +459,7 @@ impl Hits {
                 let plate = Lens::new(camera).thickness(turned, place);
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
                 reach = Vec4::select(has_normal, thick, reach);
-                let [minor, major] = of_disc(turned, seen);
+                let [minor, major] = disc_axes(turned, seen);
                 radius_px = Vec4::select(has_normal, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
                 let minor = filter_minor(in_pixels(turned[2].abs(), minor) / radius_px, radius_px);
@@ -467,21 +472,22 @@ impl Hits {
     }
 }
 
-/// What is told of four pixels of row `y`: the growth of depth right and down, and the reach.
+/// Fitted planes of four pixels of row `y`: growth of depth to the right and down, and reach.
 #[inline(always)]
 fn four_planes(fitted: &FittedPlanes, to: &[usize; LANES], y: usize, radius_px: Lane) -> [Lane; 3] {
     let radii = radius_px.to_array();
     let mut all = [[0.0; LANES]; 3];
     for k in 0..LANES {
         let is_there = to[k] != usize::MAX;
-        let told = if is_there { fitted.at(to[k], y, radii[k]) } else { FittedPlane::NONE };
-        (all[0][k], all[1][k], all[2][k]) = (told.growth[0], told.growth[1], told.reach);
+        let plane = if is_there { fitted.at(to[k], y, radii[k]) } else { FittedPlane::NONE };
+        (all[0][k], all[1][k], all[2][k]) = (plane.growth[0], plane.growth[1], plane.reach);
     }
     all.map(Vec4::from_array)
 }
 
-/// The tilt ([`Level::tilt`]) of planes whose depth grows so at places on the picture, not steeper than can be followed;
-/// the depth that plates of unit thickness take there; and the planes' normals in view space.
+/// For planes whose depth grows by `right` and `down` a pixel at `place`: the tilt
+/// ([`Level::tilt`]), limited to the steepest slope that is followed; the depth of plates of unit
+/// thickness; and the normals in view space.
 #[inline(always)]
 fn plane_of(
     camera: &Camera,
@@ -502,33 +508,36 @@ fn dot(a: Vec3, [x, y, z]: [Lane; 3]) -> Lane {
     x * a.x + y * a.y + z * a.z
 }
 
-/// At most half a pixel to either side.
+/// Clamps to half a pixel to either side.
 #[inline(always)]
 fn within_half(x: Lane) -> Lane {
     x.max(Vec4::splat(-0.5)).min(Vec4::splat(0.5))
 }
 
-/// The greatest radius of a sphere's picture over that in the middle of the picture, where it is seen along `seen`: to the right
-/// and upwards, over the depth. It is stretched away from the middle.
+/// Radius of a projected sphere along its major axis over that in the middle of the picture. The
+/// sphere is seen in direction (x, y) to the right and upwards, over the depth; perspective
+/// stretches it away from the middle.
 #[inline(always)]
-fn of_sphere([x, y]: [Lane; 2]) -> Lane {
+fn sphere_stretch([x, y]: [Lane; 2]) -> Lane {
     (x * x + y * y + 1.0).sqrt()
 }
 
-/// Half the minor and the major axis of a disc's picture over those of one that is seen in the middle of the picture and faces
-/// the eye. A step `v` in space is `v.xy + seen v.z` on the picture, where z grows towards the eye. So the disc reaches
-/// `|z - k|` far along its normal's projection, with `k = seen . normal.xy`, and `sqrt(1 + |seen|^2 |normal.xy|^2 - k^2)` across
-/// it. In the middle that is `|z|` and 1, and no disc is drawn narrower than there: at a sphere's limb the far side would show.
-/// Where the former is more than the latter, the disc is drawn as a circle.
+/// Semi-axes, minor and major, of a projected disc with view-space normal n, over the radius of a
+/// disc in the middle of the picture that faces the eye. A step `v` in space projects to
+/// `v.xy + seen v.z`, where z grows towards the eye. So the disc reaches `|z - k|` along its
+/// normal's projection, with `k = seen . normal.xy`, and `sqrt(1 + |seen|^2 |normal.xy|^2 - k^2)`
+/// across it. In the middle these are `|z|` and 1. No disc is drawn narrower than there: the far
+/// side would show at a sphere's limb. If the former exceeds the latter, the disc is drawn as a
+/// circle.
 #[inline(always)]
-fn of_disc([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
+fn disc_axes([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
     let k = x * nx + y * ny;
     let along = (nz - k).abs();
     let across = ((x * x + y * y) * (nx * nx + ny * ny) - k * k + 1.0).max(Vec4::ONE).sqrt();
     [along, across.max(along)]
 }
 
-/// Ellipses' minor axes over their major ones: never so small that an ellipse falls between pixels.
+/// Minor over major axis of ellipses, at least so large that no ellipse falls between pixels.
 #[inline(always)]
 fn filter_minor(minor: Lane, radius_px: Lane) -> Lane {
     (minor * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(Vec4::ONE)

@@ -1,12 +1,11 @@
-//! Project (marroquim2007 section 3.1): each point to at most one pixel. A frame buffer of
-//! `depth << 32 | point` keeps the least: the bits of a positive `f32` order like the number, so one
-//! 64-bit minimum is depth test and write. `point` counts through the frame's draws ([`DrawList`]).
-//! Out: the frame buffer; attributes are fetched afterwards, for the points that won ([`crate::passes::gather`]).
+//! Project (marroquim2007 section 3.1): maps each point to at most one pixel. The frame buffer
+//! holds `depth << 32 | point` and keeps the least value: the bits of a positive `f32` are ordered
+//! as the number, so one 64-bit minimum is depth test and write. `point` numbers the points of all
+//! draws of the frame ([`DrawList`]). The attributes of the points that won a pixel are fetched
+//! afterwards ([`crate::passes::gather`]).
 //!
-//! Threads share one frame buffer of atomics and read plainly before they write: most points lose
-//! already there. Measured on two busy cores against one buffer a thread, merged: 18 to 26 ms against 17
-//! to 25 for a million points, 83 to 113 against 90 to 140 for five; no difference beyond the noise, and
-//! nothing to clear, merge or hold a core.
+//! Threads share one frame buffer of atomics and read before they write, since most points fail the
+//! depth test. One buffer a thread, merged afterwards, is not faster.
 
 use crate::frame::{DrawNode, Frame};
 use crate::gpu::memory::table::CHUNK_POINTS;
@@ -20,20 +19,23 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// A pixel that no point fell on.
+/// Value of a pixel without a point.
 pub const EMPTY: u64 = u64::MAX;
-/// Points a job has: large enough that handing out costs nothing, small enough that cores end together.
+/// Points of a job: large enough that distribution costs nothing, small enough that all cores
+/// finish together.
 const JOB_POINTS: usize = 1 << 14;
-/// Points placed before they are written: the arithmetic is then free of branches.
+/// Points of a block, which are projected before any is written, so that the arithmetic has no
+/// branches.
 const BLOCK: usize = 64;
 
-/// Depth and point of a frame-buffer value.
+/// Splits a frame-buffer value into depth and point number.
 pub fn unpack(value: u64) -> (f32, u32) {
     (f32::from_bits((value >> 32) as u32), value as u32)
 }
 
-/// The frame's points in one numbering. Each draw begins at a multiple of a chunk, as on a GPU
-/// ([`crate::gpu::memory::table::CHUNK_POINTS`]), so that a point's draw is looked up and not searched for.
+/// Numbers the points of all draws of a frame. Each draw begins at a multiple of a chunk, as on a
+/// GPU ([`crate::gpu::memory::table::CHUNK_POINTS`]), so that the draw of a point is found by a
+/// lookup and not by a search.
 #[derive(Clone, Debug, Default)]
 pub struct DrawList {
     /// Number of the first point of each draw.
@@ -46,12 +48,12 @@ pub struct DrawList {
 }
 
 impl DrawList {
-    /// Numbers the points of these draws. What there is no number left for is not drawn.
+    /// Numbers the points of `draws`. Points beyond the last number are not drawn.
     pub fn new(draws: &[DrawNode<'_>]) -> Self {
         let mut list = Self::default();
         let mut next = 0u64;
         for (owner, draw) in (0..).zip(draws) {
-            // The last chunk stays free: all ones is no point.
+            // The last chunk stays free: all ones means no point.
             let left = u64::from(u32::MAX - CHUNK_POINTS).saturating_sub(next);
             let count = (Positions::of(draw).len as u64).min(left) as u32;
             let chunks = count.div_ceil(CHUNK_POINTS);
@@ -79,10 +81,7 @@ impl DrawList {
         self.points
     }
 
-    /// Draw and index in it of a numbered point.
-    ///
-    /// # Panics
-    /// If no point has that number.
+    /// Draw of a point, and its index in the draw.
     #[inline]
     pub fn find(&self, point: u32) -> (usize, usize) {
         let draw = self.owners[(point / CHUNK_POINTS) as usize] as usize;
@@ -90,12 +89,12 @@ impl DrawList {
     }
 }
 
-/// The code of no normal.
+/// Octahedral code of a point without a normal.
 pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
-/// The same, as it lies in a plane.
-const NO_NORMAL_BITS: u32 = 0x8000_8000;
+/// Bits of [`NO_NORMAL`] in a normal plane.
+pub(crate) const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
-/// Draws all points into `target` (one value a pixel, row by row), which it clears first.
+/// Projects all points into `target` (one value a pixel, row by row), which is cleared first.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
     target.par_chunks(1 << 16).for_each(|c| c.iter().for_each(|p| p.store(EMPTY, Relaxed)));
     let jobs: Vec<(usize, usize)> = (0..frame.draws.len())
@@ -126,8 +125,9 @@ fn project_run(
     let near = place.near();
     let mut offsets = [[0; BLOCK]; 3];
     let zero = [0.0; BLOCK];
-    let block = Block { start: 0, shown: 0, pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
-    // A block's pixels are asked for while the one before is drawn.
+    let block =
+        PointBlock { start: 0, shown: 0, pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    // The pixels of a block are prefetched while the block before is written.
     let (mut block, mut before) = (block, block);
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
@@ -148,7 +148,7 @@ fn project_run(
     before.draw(base, target, |point| hides && is_hidden(draw.position, point));
 }
 
-/// The places of the ones among bits, from the lowest.
+/// Indices of the set bits, from the lowest.
 #[inline(always)]
 fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -159,26 +159,26 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Where a block of points is on the picture.
+/// A block of projected points.
 #[derive(Clone, Copy)]
-struct Block {
-    /// The first of its points in its node.
+struct PointBlock {
+    /// Index in the node of the first point of the block.
     start: usize,
-    /// Those on the picture, a bit each.
+    /// Points within the picture, a bit each.
     shown: u64,
-    /// Pixels, row by row; what is outside has the highest bit.
+    /// Pixel of each point, row by row; the highest bit marks points outside the picture.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
-    /// Against the eye, the world's axes.
+    /// Position relative to the eye, along the axes of the world.
     from_eye: [[f32; BLOCK]; 3],
 }
 
-/// The bit of what is outside.
+/// Bit that marks points outside the picture.
 const OUTSIDE: u32 = 1 << 31;
 
-impl Block {
-    /// Places a block of points; `steps` has them against the eye, from the axis and the offset. Straight arithmetic
-    /// over arrays: it becomes SIMD.
+impl PointBlock {
+    /// Projects a block of points; `steps` gives the position relative to the eye from axis and
+    /// offset. The loop has no branches, so that it compiles to SIMD.
     #[inline(always)]
     fn place(
         &mut self,
@@ -201,7 +201,7 @@ impl Block {
             let scale = camera.focal_px / *depth;
             let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
             let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
-            // Written so that what is not a number is outside.
+            // Written so that NaN is outside.
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
             let at = whole(at_y).wrapping_mul(row).wrapping_add(whole(at_x));
@@ -209,8 +209,9 @@ impl Block {
         }
     }
 
-    /// Puts points outside whose normals do not look to the eye's side; points without a normal do. Directions as
-    /// [`esker_points::quant::oct_direction`] has them, times 32767: whole numbers, and the side is the same.
+    /// Marks points as outside whose normals point away from the eye; points without a normal stay.
+    /// Directions are those of [`esker_points::quant::oct_direction`], times 32767: they are
+    /// integers, and the sign is the same.
     #[inline(always)]
     fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
         const ONE: i32 = 32_767;
@@ -235,14 +236,15 @@ impl Block {
         }
     }
 
-    /// Draws those that are on the picture and not hidden; `base` is the number of the node's first point.
+    /// Writes the points that are within the picture and not hidden; `base` is the number of the
+    /// first point of the node.
     #[inline(always)]
     fn draw(&self, base: u32, target: &[AtomicU64], is_hidden: impl Fn(usize) -> bool) {
         let value = |k: usize| {
             let point = base + (self.start + k) as u32;
             u64::from(self.depths[k].to_bits()) << 32 | u64::from(point)
         };
-        // Without a branch: which points lose against what is there is hard to guess.
+        // No branch here: the result of the depth test is unpredictable.
         let mut winning = 0;
         for k in ones(self.shown) {
             let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
@@ -256,7 +258,7 @@ impl Block {
         }
     }
 
-    /// Those of the first `count` points that are on the picture, a bit each.
+    /// Those of the first `count` points that are within the picture, a bit each.
     #[inline(always)]
     fn on_picture(&self, count: usize) -> u64 {
         let mut outside = 0;
@@ -268,29 +270,30 @@ impl Block {
     }
 }
 
-/// The whole part of a number from 0 to 2^22; anything of others. Without what `as` does for these, which is no SIMD.
+/// Integer part of a number from 0 to 2^22; arbitrary for other numbers. `as` is not used, since
+/// its saturation is no SIMD.
 #[inline(always)]
 fn whole(x: f32) -> u32 {
-    // A number this large has no bits left for fractions: adding it rounds.
+    // At this size numbers have no bits for fractions, so that adding it rounds.
     const ROUNDS: f32 = (1 << 23) as f32;
     let rounded = x + ROUNDS;
     let is_above = rounded - ROUNDS > x;
     rounded.to_bits().wrapping_sub(ROUNDS.to_bits()).wrapping_sub(u32::from(is_above))
 }
 
-/// Whether a point is marked as one that is not wanted.
+/// Whether a filter has marked a point as hidden.
 pub(crate) fn is_hidden(positions: &[u8], index: usize) -> bool {
     positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
 }
 
-/// The code of a point's normal, where the plane has one.
+/// Octahedral code of a point's normal, or `None` if the plane is too short.
 #[inline]
 pub(crate) fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
     let b = normals.get(index * 4..index * 4 + 4)?;
     Some([i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])])
 }
 
-/// The world normal of a point; zero where it has none or the plane is too short.
+/// World normal of a point; zero if the point has none or the plane is too short.
 #[inline]
 pub fn normal_at(normals: &[u8], index: usize) -> Vec3 {
     normal_code(normals, index).map_or(Vec3::ZERO, |code| Vec3::from_array(oct_decode(code)))

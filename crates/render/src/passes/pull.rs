@@ -1,20 +1,24 @@
 //! Pull (marroquim2007 section 3.2): averages each level of the pyramid into the next coarser one.
 //!
-//! A coarse pixel takes from its four finer ones those that are valid and whose depth interval meets
-//! that of the frontmost (the least minimum; of equals the first, row by row). Their attributes are
-//! averaged; its own interval runs from the least minimum to the greatest maximum of those taken. To
-//! each displacement the vector from the finer pixel's centre to the coarser one's is added first, so
-//! that it keeps pointing from the ellipse's exact centre to the pixel's.
+//! A coarse pixel takes those of its four finer pixels that are valid and whose depth interval
+//! meets that of the frontmost (the least minimum; the first, row by row, of equal ones). Their
+//! attributes are averaged; its own interval extends from the least minimum to the greatest maximum
+//! of the pixels taken. To each displacement the vector from the centre of the finer pixel to that
+//! of the coarser one is added first, so that it still points from the centre of the ellipse to
+//! that of the pixel.
 //!
-//! Where pixels have planes, depths are moved along their planes ([`crate::passes::tangent`]): compared at the middle of
-//! the valid ones, and averaged at the middle of those taken.
+//! If pixels have planes, depths are moved along them ([`crate::passes::tangent`]): they are
+//! compared at the middle of the valid pixels, and averaged at the middle of those taken.
 
 use crate::passes::tangent::Lens;
-use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, for_each_row};
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, Lane, Mask, NORMALS, Pixels, counting, halves, halves_of_planes,
-    halves_of_values, is_empty, moved, only, valid,
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, Pyramid, RowMut, for_each_row,
 };
+use crate::simd::lanes::{
+    LANES, Pixels, counting, halves, halves_of_planes, halves_of_values, is_empty, moved, only,
+    valid,
+};
+use crate::simd::values::{Lane, Mask};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::Vec4;
 use std::ops::Range;
@@ -40,7 +44,7 @@ fn pull_level<const PLANE: usize>(lens: &Lens, finer: &Level, coarser: &mut Leve
     });
 }
 
-/// Averages two rows of `finer`, four of the coarser pixels at a time.
+/// Averages two rows of `finer`, into four coarser pixels at a time.
 #[inline(always)]
 fn pull_row<const PLANE: usize>(lens: &Lens, finer: &Level, edge_px: f32, mut row: RowMut<'_>) {
     let quarter = finer.edge_px * 0.5;
@@ -63,7 +67,7 @@ fn pull_row<const PLANE: usize>(lens: &Lens, finer: &Level, edge_px: f32, mut ro
     }
 }
 
-/// The pixels of row `y` that four coarser ones from `first` on are made of.
+/// Indices of the pixels of row `y` below the four coarser ones from `first` on.
 #[inline(always)]
 fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
     let start = y * finer.width;
@@ -71,7 +75,7 @@ fn run(finer: &Level, first: usize, y: usize) -> Range<usize> {
     if y < finer.height { run } else { 0..0 }
 }
 
-/// The pixels of a run, those to the left and those to the right.
+/// Pixels of a run: the left one of each pair, then the right one.
 #[inline(always)]
 fn pixels<const PLANE: usize>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
     let front = halves(&finer.front[run.clone()], INVALID);
@@ -87,19 +91,20 @@ fn pixels<const PLANE: usize>(finer: &Level, run: Range<usize>) -> [Pixels; 2] {
     ]
 }
 
-/// The finer pixels of four coarser ones, four for each: left and right, above and below.
+/// Finer pixels of four coarser ones, four for each: left and right, above and below.
 struct Four {
     pixels: [Pixels; 4],
-    /// Which take part.
+    /// Pixels that take part.
     kept: [Mask; 4],
-    /// Displacements to the coarser pixels' centres.
+    /// Displacements to the centres of the coarser pixels.
     displaced: [[Lane; 2]; 4],
 }
 
 impl Four {
     #[inline(always)]
     fn new(pixels: [Pixels; 4], quarter: f32) -> Self {
-        // From the finer centre to the coarser: half a finer pixel right and down, or back.
+        // From the centre of the finer pixel to that of the coarser: half a finer pixel right and
+        // down, or back.
         let mut displaced = [[Vec4::ZERO; 2]; 4];
         for (i, (displaced, pixels)) in displaced.iter_mut().zip(&pixels).enumerate() {
             let right = if i & 1 == 0 { quarter } else { -quarter };
@@ -111,10 +116,11 @@ impl Four {
         Self { pixels, kept, displaced }
     }
 
-    /// The coarser pixels, which have these centres; their least depth is infinite where there is none.
+    /// Means of the pixels taken, for coarser pixels with these centres; the least depth is
+    /// infinite without any.
     #[inline(always)]
     fn mean<const PLANE: usize>(mut self, lens: &Lens, centre: [Lane; 2]) -> Pixels {
-        // q of the normals' planes at the ellipses' centres ([`crate::passes::tangent`]).
+        // q of the normals' planes at the centres of the ellipses ([`crate::passes::tangent`]).
         let mut facing = [Vec4::ZERO; 4];
         if PLANE == NORMALS {
             for (i, [x, y]) in self.displaced.into_iter().enumerate() {
@@ -157,14 +163,14 @@ impl Four {
         out
     }
 
-    /// One over the number of those that take part; one where none does.
+    /// One over the number of pixels that take part; one if there is none.
     #[inline(always)]
     fn share(&self) -> Lane {
         let count = self.kept.iter().fold(Vec4::ZERO, |sum, &kept| sum + only(kept, Vec4::ONE));
         1.0 / count.max(Vec4::ONE)
     }
 
-    /// The mean displacement of those that take part.
+    /// Mean displacement of the pixels that take part.
     #[inline(always)]
     fn middle(&self) -> [Lane; 2] {
         let mut sum = [Vec4::ZERO; 2];
@@ -176,7 +182,8 @@ impl Four {
         [sum[0] * share, sum[1] * share]
     }
 
-    /// What each one's depths change by from its ellipse's centre to the place that `middle` is the displacement of.
+    /// Factors of the depths of each pixel, from the centre of its ellipse to the place with the
+    /// displacement `middle`.
     #[inline(always)]
     fn factors<const PLANE: usize>(&self, facing: &[Lane; 4], middle: [Lane; 2]) -> [Lane; 4] {
         let mut factors = [Vec4::ONE; 4];
@@ -190,7 +197,8 @@ impl Four {
         factors
     }
 
-    /// Drops those whose depth interval does not meet that of the frontmost. Whether it drops any.
+    /// Drops pixels whose depth interval does not meet that of the frontmost. Returns whether any
+    /// was dropped.
     #[inline(always)]
     fn keep_frontmost(&mut self, factors: &[Lane; 4]) -> bool {
         let (mut least, mut limit) = (Vec4::INFINITY, Vec4::INFINITY);

@@ -1,69 +1,75 @@
-//! Push (marroquim2007 section 3.3): from the coarsest level down, pixels that are invalid or occluded
-//! are interpolated from the coarser level, which has itself been pushed already.
+//! Push (marroquim2007 section 3.3): from the coarsest level down, pixels that are invalid or
+//! occluded are interpolated from the coarser level, which has itself been pushed already.
 //!
-//! A valid pixel is occluded where its least depth lies outside the depth interval of the coarser pixel
-//! above it. The four nearest coarser pixels have weights 9, 3, 3, 1; those that are invalid or whose
-//! ellipse does not cover the pixel's centre drop out, and the rest is renormalised.
+//! A valid pixel is occluded if its least depth is outside the depth interval of the coarser pixel
+//! above it. The four nearest coarser pixels have weights 9, 3, 3, 1; those that are invalid or
+//! whose ellipse does not cover the centre of the pixel are dropped, and the rest is renormalised.
 //!
 //! Where the paper is silent:
-//! - Of the coarser pixels left, only those take part whose depth interval meets that of the frontmost,
-//!   as in the pull phase: at a silhouette two surfaces may cover a pixel, and their mean is neither.
-//! - An occluded pixel is replaced only by what lies in front of it: it keeps its own attributes where
-//!   nothing covers it, or where its least depth is not behind the frontmost interval.
-//! - A wide ellipse hides also what lies below the coarser pixels beside its own: where points are far apart, whole pixels of coarse
-//!   levels hold but points of what lies behind, which would show as squares.
-//! - With normals, what lies behind all four coarser pixels and between the centres of their ellipses is occluded too where none of
-//!   these ends much before it: a mean of discs covers less than they do, and whole pixels of what lies behind would stay.
-//! - Where asked, colours and normals of the picture's pixels that stay as they are take up to half of what is interpolated
-//!   there, by the weights of those that cover them, whose intervals meet theirs and whose normals are near theirs: at about
-//!   a point a pixel, which one wins a pixel is chance, and shows as speckles.
-//! - All attributes are interpolated, the two ends of the depth interval as well; to displacements the
-//!   vector between the centres is added, as in the pull phase.
+//! - Of the remaining coarser pixels, only those take part whose depth interval meets that of the
+//!   frontmost, as in pull: at a silhouette two surfaces may cover a pixel, and their mean is
+//!   neither.
+//! - An occluded pixel is replaced only by a surface in front of it: it keeps its attributes if
+//!   nothing covers it, or if its least depth is not behind the frontmost interval.
+//! - A wide ellipse also hides pixels below the coarser pixels beside its own: with sparse points,
+//!   pixels of coarse levels may hold only points of a surface behind, which would show as squares.
+//! - With normals, a pixel behind all four coarser pixels and between the centres of their ellipses
+//!   is occluded too, if none of these ellipses ends much before it: a mean of discs covers less
+//!   than they do.
+//! - With `smooths`, colours and normals of unchanged pixels of the picture are mixed with up to
+//!   half of the interpolated value, by the weights of the coarser pixels that cover them, whose
+//!   intervals meet theirs and whose normals are close: at about a point a pixel, the winner of a
+//!   pixel is chance and shows as speckle.
+//! - All attributes are interpolated, also both ends of the depth interval; to displacements the
+//!   vector between the centres is added, as in pull.
 //!
-//! Where pixels have planes, depths are moved along them ([`crate::passes::tangent`]): compared where the pixel's own
-//! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
+//! If pixels have planes, depths are moved along them ([`crate::passes::tangent`]): they are
+//! compared at the centre of the pixel's own ellipse, or at the pixel's centre if it is invalid,
+//! and interpolated at the centre of the new ellipse.
 
 use crate::passes::ellipse::covers_at;
 use crate::passes::tangent::Lens;
-use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, Line, NORMALS, Pixels, Run, halves, has_pixels, is_empty, moved, turned,
+use crate::picture::pyramid::{
+    FITTED, FLAT, INVALID, Level, NORMALS, Planes, Pyramid, RowMut, Rows, for_each_band,
 };
+use crate::simd::lanes::{LANES, Line, Pixels, Run, halves, has_pixels, is_empty, moved, turned};
 use crate::simd::values::{Values, bits, dot, join, only};
 use fearless_simd::{
     ExtractToken, Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8,
 };
 use glam::Vec4;
 
-/// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
-/// the biquadratic B-spline's, times 16.
+/// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal
+/// one: those of the biquadratic B-spline, times 16.
 const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
-/// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels. Of narrower ones
-/// there is one in every pixel, and what they make of outlines is not to grow.
-const HIDING_PX: f32 = 24.0;
+/// Least radius of an ellipse that hides pixels below the coarser pixels beside its own, pixels.
+/// Narrower ellipses are in every pixel, and would widen outlines.
+pub(crate) const HIDING_PX: f32 = 24.0;
 
-/// So many of its radii a pixel may be from the centre of each of four ellipses that enclose it.
-const ENCLOSING: f32 = 1.15;
+/// Greatest distance of a pixel from the centres of four enclosing ellipses, over their radii.
+pub(crate) const ENCLOSING: f32 = 1.15;
 
-/// How much of a pixel of the picture is what is interpolated there, where all four coarser ones have a part in it. With 0.8
-/// surfaces of a point a pixel flicker an eighth less, but colours are off by 3 to 7 % more.
-const SMOOTH: f32 = 0.5;
+/// Share of the interpolated value in a smoothed pixel if all four coarser pixels take part. With
+/// 0.8 surfaces of a point a pixel flicker less, but colours are less accurate.
+pub(crate) const SMOOTH: f32 = 0.5;
 
-/// Square of the cosine (15 degrees) from which on normals are near each other: of a cube's edge a coarser pixel with three parts of
-/// one side and one of the other has no part in either.
-const NEAR: f32 = 0.933;
+/// Square of the cosine (15 degrees) from which on normals are close: at the edge of a cube, a
+/// coarser pixel with three parts of one side and one of the other takes part in neither.
+pub(crate) const NEAR: f32 = 0.933;
 
-/// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
-const ROUNDING: f32 = 0.99999;
+/// Slightly less than one: a pixel that the coarser one was made from must not count as in front of
+/// it.
+pub(crate) const ROUNDING: f32 = 0.99999;
 
 /// Fills the levels from the second coarsest down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
     push_with(pyramid, false, &mut []);
 }
 
-/// The same, and `smooths` the picture's pixels that stay. Writes the picture's depth image
-/// ([`crate::picture::pyramid::Level::depth_image`]) while its rows are at hand.
+/// Fills the levels as [`push`] does and, with `smooths`, smooths pixels of the picture that stay.
+/// Writes the depth image of the picture ([`crate::picture::pyramid::Level::depth_image`]) while
+/// its rows are in the cache.
 pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
     if let [base] = &pyramid.levels[..] {
         return base.depth_image(&pyramid.lens, image);
@@ -108,11 +114,11 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     edge_px: f32,
     rows: Rows<'_>,
 ) {
-    // The coarser rows in use, by the last bit of their number.
+    // Coarser rows in use, by the lowest bit of their number.
     let mut lines = [(None, Line::default()), (None, Line::default())];
     for mut row in rows {
         let over = row.y / 2;
-        // The nearer neighbour up or down; none at the picture's edge.
+        // Nearer neighbour above or below; none at the border of the picture.
         let beside = if row.y & 1 == 1 { over + 1 } else { over.wrapping_sub(1) };
         for y in [over, beside] {
             let (held, line) = &mut lines[y & 1];
@@ -129,15 +135,15 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
                 push_block::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
                 row.write_image::<PLANE>(lens, edge_px, first);
             } else {
-                // What is valid here would have made them so.
+                // A valid pixel here would have made the coarser ones valid.
                 row.write_nothing(first);
             }
         }
     }
 }
 
-/// Recomputes the pixels of a row, from `first` on, below four coarser ones. `runs` are of the row above it and of the
-/// nearer one beside that.
+/// Recomputes the pixels of a row from `first` on, below four coarser ones. `runs` are the coarser
+/// row above them and the nearer one beside that.
 #[inline(always)]
 fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
@@ -151,8 +157,9 @@ fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     let beside = join(simd, Vec4::splat(-half), Vec4::splat(half));
     let (above, below) = if row.y & 1 == 1 { (half, half * -3.0) } else { (-half, half * 3.0) };
     let [above, below] = [simd.splat_f32x8(above), simd.splat_f32x8(below)];
-    // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
-    // same side, one and a half the other way.
+    // From the centre of a coarser pixel to that of the finer one: half a finer pixel from the one
+    // above; one and a half, in the other direction, from its neighbours, which are on the same
+    // side.
     let near = [
         Near { simd, run: runs[0], at: [1, 1], to_finer: [beside, above] },
         Near { simd, run: runs[0], at: [0, 2], to_finer: [beside * -3.0, above] },
@@ -161,9 +168,9 @@ fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     ];
     let (zero, infinite) = (simd.splat_f32x8(0.0), simd.splat_f32x8(f32::INFINITY));
     if is_empty(own) {
-        // Most blocks have no pixel of their own.
-        let block = Block { least: infinite, most: infinite, displaced: [zero; 2] };
-        return block.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
+        // Most blocks have no valid pixel.
+        let finer = FinerPixels { least: infinite, most: infinite, displaced: [zero; 2] };
+        return finer.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
     let [least, most] = [0, 1].map(|i| join(simd, own[0][i], own[1][i]));
@@ -172,34 +179,34 @@ fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
         only(is_valid, join(simd, own[0][2], own[1][2])),
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let block = Block { least, most, displaced };
+    let finer = FinerPixels { least, most, displaced };
     let [above, beside @ ..] = &near;
-    let mut asking = !(is_valid & block.is_within::<PLANE>(above));
+    let mut is_wanted = !(is_valid & finer.is_within::<PLANE>(above));
     for near in beside {
         let is_wide = infinite.like(HIDING_PX).cmple(near.lane(Line::TINT + 3));
         if is_wide.any_true() {
-            asking |= is_wide & block.is_behind::<PLANE>(near);
+            is_wanted |= is_wide & finer.is_behind::<PLANE>(near);
         }
     }
-    if SMOOTHS || asking.any_true() {
-        block.fill::<PLANE, SMOOTHS>(&near, asking, row, first);
+    if SMOOTHS || is_wanted.any_true() {
+        finer.fill::<PLANE, SMOOTHS>(&near, is_wanted, row, first);
     }
 }
 
-/// The values of every second pixel, and those of the others.
+/// Splits values into those of every second pixel, and those of the others.
 #[inline(always)]
 fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
     let (even, odd) = values.token().split_f32x8(values);
     [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
 }
 
-/// The coarser pixels that lie on one side of finer ones.
+/// Coarser pixels on one side of finer ones.
 struct Near<'a, S: Simd> {
     simd: S,
     run: &'a Run,
-    /// Where the first of them is in the run, for the finer ones to the left and to the right.
+    /// Index of the first coarser pixel in the run, for the left and for the right finer pixels.
     at: [usize; 2],
-    /// From their centres to the finer ones.
+    /// From the centres of the coarser pixels to those of the finer ones.
     to_finer: [f32x8<S>; 2],
 }
 
@@ -213,7 +220,7 @@ impl<S: Simd> Near<'_, S> {
         )
     }
 
-    /// Of depths moved from the ellipses' centres by so many pixels, what they are multiplied by.
+    /// Factors of depths that are moved by `by` pixels from the centres of the ellipses.
     #[inline(always)]
     fn moved<const PLANE: usize>(&self, by: [f32x8<S>; 2]) -> f32x8<S> {
         let tilt = [self.lane(Line::PLANE), self.lane(Line::PLANE + 1)];
@@ -221,14 +228,14 @@ impl<S: Simd> Near<'_, S> {
         moved::<PLANE, _>(tilt, facing, by)
     }
 
-    /// From the ellipses' centres to the finer pixels'.
+    /// From the centres of the ellipses to those of the finer pixels.
     #[inline(always)]
     fn displaced(&self) -> [f32x8<S>; 2] {
         let at = Line::FRONT + 2;
         [self.lane(at) + self.to_finer[0], self.lane(at + 1) + self.to_finer[1]]
     }
 
-    /// Whether the ellipses cover the finer pixels.
+    /// Whether the ellipses cover the centres of the finer pixels.
     #[inline(always)]
     fn covers<const PLANE: usize>(&self) -> mask32x8<S> {
         let radius = self.lane(Line::TINT + 3);
@@ -242,17 +249,18 @@ impl<S: Simd> Near<'_, S> {
     }
 }
 
-/// A run of finer pixels: every second one, then the others.
-struct Block<S: Simd> {
-    /// Their own depth intervals.
+/// Eight finer pixels: every second one, then the others.
+struct FinerPixels<S: Simd> {
+    /// Depth intervals of the pixels.
     least: f32x8<S>,
     most: f32x8<S>,
-    /// To their centres from where depths are compared: from their ellipses' centres, from their own where they are invalid.
+    /// From the place where depths are compared to the centre of the pixel: from the centre of its
+    /// ellipse, or zero for an invalid pixel.
     displaced: [f32x8<S>; 2],
 }
 
-impl<S: Simd> Block<S> {
-    /// Which are within the intervals of the coarser pixels above.
+impl<S: Simd> FinerPixels<S> {
+    /// Whether pixels are within the intervals of the coarser pixels above.
     #[inline(always)]
     fn is_within<const PLANE: usize>(&self, above: &Near<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
@@ -263,7 +271,7 @@ impl<S: Simd> Block<S> {
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
-    /// Which lie behind the interval of a coarser pixel.
+    /// Whether pixels are behind the interval of a coarser pixel.
     #[inline(always)]
     fn is_behind<const PLANE: usize>(&self, near: &Near<'_, S>) -> mask32x8<S> {
         let [least, mut most] = [0, 1].map(|i| near.lane(Line::FRONT + i));
@@ -273,13 +281,14 @@ impl<S: Simd> Block<S> {
         least.cmplt(least.like(f32::INFINITY)) & most.cmplt(self.least)
     }
 
-    /// To where depths are compared from the centres of ellipses that are so far from the pixels.
+    /// From the centres of ellipses with these displacements to the place where depths are
+    /// compared.
     #[inline(always)]
     fn from(&self, displaced: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
         [displaced[0] - self.displaced[0], displaced[1] - self.displaced[1]]
     }
 
-    /// Depth intervals of coarser pixels where they are compared, infinite where there are none.
+    /// Depth intervals of coarser pixels at the place of comparison; infinite for invalid ones.
     #[inline(always)]
     fn see<const PLANE: usize>(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
         let (mut least, mut most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
@@ -292,12 +301,12 @@ impl<S: Simd> Block<S> {
         [least, most].map(|depth| f32x8::select(is_valid, depth, infinite))
     }
 
-    /// Which lie behind all four coarser pixels, and between the centres of their ellipses.
+    /// Whether pixels are behind all four coarser pixels and between the centres of their ellipses.
     #[inline(always)]
     fn is_enclosed(&self, near: &[Near<'_, S>; 4], seen: &[[f32x8<S>; 2]; 4]) -> mask32x8<S> {
         let zero = self.least.like(0.0);
         let mut is_enclosed = self.least.cmplt(zero.like(f32::INFINITY));
-        // How far the centres are at most along four lines, one way and the other.
+        // Greatest distances of the centres along four lines, in both directions.
         let (mut low, mut high) = ([zero; 4], [zero; 4]);
         for (near, [_, most]) in near.iter().zip(seen) {
             let [x, y] = near.displaced();
@@ -314,12 +323,13 @@ impl<S: Simd> Block<S> {
         is_enclosed
     }
 
-    /// Interpolates those that are `asking`, and writes those that something covers. Others take a part of it.
+    /// Interpolates those that are `is_wanted`, and writes those that something covers. Others take
+    /// a part of it.
     #[inline(always)]
     fn fill<const PLANE: usize, const SMOOTHS: bool>(
         &self,
         near: &[Near<'_, S>; 4],
-        asking: mask32x8<S>,
+        is_wanted: mask32x8<S>,
         row: &mut RowMut<'_>,
         first: usize,
     ) {
@@ -331,7 +341,7 @@ impl<S: Simd> Block<S> {
             self.see::<PLANE>(d),
         ];
         let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
-        let is_valid = asking & self.least.cmplt(infinite);
+        let is_valid = is_wanted & self.least.cmplt(infinite);
         let mut is_enclosed = zero.cmplt(zero);
         if PLANE == NORMALS && is_valid.any_true() {
             is_enclosed = is_valid & self.is_enclosed(near, &seen);
@@ -347,7 +357,7 @@ impl<S: Simd> Block<S> {
             nearest = f32x8::select(is_nearer, *least, nearest);
         }
         // Else nothing covers it; or it is valid (finite) and not behind what does.
-        let is_new = asking & nearest.cmplt(infinite) & limit.cmplt(self.least);
+        let is_new = is_wanted & nearest.cmplt(infinite) & limit.cmplt(self.least);
         let is_kept = !is_new & self.least.cmplt(infinite);
         let smooths = SMOOTHS && is_kept.any_true();
         if !smooths && !is_new.any_true() {
@@ -434,7 +444,8 @@ impl<S: Simd> Block<S> {
     }
 }
 
-/// Moves colours and normals of some pixels, a bit each, towards means by shares: every second of them, then the others.
+/// Moves colours and normals of the pixels whose bit is set towards `means` by `shares`: every
+/// second pixel, then the others.
 #[inline(always)]
 fn smooth<const PLANE: usize>(
     pixels: u32,
@@ -455,20 +466,20 @@ fn smooth<const PLANE: usize>(
     }
 }
 
-/// Whether normals of any length make a small angle, or there are none. What is no number is near nothing.
+/// Whether normals of any length make a small angle, or both are zero. NaN is close to nothing.
 #[inline(always)]
 fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);
     (dot(a, a) * NEAR * dot(b, b)).cmple(along * along.max(along.like(0.0)))
 }
 
-/// The first three attributes of a pixel moved towards others by a share.
+/// First three attributes of a pixel, moved towards others by a share.
 #[inline(always)]
 fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
     (own * (1.0 - share) + mean * share).truncate().extend(own.w)
 }
 
-/// The weighted mean of a plane. What has no weight may be no number.
+/// Weighted mean of a plane. Values without weight may be NaN.
 #[inline(always)]
 fn mean_of<S: Simd>(near: &[Near<'_, S>; 4], plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
     let mut sum = weights[0].like(0.0);

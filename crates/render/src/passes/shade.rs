@@ -2,9 +2,9 @@
 //! interpolated normals; where the cloud has none, with normals from the reconstructed depth
 //! ([`crate::passes::smooth_depth`]). In linear light; the result is encoded as sRGB.
 //!
-//! The light stands with the viewer: a key light from the upper left, a soft one from the eye, and an
-//! ambient half-sphere, brighter above. Pixels behind their surroundings are darkened, which sets
-//! surfaces off against each other.
+//! The light stands with the viewer: a key light from the upper left, a soft one from the eye, and
+//! an ambient half-sphere, brighter above. Pixels behind their surroundings are darkened, which
+//! sets surfaces off against each other.
 
 use crate::frame::{Background, Picture};
 use crate::inputs::camera::Camera;
@@ -20,19 +20,19 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Direction to the key light, view space, unit length.
-const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
+pub(crate) const KEY: Vec3 = Vec3::new(-0.42, 0.60, 0.6808);
 /// Shares of the lights. Key, eye and the brighter ambient add up to a little over one.
-const KEY_SHARE: f32 = 0.62;
-const EYE_SHARE: f32 = 0.16;
-const SKY_SHARE: f32 = 0.30;
-const GROUND_SHARE: f32 = 0.12;
+pub(crate) const KEY_SHARE: f32 = 0.62;
+pub(crate) const EYE_SHARE: f32 = 0.16;
+pub(crate) const SKY_SHARE: f32 = 0.30;
+pub(crate) const GROUND_SHARE: f32 = 0.12;
 /// The strength of the highlight; Phong's exponent is 24.
-const SHINE: f32 = 0.10;
-/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With normals
-/// only what lies behind an edge is set off, whatever its slope; without them the depth alone has to tell
-/// the shape.
-const EDGE: (f32, f32) = (1.0, 4.0);
-const DOME: (f32, f32) = (2.0, 0.5);
+pub(crate) const SHINE: f32 = 0.10;
+/// How dark the farthest behind is (as an exponent), and up to which slope nothing darkens. With
+/// normals only what lies behind an edge is set off, whatever its slope; without them the depth
+/// alone has to tell the shape.
+pub(crate) const EDGE: (f32, f32) = (1.0, 4.0);
+pub(crate) const DOME: (f32, f32) = (2.0, 0.5);
 
 /// What shading found.
 pub struct Shaded {
@@ -42,8 +42,9 @@ pub struct Shaded {
     pub creases: Marks,
 }
 
-/// Lights a surface, whose depth image the picture has already, and writes its colours. Normals of a
-/// surface that has none come from `smooth`, which [`crate::passes::smooth_depth::smooth_depth`] filled.
+/// Lights a surface, whose depth image the picture has already, and writes its colours. Normals of
+/// a surface that has none come from `smooth`, which [`crate::passes::smooth_depth::smooth_depth`]
+/// filled.
 pub fn shade(
     camera: &Camera,
     surface: &impl Surface,
@@ -151,8 +152,8 @@ impl<T: Surface> Row<'_, T> {
         }
     }
 
-    /// Directions from the surface to the eye at eight pixels; without highlights along the axis, whence the eye's soft
-    /// light then comes.
+    /// Directions from the surface to the eye at eight pixels; without highlights along the axis,
+    /// whence the eye's soft light then comes.
     #[inline(always)]
     fn to_eye<S: Simd, const SHINES: bool>(&self, simd: S, x: usize) -> [f32x8<S>; 3] {
         if SHINES {
@@ -162,8 +163,8 @@ impl<T: Surface> Row<'_, T> {
         [zero, zero, one]
     }
 
-    /// The interpolated normals of eight pixels, of unit length; notes creases beside them. Given are these as they are, and
-    /// those to the right and below.
+    /// The interpolated normals of eight pixels, of unit length; notes creases beside them. Given
+    /// are these as they are, and those to the right and below.
     #[inline(always)]
     fn normals<S: Simd>(
         &mut self,

@@ -1,11 +1,12 @@
-//! Relief: the shape that a depth image alone tells, for clouds without normals and for edges. Normals
-//! from differences of smoothed depth; and how much a pixel lies behind its surroundings, which darkens
-//! it (eye-dome lighting, after Boucheny 2009).
+//! Relief: the shape that a depth image alone tells, for clouds without normals and for edges.
+//! Normals from differences of smoothed depth; and how much a pixel lies behind its surroundings,
+//! which darkens it (eye-dome lighting, after Boucheny 2009).
 //!
-//! Smoothing is a separable bilateral mean of five pixels an axis, as wide as the discs first and then narrower and narrower: what
-//! differs from the middle by more than a surface can is another surface, and takes no part. So narrow means go over the
-//! patterns that wide ones leave where their taps are now on the surface and now on another. Loops over rows are
-//! free of branches; infinite depth (nothing there) drops out of every comparison by itself.
+//! Smoothing is a separable bilateral mean of five pixels an axis, as wide as the discs first and
+//! then narrower and narrower: what differs from the middle by more than a surface can is another
+//! surface, and takes no part. So narrow means go over the patterns that wide ones leave where
+//! their taps are now on the surface and now on another. Loops over rows are free of branches;
+//! infinite depth (nothing there) drops out of every comparison by itself.
 
 use crate::inputs::camera::Camera;
 use crate::picture::surface::Surface;
@@ -14,18 +15,22 @@ use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
 /// Steepest slope (depth over width) that still counts as one surface.
-const SLOPE_MAX: f32 = 6.0;
+pub(crate) const SLOPE_MAX: f32 = 6.0;
 /// Weights of the smoothing, from the middle outwards (binomial).
-const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
+pub(crate) const TAPS: [f32; 3] = [6.0, 4.0, 1.0];
 /// Distances of taps, pixels; the last two are always used.
-const STEPS: [usize; 4] = [8, 4, 2, 1];
-/// Radius of discs over the distance of taps from which on a round counts, and from which on it counts in full. In
-/// between its weight grows with the radius, so that pictures do not jump when the view changes a little.
-const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
+pub(crate) const STEPS: [usize; 4] = [8, 4, 2, 1];
+/// Radius of discs over the distance of taps from which on a round counts, and from which on it
+/// counts in full. In between its weight grows with the radius, so that pictures do not jump when
+/// the view changes a little.
+pub(crate) const RADIUS_PER_STEP: [f32; 2] = [1.7, 2.5];
 /// Distance of the surroundings that darken, pixels.
-const REACH: usize = 2;
+pub(crate) const REACH: usize = 2;
+/// Step of the sample of pixels, whose mean radius is taken: a prime, so that it runs across
+/// columns.
+pub(crate) const EVERY: usize = 61;
 /// Beyond this slope more depth darkens no more.
-const BEHIND_MAX: f32 = 4.0;
+pub(crate) const BEHIND_MAX: f32 = 4.0;
 
 /// A depth image: infinite where there is nothing.
 #[derive(Clone, Copy)]
@@ -38,8 +43,8 @@ pub struct DepthImage<'a> {
     pub focal_px: f32,
     /// The picture's middle, pixels.
     pub centre_px: [f32; 2],
-    /// Typical radius of the discs that the surface was filled from, pixels: depth comes in steps this
-    /// far apart.
+    /// Typical radius of the discs that the surface was filled from, pixels: depth comes in steps
+    /// this far apart.
     pub radius_px: f32,
 }
 
@@ -73,8 +78,6 @@ pub fn smooth_depth(
 
 /// Mean radius over a sample of the pixels covered.
 fn mean_radius_px(surface: &impl Surface, depth: &[f32]) -> f32 {
-    /// A prime, so that the sample runs across columns.
-    const EVERY: usize = 61;
     let [width, _] = surface.size();
     let covered = (0..depth.len()).step_by(EVERY).filter(|&i| depth[i] < f32::INFINITY);
     let (sum, count) = covered.fold((0.0, 0.0), |(sum, count), i| {
@@ -120,7 +123,8 @@ impl<'a> DepthImage<'a> {
         DepthImage { depth: smooth, ..self }
     }
 
-    /// How much of its weight a round has whose taps are `step` pixels apart; 0 where it is left out.
+    /// How much of its weight a round has whose taps are `step` pixels apart; 0 where it is left
+    /// out.
     fn share(&self, step: usize) -> f32 {
         let [from, full] = RADIUS_PER_STEP;
         if step <= 2 {
@@ -129,8 +133,8 @@ impl<'a> DepthImage<'a> {
         ((self.radius_px / step as f32 - from) / (full - from)).clamp(0.0, 1.0)
     }
 
-    /// The greatest relative change of depth over so many pixels within a surface. Between neighbouring
-    /// discs depth changes at once by what their distance makes.
+    /// The greatest relative change of depth over so many pixels within a surface. Between
+    /// neighbouring discs depth changes at once by what their distance makes.
     fn near(&self, pixels: usize) -> f32 {
         SLOPE_MAX * (pixels as f32).max(self.radius_px * 0.5) / self.focal_px
     }
@@ -214,11 +218,12 @@ pub struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// The normals in view space at eight pixels: towards the eye, unit length. What is told of pixels without depth
-    /// means nothing.
+    /// The normals in view space at eight pixels: towards the eye, unit length. What is told of
+    /// pixels without depth means nothing.
     ///
-    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes of
-    /// depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d / f.
+    /// A pixel at (u, v) from the middle, v upwards, is the point (u, v, -f) d / f. With the slopes
+    /// of depth an axis, the cross product of the two tangents is (du, dv, (d + u du + v dv) / f) d
+    /// / f.
     #[inline(always)]
     pub fn normals<S: Simd>(&self, simd: S, first: usize) -> [f32x8<S>; 3] {
         let mut room = None;
@@ -245,8 +250,8 @@ impl Surroundings<'_> {
         ]
     }
 
-    /// How far each of eight pixels lies behind its surroundings, 0 to 1; slopes up to `flat` do not count. What is
-    /// told of pixels without depth means nothing.
+    /// How far each of eight pixels lies behind its surroundings, 0 to 1; slopes up to `flat` do
+    /// not count. What is told of pixels without depth means nothing.
     #[inline(always)]
     pub fn behind<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
@@ -272,9 +277,9 @@ impl Surroundings<'_> {
         sum * (1.0 / (8.0 * BEHIND_MAX))
     }
 
-    /// How far each of eight pixels lies behind the middle of what is on both sides of it, 0 to 1; bends up to
-    /// `flat` do not count. Slopes are no bends, so nothing darkens towards a silhouette. What is told of pixels
-    /// without depth means nothing.
+    /// How far each of eight pixels lies behind the middle of what is on both sides of it, 0 to 1;
+    /// bends up to `flat` do not count. Slopes are no bends, so nothing darkens towards a
+    /// silhouette. What is told of pixels without depth means nothing.
     #[inline(always)]
     pub fn sunken<S: Simd>(&self, simd: S, first: usize, flat: f32) -> f32x8<S> {
         const RIGHT: usize = 2 * REACH;
@@ -300,7 +305,8 @@ impl Surroundings<'_> {
 /// Eight depths of a row and [`REACH`] on both sides of them.
 type Run = [f32; EIGHT + 2 * REACH];
 
-/// Those of three rows around the pixels from `first` on; infinite beyond the picture, which takes some room.
+/// Those of three rows around the pixels from `first` on; infinite beyond the picture, which takes
+/// some room.
 #[inline(always)]
 fn runs<'a>(rows: [&'a [f32]; 3], first: usize, room: &'a mut Option<[Run; 3]>) -> [&'a Run; 3] {
     // Beyond all rows where there are no columns before.
@@ -329,8 +335,8 @@ fn eight<S: Simd, const AT: usize>(simd: S, run: &Run) -> f32x8<S> {
     load(simd, run[AT..].first_chunk().unwrap_or(&[0.0; EIGHT]))
 }
 
-/// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays on
-/// the surface.
+/// Changes of depth a pixel, from the changes on both sides: their mean, or the only one that stays
+/// on the surface.
 #[inline(always)]
 fn slopes<S: Simd>(before: f32x8<S>, after: f32x8<S>, limit: f32x8<S>) -> f32x8<S> {
     let (before_size, after_size) = (Values::abs(before), Values::abs(after));
@@ -393,8 +399,8 @@ mod tests {
         }
     }
 
-    /// What sparse samples in several depths leave: plateaus as wide as discs, whose steps are now more and now less than
-    /// those of one surface.
+    /// What sparse samples in several depths leave: plateaus as wide as discs, whose steps are now
+    /// more and now less than those of one surface.
     #[test]
     fn surfaces_that_come_and_go_leave_no_pattern_of_dots() {
         const SIDE: usize = 96;
@@ -409,7 +415,8 @@ mod tests {
         };
         let mut scratch = SmoothDepthScratch::default();
         let smooth = image.smoothed(&mut scratch).depth;
-        // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by some 20 degrees.
+        // A dot is nearer, or farther, than all four pixels beside it by what turns its normal by
+        // some 20 degrees.
         let limit = 0.3 * 5.0 / image.focal_px;
         let is_dot = |i: &usize| {
             let beyond = [i - 1, i + 1, i - SIDE, i + SIDE].map(|other| smooth[*i] - smooth[other]);
@@ -420,7 +427,8 @@ mod tests {
         assert_eq!(inner.filter(is_dot).count(), 0);
     }
 
-    /// Radii change with every step of a walk: the smoothing that they ask for must not come and go at once.
+    /// Radii change with every step of a walk: the smoothing that they ask for must not come and go
+    /// at once.
     #[test]
     fn a_little_wider_discs_change_smooth_depth_a_little() {
         const SIDE: usize = 96;

@@ -1,51 +1,53 @@
-//! Depth along a disc's plane. The published depth intervals (marroquim2007 section 3.2) compare depths of different
-//! places as they are, so on a slope they have to be long, and grow with each level of the pyramid until they take in
-//! what lies behind. Here a pixel's depths hold at its ellipse's centre, and are moved along its plane to where they
-//! are compared, averaged and shown: on a plane nothing grows, at any slope.
+//! Depth along a disc's plane. The published depth intervals (marroquim2007 section 3.2) compare
+//! depths of different places directly, so that on a slope they must be long, and grow with each
+//! level of the pyramid until they include surfaces behind. Here the depths of a pixel hold at the
+//! centre of its ellipse and are moved along its plane to the place where they are compared,
+//! averaged or shown: on a plane no interval grows, at any slope.
 //!
-//! The point at (x, y) from the picture's middle (y down) with depth d is (x, -y, -f) d / f. On a plane with normal n
-//! its dot product with n is constant, so d is as one over `q = n.x x - n.y y - n.z f`, which is linear in the picture.
-//! Of a plane told from depths n is so long that q is -1: then n.x and n.y are all that is needed of it.
+//! The point at (x, y) from the middle of the picture (y down) with depth d is (x, -y, -f) d / f.
+//! Its dot product with the normal n of a plane is constant, so that d is proportional to the
+//! inverse of `q = n.x x - n.y y - n.z f`, which is linear in the picture. The normal of a fitted
+//! plane is scaled so that q is -1; then only n.x and n.y are needed.
 
 use crate::inputs::camera::Camera;
-use crate::simd::lanes::Lane;
-use crate::simd::values::Values;
+use crate::simd::values::{Lane, Values};
 use glam::Vec2;
 
-/// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
+/// Steepest slope (depth over width) of planes: a nearly edge-on plane says little of its slope.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
-/// Depths change by at most this factor in one move.
-const FACTOR_MAX: f32 = 2.0;
+/// Greatest factor by which one move changes a depth.
+pub(crate) const FACTOR_MAX: f32 = 2.0;
 
-/// How a picture's places see: what planes need of the camera.
+/// Parameters of the camera that planes need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
     /// Pixels that a unit of length takes at unit depth.
     pub focal_px: f32,
-    /// The picture's middle, pixels.
+    /// Middle of the picture, pixels.
     pub centre_px: Vec2,
 }
 
 impl Lens {
-    /// Of a camera.
+    /// Takes the parameters from a camera.
     pub fn new(camera: &Camera) -> Self {
         Self { focal_px: camera.focal_px, centre_px: Vec2::from_array(camera.centre_px) }
     }
 
-    /// Depth on the planes with these normals (view space, any length) at `from + by` (pixels), over that at `from`.
-    /// One where there is no normal.
+    /// Depth on planes with these normals (view space, any length) at `from + by` (pixels), over
+    /// that at `from`. One for a zero normal.
     #[cfg(test)]
     fn along<V: Values>(&self, normal: [V; 3], from: [V; 2], by: [V; 2]) -> V {
         factor(self.facing(normal, from), turn([normal[0], normal[1]], by))
     }
 
-    /// Depth that plates of unit thickness take along the rays at places; normals have unit length.
+    /// Depth of plates of unit thickness along the rays at `at`; normals have unit length.
     #[inline(always)]
     pub fn thickness(&self, normal: [Lane; 3], at: [Lane; 2]) -> Lane {
         -self.focal_px / self.facing(normal, at)
     }
 
-    /// q of the head at places (pixels), of planes turned to the eye, not steeper than can be followed. Below zero.
+    /// q (see the head of this file) at places (pixels), of planes turned to the eye and limited to
+    /// the steepest slope. Below zero.
     #[inline(always)]
     pub(crate) fn facing<V: Values>(&self, [nx, ny, nz]: [V; 3], [x, y]: [V; 2]) -> V {
         let q = nx * (x - self.centre_px.x) - ny * (y - self.centre_px.y) - nz * self.focal_px;
@@ -54,13 +56,13 @@ impl Lens {
     }
 }
 
-/// What q of the head changes by over so many pixels, where normals have these parts right and up.
+/// Change of q over an offset in pixels, for the parts of normals to the right and up.
 #[inline(always)]
 pub(crate) fn turn<V: Values>([nx, ny]: [V; 2], [x, y]: [V; 2]) -> V {
     nx * x - ny * y
 }
 
-/// Depths after moves over those before them, from q before them and what the moves change it by.
+/// Depth after a move over that before it, from q before the move and its change.
 #[inline(always)]
 pub(crate) fn factor<V: Values>(q: V, turn: V) -> V {
     q / (q + turn).max(q * FACTOR_MAX).min(q * (1.0 / FACTOR_MAX))
@@ -73,7 +75,7 @@ mod tests {
 
     const LENS: Lens = Lens { focal_px: 100.0, centre_px: Vec2::new(40.0, 30.0) };
 
-    /// Depth of the plane through (0, 0, -5) at a place.
+    /// Depth of the plane through (0, 0, -5) at `place`.
     fn depth(normal: Vec3, place: Vec2) -> f32 {
         let at = place - LENS.centre_px;
         let ray = Vec3::new(at.x / LENS.focal_px, -at.y / LENS.focal_px, -1.0);
@@ -108,7 +110,7 @@ mod tests {
         let slanting = Vec3::new(0.8, 0.0, 0.6);
         assert!((thickness(slanting, middle) - 1.0 / 0.6).abs() < 1e-6);
         assert_eq!(along(Vec3::ZERO, middle, Vec2::splat(30.0)), 1.0);
-        // Edge on and turned away: finite, and no longer than the steepest slope.
+        // Planes seen edge on or turned away give finite values, limited by the steepest slope.
         for edge_on in [Vec3::X, Vec3::new(0.8, 0.0, -0.6)] {
             assert!((1.0..=SLOPE_MAX * 1.01).contains(&(thickness(edge_on, middle) * 0.8)));
             assert!((0.5..=2.0).contains(&along(edge_on, middle, Vec2::X * 50.0)));

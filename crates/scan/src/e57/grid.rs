@@ -4,12 +4,14 @@ use super::pose::Pose;
 use e57::{PointCloud, RecordDataType as Kind};
 use esker_points::Grid;
 
-/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell apart.
+/// Deviations from a whole step that are noise of doubles, and the most steps that doubles tell
+/// apart.
 const NOISE_STEPS: f64 = 1e-6;
 const STEPS_MAX: f64 = 9.0e15;
 
-/// Finds the grid on which all coordinates are integers, and the shift of each scan on it, in steps.
-/// `places` holds the fields of the Cartesian coordinates of each scan, if it has them, and its pose.
+/// Finds the grid on which all coordinates are integers, and the shift of each scan on it, in
+/// steps. `places` holds the fields of the Cartesian coordinates of each scan, if it has them, and
+/// its pose.
 pub(crate) fn grid(
     clouds: &[PointCloud],
     places: &[(Option<[usize; 3]>, Pose)],
@@ -19,7 +21,7 @@ pub(crate) fn grid(
     let scans_with_points =
         clouds.iter().zip(places).zip(&mut shifts).filter(|((cloud, _), _)| cloud.records > 0);
     for ((cloud, (xyz, pose)), shift) in scans_with_points {
-        let Some(xyz) = *xyz else { return None };
+        let xyz = (*xyz)?;
         if pose.is_turned {
             return None;
         }

@@ -1,6 +1,7 @@
-//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate `e57`. Directions without
-//! a return are no points, and counted; images are left out. One pass at opening finds the bounds, but where coordinates
-//! are integers on one grid and the file tells their bounds.
+//! E57 (ASTM E2807): all scans of a file, each in its pose, with all their values; by the crate
+//! `e57`. Directions without a return are no points, and counted; images are left out. One pass at
+//! opening finds the bounds, but where coordinates are integers on one grid and the file tells
+//! their bounds.
 //!
 //! Where there are several scans, a point's `point_source_id` is that of its scan, from 1.
 

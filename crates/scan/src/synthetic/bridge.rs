@@ -1,5 +1,5 @@
-//! The bridge scene: a valley with a river and trees, a bridge of stone and steel across it, and tripods
-//! on the banks, under the arches and on the roadway.
+//! The bridge scene: a valley with a river and trees, a bridge of stone and steel across it, and
+//! tripods on the banks, under the arches and on the roadway.
 
 use super::draw::{Draw, cos_sin};
 use super::ray::{Hit, Material, Ray, Texture, Vec3};

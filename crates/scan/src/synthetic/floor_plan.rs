@@ -1,5 +1,6 @@
-//! The plan of the office: floors of rooms on both sides of a corridor, and a stairwell that joins the
-//! floors. Rooms are boxes; what leads out of them (doors, windows) are rectangles in their walls.
+//! The plan of the office: floors of rooms on both sides of a corridor, and a stairwell that joins
+//! the floors. Rooms are boxes; what leads out of them (doors, windows) are rectangles in their
+//! walls.
 
 use super::draw::Draw;
 use super::furniture;

@@ -1,7 +1,7 @@
-//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a function
-//! of the scene, the number of points, the seed and its index, the same on every machine (the rule for
-//! that is in [`draw`]), so that blocks of points are made apart, on all cores, and handed over in order.
-//! They have the grid and the fields of a LAS file of point format 7.
+//! Generated scans, taken wherever an input is: `synthetic:SCENE:POINTS:SEED`. Every point is a
+//! function of the scene, the number of points, the seed and its index, the same on every machine
+//! (the rule for that is in [`draw`]), so that blocks of points are made apart, on all cores, and
+//! handed over in order. They have the grid and the fields of a LAS file of point format 7.
 //!
 //! | scene | what it is |
 //! |---|---|
@@ -9,7 +9,8 @@
 //! | `office` | three floors of rooms off corridors, furnished, scanned from a tripod in every room |
 //! | `terrain` | country with woods, fields, villages and power lines, scanned from the air |
 //!
-//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip lines on their edges.
+//! Beside them models ([`model`]), `cube` and `csg`: solids of about so many splats, with clip
+//! lines on their edges.
 
 mod airborne;
 mod bridge;
@@ -39,7 +40,7 @@ use esker_points::{ColourDepth, InputGrid, Task};
 use point::{Point, Run};
 use rayon::prelude::*;
 use scene::{BLOCK_POINTS, Scene};
-use scenes::SCENES;
+pub use scenes::SCENES;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
-//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a fan of
-//! angles, at equal steps of both. So density falls with the square of the distance and the cosine of
-//! incidence, and what is behind something is not seen. A ray that meets nothing is thrown anew
-//! somewhere in the same turn, so that there are as many points as were asked for.
+//! Terrestrial scanning: tripods in a world, each turning once about z while its mirror sweeps a
+//! fan of angles, at equal steps of both. So density falls with the square of the distance and the
+//! cosine of incidence, and what is behind something is not seen. A ray that meets nothing is
+//! thrown anew somewhere in the same turn, so that there are as many points as were asked for.
 
 use super::draw::{Draw, cos_sin};
 use super::point::Point;

@@ -1,5 +1,5 @@
-//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the mark that
-//! UTF-8 text may begin with.
+//! How a text file begins and how its lines end: bytes in, lines that end with LF out, without the
+//! mark that UTF-8 text may begin with.
 
 use super::blocks::LineBlocks;
 use crate::error::ScanError;

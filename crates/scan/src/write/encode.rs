@@ -1,5 +1,5 @@
-//! What the writers of all formats share: the outline and the sources of an export, the traits of an
-//! encoder and of an output, and the encoded points between them.
+//! What the writers of all formats share: the outline and the sources of an export, the traits of
+//! an encoder and of an output, and the encoded points between them.
 
 use crate::error::ScanError;
 use crate::source::{Crs, SourceInfo};
@@ -86,7 +86,8 @@ pub struct Export {
     pub output: Box<dyn Output>,
     /// The format, version and variant: `LAS 1.4, point format 7`.
     pub format: String,
-    /// For each attribute, the field that it goes to; where one is converted to another, they have the same.
+    /// For each attribute, the field that it goes to; where one is converted to another, they have
+    /// the same.
     pub fields: Vec<usize>,
     /// What is not as in the sources, a line each.
     pub notes: Vec<String>,

@@ -1,6 +1,7 @@
-//! Batches on the lattice to scan formats, the way back of the readers. A format is two parts: [`Encode`] makes
-//! bytes of a batch, on any thread; [`Output`] takes them in order, and writes what stands before and behind
-//! them. Nothing is kept of the points, so a file of any size takes the memory of a few batches.
+//! Batches on the lattice to scan formats, the way back of the readers. A format is two parts:
+//! [`Encode`] makes bytes of a batch, on any thread; [`Output`] takes them in order, and writes
+//! what stands before and behind them. Nothing is kept of the points, so a file of any size takes
+//! the memory of a few batches.
 //!
 //! | format | coordinates | attributes |
 //! |---|---|---|

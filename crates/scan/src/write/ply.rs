@@ -1,6 +1,6 @@
-//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the usual order;
-//! comments of the first source's header. Coordinates are singles where all sources held singles, and then
-//! exactly theirs; else doubles.
+//! PLY (Turk 1994), binary little-endian: the vertices with a property for each attribute, in the
+//! usual order; comments of the first source's header. Coordinates are singles where all sources
+//! held singles, and then exactly theirs; else doubles.
 
 use super::coordinates::Coordinates;
 use super::encode::{Encode, Encoded, Export, Origin, Origins, Outline, Output};

@@ -1,4 +1,5 @@
-//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU, softbuffer shows them.
+//! A window without any graphics driver: winit opens it, egui's meshes are painted by the CPU,
+//! softbuffer shows them.
 
 mod painter;
 

@@ -14,12 +14,7 @@ struct Exception {
     reason: &'static str,
 }
 
-const EXCEPTIONS: [Exception; 5] = [
-    Exception {
-        file: "crates/bench/src/leave_out.rs",
-        function: "omissions",
-        reason: "a list: one entry for each part that a picture can do without",
-    },
+const EXCEPTIONS: [Exception; 3] = [
     Exception {
         file: "crates/builder/src/calls/build.rs",
         function: "build_into",
@@ -29,11 +24,6 @@ const EXCEPTIONS: [Exception; 5] = [
         file: "crates/render/examples/bench_quads.rs",
         function: "quads",
         reason: "sets up a pipeline that nothing else uses",
-    },
-    Exception {
-        file: "crates/render/src/ewa/place.rs",
-        function: "place_eight",
-        reason: "a vector kernel; its intermediate values would be a dozen arguments",
     },
     Exception {
         file: "crates/render/src/passes/push.rs",

@@ -1,24 +1,27 @@
-//! Trim: takes back what sticks out. Discs close a surface because they are wider than the samples lie
-//! apart, so at its rim they stick out by up to a radius, each by another length. Discs are a dilation of
-//! the samples; this is the erosion that makes a closing of it.
+//! Trim: takes back what sticks out. Discs close a surface because they are wider than the samples
+//! lie apart, so at its rim they stick out by up to a radius, each by another length. Discs are a
+//! dilation of the samples; this is the erosion that makes a closing of it.
 //!
-//! Within a surface the ellipse of a filled pixel is the mean of those around, centred near the pixel. At a
-//! rim they all lie on one side, and the displacement from the ellipse's centre to the pixel (marroquim2007
-//! section 3.2) tells how far beyond the samples the pixel lies. Such pixels are given to what is behind,
-//! from the rim inwards. Gaps smaller than a radius have no rim: they are not to grow.
+//! Within a surface the ellipse of a filled pixel is the mean of those around, centred near the
+//! pixel. At a rim they all lie on one side, and the displacement from the ellipse's centre to the
+//! pixel (marroquim2007 section 3.2) tells how far beyond the samples the pixel lies. Such pixels
+//! are given to what is behind, from the rim inwards. Gaps smaller than a radius have no rim: they
+//! are not to grow.
 //!
-//! Where samples lie on a line (a wire, a railing), discs make a band of it as wide as they are, and both of its rims
-//! are beyond the samples. What sticks out of a line is cut to its samples, by the displacement across it alone: along
-//! it a pixel may lie far from them.
+//! Where samples lie on a line (a wire, a railing), discs make a band of it as wide as they are,
+//! and both of its rims are beyond the samples. What sticks out of a line is cut to its samples, by
+//! the displacement across it alone: along it a pixel may lie far from them.
 //!
-//! Where two samples lie far apart, the pixels halfway between them have their mean in the middle: of what spans such a gap a
-//! pixel here and there would stay, and float in front of what is behind. So a pixel that is left alone goes too.
+//! Where two samples lie far apart, the pixels halfway between them have their mean in the middle:
+//! of what spans such a gap a pixel here and there would stay, and float in front of what is
+//! behind. So a pixel that is left alone goes too.
 //!
 //! What is behind goes on where a pixel went: it shows what lies as far beyond the rim, mirrored.
 //!
-//! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a chessboard a
-//! wave is for the pixels of one colour, which look at those of the other: each decides by itself, whatever
-//! the order, so that any number of threads, and a GPU's pass for each wave, come to the same.
+//! It goes inwards in waves, which only note for each pixel whose attributes it shows. As on a
+//! chessboard a wave is for the pixels of one colour, which look at those of the other: each
+//! decides by itself, whatever the order, so that any number of threads, and a GPU's pass for each
+//! wave, come to the same.
 
 pub(crate) mod rim;
 pub(crate) mod rows;
@@ -29,28 +32,30 @@ use crate::picture::pyramid::Level;
 use esker_points::fetch::fetch;
 use rayon::prelude::*;
 
-/// Bits of a source that name its pixel; above them is the outward direction of the line that it went from, plus one.
-const PIXEL_BITS: u32 = 28;
-const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
-/// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond this many
-/// only pictures of a few huge discs would change.
+/// Bits of a source that name its pixel; above them is the outward direction of the line that it
+/// went from, plus one.
+pub(crate) const PIXEL_BITS: u32 = 28;
+pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
+/// Waves after that of the rims, at most. A surface has as many as its radius has pixels; beyond
+/// this many only pictures of a few huge discs would change.
 pub(crate) const WAVES: u32 = 256;
 /// Pixels of a wave that a job takes: fewer take less time than waking another thread.
 const JOB: usize = 256;
 /// So many pixels before it is looked at, what lies around a pixel is asked for.
 const AHEAD: usize = 8;
-/// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its radius has so many pixels: a
-/// sample's own pixel keeps three of them at least, since it is trimmed to more than a pixel around it. Where radii are
-/// smaller, rims need theirs.
-const ALONE: usize = 7;
-const ALONE_RADIUS_PX: f32 = 3.0;
+/// A pixel is left alone where so many of its eight neighbours show what lies behind it, and its
+/// radius has so many pixels: a sample's own pixel keeps three of them at least, since it is
+/// trimmed to more than a pixel around it. Where radii are smaller, rims need theirs.
+pub(crate) const ALONE: usize = 7;
+pub(crate) const ALONE_RADIUS_PX: f32 = 3.0;
 
-/// What lies behind goes on where a pixel has gone, as far as its depth changes by so many pixels' worth a pixel (ground seen
-/// aslant), and by so much of it at most.
-const STEEPEST: f32 = 4.0;
-/// Nearer to the rim, pixels, it is shown as it is there: what is mirrored flickers, and stripes are no longer than that.
-const MIRRORED_PX: usize = 8;
-const RISE_MAX: f32 = 0.5;
+/// What lies behind goes on where a pixel has gone, as far as its depth changes by so many pixels'
+/// worth a pixel (ground seen aslant), and by so much of it at most.
+pub(crate) const STEEPEST: f32 = 4.0;
+/// Nearer to the rim, pixels, it is shown as it is there: what is mirrored flickers, and stripes
+/// are no longer than that.
+pub(crate) const MIRRORED_PX: usize = 8;
+pub(crate) const RISE_MAX: f32 = 0.5;
 
 /// Trims `base`, whose depth image is `depth` (infinite where there is nothing) with its
 /// [`crate::picture::edges`]. Returns the pixels that changed and those beside them.
@@ -105,8 +110,8 @@ struct Waves<'a> {
     per_focal: f32,
     /// Depth of what each pixel shows.
     depth: &'a mut [f32],
-    /// For each pixel the one whose attributes it shows, plus one, and above [`PIXEL_BITS`] the line's direction; 0
-    /// where it shows its own.
+    /// For each pixel the one whose attributes it shows, plus one, and above [`PIXEL_BITS`] the
+    /// line's direction; 0 where it shows its own.
     source: Vec<u32>,
     /// Those that show others'.
     gone: Marks,
@@ -155,7 +160,8 @@ impl Waves<'_> {
         rims.collect()
     }
 
-    /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
+    /// The pixels that go in a wave, each with its source; beside them are `last`, which went
+    /// before.
     fn inwards(&self, wave: u32, last: &[Place]) -> Vec<Step> {
         last.par_chunks(JOB).flat_map_iter(|last| self.followers(wave, last)).collect()
     }
@@ -218,8 +224,8 @@ impl Waves<'_> {
         written.collect()
     }
 
-    /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first in the order left, right,
-    /// above, below.
+    /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first
+    /// in the order left, right, above, below.
     #[inline(always)]
     fn farthest(&self, place: Place) -> Option<usize> {
         let mut farthest = None;
@@ -254,9 +260,10 @@ impl Waves<'_> {
         alone.collect()
     }
 
-    /// What a pixel shows in the end, and its depth, that has gone and shows `source`, which lies at `depth`, beyond the rim: what lies
-    /// behind goes on as it came there, mirrored, where that is the same surface and has not gone itself. (Shown as it is at the
-    /// rim, it would make stripes.)
+    /// What a pixel shows in the end, and its depth, that has gone and shows `source`, which lies
+    /// at `depth`, beyond the rim: what lies behind goes on as it came there, mirrored, where that
+    /// is the same surface and has not gone itself. (Shown as it is at the rim, it would make
+    /// stripes.)
     fn carried_on(&self, place: Place, source: usize, depth: f32) -> (usize, f32) {
         let rim = self.grid().place(source);
         let Some(mirrored) = self.grid().mirrored(place, rim) else { return (source, depth) };
@@ -351,8 +358,8 @@ mod tests {
         (pyramid, depth)
     }
 
-    /// The rule, pixel by pixel: what each that went shows, and its depth; and how many were left alone, showed one that went
-    /// itself, and show what is mirrored.
+    /// The rule, pixel by pixel: what each that went shows, and its depth; and how many were left
+    /// alone, showed one that went itself, and show what is mirrored.
     fn reference(
         base: &Level,
         depth: &mut [f32],

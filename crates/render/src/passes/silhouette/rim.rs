@@ -1,37 +1,40 @@
-//! Rims: where a surface ends on the picture, and whether a pixel there lies beyond the surface's samples; what [`crate::passes::silhouette`]
-//! takes back. At a rim nothing lies as near as the surface, outwards in three neighbouring directions.
+//! Rims: where a surface ends on the picture, and whether a pixel there lies beyond the surface's
+//! samples; what [`crate::passes::silhouette`] takes back. At a rim nothing lies as near as the
+//! surface, outwards in three neighbouring directions.
 
 use crate::picture::pyramid::Level;
 use crate::simd::values::Values;
 
-/// How far a surface may reach beyond its samples, over the radius, with normals and without. With them
-/// ellipses end near silhouettes by themselves, and less only roughens them: a sphere's outline, spacing 8
-/// pixels, deviates by 0.4 pixels (root mean square) with a half, by 0.8 with 0.3. Without them a third
-/// leaves 0.3 spacings of the 1.1 that discs stick out.
-const OVERHANG: [f32; 2] = [0.5, 0.35];
-/// And in pixels, at least. With normals places are exact: with 0.9 a cube's outlines at one point a pixel are off by 0.27
-/// of alpha (root mean square), with 1.5 by 0.42; but 0.9 tears the rims of walls seen at 80 degrees. Without normals
-/// less than 1.5 dents the rims of dense surfaces.
-const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
-/// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at most.
-const OPEN_PX: (f32, f32) = (4.0, 32.0);
-/// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over so many radii (the steepest,
-/// since there may be a gap): else ground behind the gaps between scan lines, seen aslant, would lie too far off to be the
-/// same, and each gap would have a rim.
-const SLOPE_RADII: [usize; 3] = [2, 3, 4];
-const STEEPER: f32 = 1.5;
-/// Where it reaches less far, gaps are small, and what sticks out of clutter counts for more (0.2 % of an indoor scan's picture).
-const SLOPE_REACH_MIN: usize = 8;
+/// How far a surface may reach beyond its samples, over the radius, with normals and without. With
+/// them ellipses end near silhouettes by themselves, and less only roughens them: a sphere's
+/// outline, spacing 8 pixels, deviates by 0.4 pixels (root mean square) with a half, by 0.8 with
+/// 0.3. Without them a third leaves 0.3 spacings of the 1.1 that discs stick out.
+pub(crate) const OVERHANG: [f32; 2] = [0.5, 0.35];
+/// And in pixels, at least. With normals places are exact: with 0.9 a cube's outlines at one point
+/// a pixel are off by 0.27 of alpha (root mean square), with 1.5 by 0.42; but 0.9 tears the rims of
+/// walls seen at 80 degrees. Without normals less than 1.5 dents the rims of dense surfaces.
+pub(crate) const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
+/// Beyond a rim nothing of the surface lies for a radius, and for so many pixels at least and at
+/// most.
+pub(crate) const OPEN_PX: (f32, f32) = (4.0, 32.0);
+/// A surface goes on behind a gap as steeply as it comes to it, and half as much again, told over
+/// so many radii (the steepest, since there may be a gap): else ground behind the gaps between scan
+/// lines, seen aslant, would lie too far off to be the same, and each gap would have a rim.
+pub(crate) const SLOPE_RADII: [usize; 3] = [2, 3, 4];
+pub(crate) const STEEPER: f32 = 1.5;
+/// Where it reaches less far, gaps are small, and what sticks out of clutter counts for more (0.2 %
+/// of an indoor scan's picture).
+pub(crate) const SLOPE_REACH_MIN: usize = 8;
 /// All radii above divide it.
-const WIDTH_RADII: usize = 12;
+pub(crate) const WIDTH_RADII: usize = 12;
 /// How far a line may reach beyond its samples, pixels.
-const LINE_OVERHANG_PX: f32 = 0.9;
-/// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on either side: one
-/// sample alone is none, nor is one that stands out of a surface.
-const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
-const LINE_SIDE: f32 = 2.0;
+pub(crate) const LINE_OVERHANG_PX: f32 = 0.9;
+/// A band is a line up to so many radii and pixels of width, where it goes on for so many radii on
+/// either side: one sample alone is none, nor is one that stands out of a surface.
+pub(crate) const LINE_WIDTH: (f32, f32) = (2.0, 2.0);
+pub(crate) const LINE_SIDE: f32 = 2.0;
 /// Radii beyond this, pixels, are not looked at for lines.
-const LINE_RADIUS_MAX_PX: f32 = 32.0;
+pub(crate) const LINE_RADIUS_MAX_PX: f32 = 32.0;
 /// Directions to the neighbours, around.
 pub(crate) const AROUND: [[isize; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
@@ -40,7 +43,8 @@ pub(crate) const AROUND: [[isize; 2]; 8] =
 #[derive(Clone, Copy)]
 pub(crate) struct Rims<'a> {
     pub base: &'a Level,
-    /// One over the focal length in pixels: GPUs round products as everyone does, but not quotients.
+    /// One over the focal length in pixels: GPUs round products as everyone does, but not
+    /// quotients.
     pub per_focal: f32,
     /// Depth of what each pixel shows.
     pub depth: &'a [f32],
@@ -51,14 +55,16 @@ impl Rims<'_> {
         Grid { width: self.base.width, height: self.base.height }
     }
 
-    /// Depth beyond which there is another surface than that of a pixel which shows a disc of a radius.
+    /// Depth beyond which there is another surface than that of a pixel which shows a disc of a
+    /// radius.
     #[inline(always)]
     pub fn limit(&self, pixel: usize, radius: f32) -> f32 {
         self.depth[pixel] * (1.0 + radius * self.per_focal)
     }
 
-    /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
-    /// nothing lies as near as the surface. And where the rim is a line's, its direction outwards plus one, else 0.
+    /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring
+    /// directions nothing lies as near as the surface. And where the rim is a line's, its direction
+    /// outwards plus one, else 0.
     pub fn beyond(&self, place: Place) -> Option<(usize, u32)> {
         let pixel = place.index;
         let shown = Shown::by(self.base, pixel);
@@ -80,7 +86,8 @@ impl Rims<'_> {
         (line > 0 || shown.sticks_out(0)).then_some((beyond, line))
     }
 
-    /// Whether nothing lies as near as `limit` from a pixel in a direction, nor as near as its own slope goes on, for a radius.
+    /// Whether nothing lies as near as `limit` from a pixel in a direction, nor as near as its own
+    /// slope goes on, for a radius.
     fn is_open(&self, pixel: Place, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
         let grid = self.grid();
         let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as usize;
@@ -101,8 +108,8 @@ impl Rims<'_> {
         steps == reach || (steps + 1) as f32 > OPEN_PX.0
     }
 
-    /// By how much depth may grow over [`WIDTH_RADII`] of reach beyond a pixel in a direction for the surface to go on: by widths
-    /// that divide it, since GPUs round quotients as they like.
+    /// By how much depth may grow over [`WIDTH_RADII`] of reach beyond a pixel in a direction for
+    /// the surface to go on: by widths that divide it, since GPUs round quotients as they like.
     fn rise(&self, pixel: Place, [dx, dy]: [isize; 2], reach: usize) -> f32 {
         if reach < SLOPE_REACH_MIN {
             return 0.0;
@@ -119,7 +126,8 @@ impl Rims<'_> {
         risen.into_iter().fold(0.0, f32::max)
     }
 
-    /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
+    /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At
+    /// a tip there is none.
     fn line(&self, pixel: Place, shown: &Shown<f32>, open: [bool; 8], limit: f32) -> u32 {
         let count = open.into_iter().filter(|&o| o).count();
         let is_middle = |i: usize| {
@@ -133,8 +141,8 @@ impl Rims<'_> {
         outwards.filter(is_line).map_or(0, |way| way as u32 + 1)
     }
 
-    /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open beyond, and
-    /// long.
+    /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a
+    /// disc, as open beyond, and long.
     fn is_line(&self, rim: Place, radius: f32, outwards: usize, limit: f32) -> bool {
         if radius > LINE_RADIUS_MAX_PX {
             return false;
@@ -275,8 +283,8 @@ impl<V: Values> Shown<V> {
         x.like(LINE_OVERHANG_PX * LINE_OVERHANG_PX).cmplt(x * x + y * y)
     }
 
-    /// Whether the pixel lies too far from the samples: at a line with this direction outwards (plus one), or where it is 0
-    /// at any surface.
+    /// Whether the pixel lies too far from the samples: at a line with this direction outwards
+    /// (plus one), or where it is 0 at any surface.
     #[inline(always)]
     pub fn sticks_out(&self, line: u32) -> V::Mask {
         let [x, y] = self.away;

@@ -1,5 +1,6 @@
-//! Rims of a row. Most edges are no rims, which their next pixels, radii and displacements tell of eight at a time; what is left,
-//! [`crate::passes::silhouette::rim`] looks at one by one. (Eight pixels that walk outwards together gain nothing: mostly one or two are left.)
+//! Rims of a row. Most edges are no rims, which their next pixels, radii and displacements tell of
+//! eight at a time; what is left, [`crate::passes::silhouette::rim`] looks at one by one. (Eight
+//! pixels that walk outwards together gain nothing: mostly one or two are left.)
 
 use crate::passes::silhouette::rim::{AROUND, Place, Rims, Shown};
 use crate::picture::marks::{Marks, bits};
@@ -9,7 +10,8 @@ use fearless_simd::{Level as Width, Simd, dispatch, f32x8, mask32x8};
 use glam::Vec4;
 
 impl Rims<'_> {
-    /// Tells of the pixels of `edges` in a row that are at a rim, with what [`Rims::beyond`] tells of them.
+    /// Tells of the pixels of `edges` in a row that are at a rim, with what [`Rims::beyond`] tells
+    /// of them.
     pub fn of_row(&self, edges: &Marks, y: usize, mut tell: impl FnMut(Place, (usize, u32))) {
         let width = self.base.width;
         let rows = rows_around(self.depth, width, y);
@@ -66,7 +68,8 @@ impl Rims<'_> {
     }
 }
 
-/// In which directions, and whether in any, a pixel's neighbour and those beside it lie behind a depth, of eight pixels.
+/// In which directions, and whether in any, a pixel's neighbour and those beside it lie behind a
+/// depth, of eight pixels.
 #[inline(always)]
 fn ends<S: Simd>(
     simd: S,

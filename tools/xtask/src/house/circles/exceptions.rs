@@ -9,17 +9,8 @@ pub struct Exception {
     pub files: &'static [&'static str],
 }
 
-/// Circles that stood in the tree when the rule was added.
-pub const EXCEPTIONS: [Exception; 20] = [
-    Exception {
-        folder: "crates/bench",
-        files: &["build/child.rs", "build/mod.rs", "build/program.rs", "build/report.rs"],
-    },
-    Exception { folder: "crates/bench", files: &["draw/cpu.rs", "draw/gpu.rs", "draw/mod.rs"] },
-    Exception {
-        folder: "crates/builder",
-        files: &["attributes/knn.rs", "attributes/knn_search.rs"],
-    },
+/// Circles that are not cut yet.
+pub const EXCEPTIONS: [Exception; 3] = [
     Exception {
         folder: "crates/builder",
         files: &[
@@ -37,66 +28,9 @@ pub const EXCEPTIONS: [Exception; 20] = [
             "tree/waiting.rs",
         ],
     },
-    Exception { folder: "crates/builder", files: &["sample/tiles.rs", "sample/unpicked.rs"] },
-    Exception { folder: "crates/cli", files: &["args.rs", "bench.rs", "commands.rs"] },
     Exception { folder: "crates/engine", files: &["cameras/colour.rs", "cameras/ranges.rs"] },
-    Exception { folder: "crates/format", files: &["codec.rs", "directory.rs", "layout.rs"] },
-    Exception {
-        folder: "crates/format",
-        files: &["forest.rs", "json.rs", "metadata.rs", "reader.rs", "sections.rs"],
-    },
     Exception {
         folder: "crates/points",
         files: &["filter/classes.rs", "filter/mod.rs", "filter/polygon.rs"],
     },
-    Exception { folder: "crates/render", files: &["ewa/cover.rs", "ewa/sums.rs", "ewa/tiles.rs"] },
-    Exception { folder: "crates/render", files: &["gpu/memory/pool.rs", "gpu/memory/runs.rs"] },
-    Exception {
-        folder: "crates/render",
-        files: &[
-            "gpu/passes/fill_holes.rs",
-            "gpu/passes/shade.rs",
-            "gpu/passes/silhouette.rs",
-            "gpu/passes/smooth_depth.rs",
-            "gpu/surface.rs",
-        ],
-    },
-    Exception {
-        folder: "crates/render",
-        files: &["passes/tangent.rs", "picture/pyramid.rs", "simd/lanes.rs"],
-    },
-    Exception {
-        folder: "crates/scan",
-        files: &["e57/fields.rs", "e57/grid.rs", "e57/mod.rs", "e57/packets.rs"],
-    },
-    Exception {
-        folder: "crates/scan",
-        files: &["ptx/mod.rs", "registry.rs", "text/mod.rs", "text/start.rs"],
-    },
-    Exception {
-        folder: "crates/scan",
-        files: &[
-            "synthetic/airborne.rs",
-            "synthetic/bridge.rs",
-            "synthetic/floor_plan.rs",
-            "synthetic/mod.rs",
-            "synthetic/office.rs",
-            "synthetic/spec.rs",
-            "synthetic/station.rs",
-        ],
-    },
-    Exception {
-        folder: "crates/scan",
-        files: &[
-            "write/las/mod.rs",
-            "write/las/order.rs",
-            "write/las/plan.rs",
-            "write/las/records.rs",
-            "write/mod.rs",
-            "write/ply.rs",
-            "write/text.rs",
-        ],
-    },
-    Exception { folder: "crates/view", files: &["autopilot.rs", "pilot.rs"] },
-    Exception { folder: "crates/view", files: &["soft/mod.rs", "window.rs"] },
 ];

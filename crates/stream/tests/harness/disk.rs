@@ -1,4 +1,4 @@
-//! A file in memory on a disk that can be slow, fail, and lose its end.
+//! A file in memory as a disk that can be slow, fail, and lose its end.
 
 use esker_format::ReadAt;
 use std::io::{Error, ErrorKind, Result};
@@ -6,18 +6,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::Duration;
 
-/// What is wrong with the disk, from when it is set.
+/// Faults of the disk; they take effect when set.
 #[derive(Debug)]
 pub struct Faults {
-    /// Microseconds that a read takes.
+    /// Time of a read, microseconds.
     pub delay_us: AtomicU64,
-    /// One of so many reads fails; 0: none.
+    /// One of this many reads fails; 0 for none.
     pub fails_one_of: AtomicU64,
     /// Reads so far.
     pub reads: AtomicU64,
-    /// Bytes that are left of the file.
+    /// Bytes left of the file.
     pub left: AtomicU64,
-    /// Whether every read gives other bytes.
+    /// Whether every read returns other bytes.
     pub replaced: AtomicBool,
 }
 

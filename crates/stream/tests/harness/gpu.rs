@@ -1,6 +1,7 @@
-//! A stand-in for a GPU: a ring of upload runs, drawing memory with its own budget, its own slowness,
-//! and a frame in the order that the streamer asks for. Checks in each frame that what is drawn is the
-//! file's bytes, closed under parent, within the budget, and never empty once the root is there.
+//! A stand-in for a GPU: a ring of upload runs, drawing memory with its own budget, limits that
+//! make it slow, and a frame in the order that the streamer requires. In each frame it checks that
+//! the drawn planes are the file's bytes, closed under parent, within the budget, and never empty
+//! once the root is there.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use esker_format::{EskerFile, Forest, PlaneKind};
@@ -14,18 +15,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::Duration;
 
-/// How it behaves.
+/// Settings of the stand-in.
 #[derive(Clone, Copy, Debug)]
-pub struct Habits {
+pub struct GpuOptions {
     pub runs: usize,
     pub run_bytes: usize,
-    /// Uploaded at most in a frame.
+    /// Bytes uploaded at most in a frame.
     pub upload_bytes: usize,
     /// Whether uploaded bytes are compared with the file's.
     pub checks_bytes: bool,
 }
 
-impl Default for Habits {
+impl Default for GpuOptions {
     fn default() -> Self {
         Self { runs: 6, run_bytes: 64 << 10, upload_bytes: 1 << 20, checks_bytes: true }
     }
@@ -39,7 +40,7 @@ impl Run for GpuRun {
     }
 }
 
-/// A run that came back, and what is in it.
+/// A landed run and its transfers.
 type Landed = (GpuRun, Vec<Transfer>);
 
 /// The ring of runs.
@@ -47,8 +48,8 @@ pub struct Ring {
     run_bytes: usize,
     free: (Sender<GpuRun>, Receiver<GpuRun>),
     landed: (Sender<Landed>, Receiver<Landed>),
-    /// Whether nothing is lent.
-    pub stuck: AtomicBool,
+    /// Whether no run is lent.
+    pub blocked: AtomicBool,
 }
 
 impl Landing for Ring {
@@ -59,7 +60,7 @@ impl Landing for Ring {
     }
 
     fn lend(&self, patience: Duration) -> Option<GpuRun> {
-        if self.stuck.load(SeqCst) {
+        if self.blocked.load(SeqCst) {
             std::thread::sleep(patience);
             return None;
         }
@@ -71,7 +72,7 @@ impl Landing for Ring {
     }
 }
 
-/// What is where in drawing memory.
+/// A range of drawing memory and its owner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Owned {
     slot: Slot,
@@ -82,12 +83,12 @@ struct Owned {
 
 pub struct Gpu {
     pub landing: Arc<Ring>,
-    habits: Habits,
+    gpu_options: GpuOptions,
     bytes: u64,
     forest: Arc<Forest>,
     waiting: VecDeque<(GpuRun, VecDeque<Transfer>)>,
     memory: BTreeMap<u64, Owned>,
-    /// Requests in the order in which they came.
+    /// Planes whose transfers completed a request, in the order of arrival.
     pub arrived: Vec<(u32, PlaneKind)>,
     roots_seen: HashSet<u32>,
     epoch: u64,
@@ -97,20 +98,20 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    pub fn new(habits: Habits, bytes: u64, forest: Arc<Forest>) -> Self {
-        let free = bounded(habits.runs);
-        for _ in 0..habits.runs {
-            free.0.send(GpuRun(vec![0xa5; habits.run_bytes])).unwrap();
+    pub fn new(gpu_options: GpuOptions, bytes: u64, forest: Arc<Forest>) -> Self {
+        let free = bounded(gpu_options.runs);
+        for _ in 0..gpu_options.runs {
+            free.0.send(GpuRun(vec![0xa5; gpu_options.run_bytes])).unwrap();
         }
         let landing = Ring {
-            run_bytes: habits.run_bytes,
+            run_bytes: gpu_options.run_bytes,
             free,
-            landed: bounded(habits.runs),
-            stuck: AtomicBool::new(false),
+            landed: bounded(gpu_options.runs),
+            blocked: AtomicBool::new(false),
         };
         Self {
             landing: Arc::new(landing),
-            habits,
+            gpu_options,
             bytes,
             forest,
             waiting: VecDeque::new(),
@@ -143,7 +144,7 @@ impl Gpu {
     fn upload(&mut self, streamer: &Streamer, cut: &Cut) {
         let drawn: Vec<Slot> =
             cut.nodes.iter().flat_map(|n| n.planes.iter().map(|&(_, slot)| slot)).collect();
-        let mut left = self.habits.upload_bytes;
+        let mut left = self.gpu_options.upload_bytes;
         while let Some((run, transfers)) = self.waiting.front_mut() {
             let Some(&transfer) = transfers.front() else {
                 let (mut run, _) = self.waiting.pop_front().unwrap();
@@ -193,13 +194,13 @@ impl Gpu {
     }
 
     fn check_bytes(&mut self, transfer: &Transfer, bytes: &[u8]) {
-        if !self.habits.checks_bytes {
+        if !self.gpu_options.checks_bytes {
             return;
         }
-        // Of the node's own file, by its own name and number there.
+        // Bytes of the node's own file, by the node's name and index there.
         let name = self.forest.name_of(transfer.node);
         let file = self.forest.file_of(transfer.node);
-        let pristine = &super::planted()[usize::from(name.tree)];
+        let file_bytes = &super::forest_bytes()[usize::from(name.tree)];
         let node = file.node(name.index).unwrap();
         let kind = match transfer.plane {
             PlaneKind::Attribute(i) => {
@@ -213,13 +214,13 @@ impl Gpu {
         match range {
             Some(range) => {
                 let at = (node.page_offset + range.start) as usize + start;
-                assert_eq!(bytes, &pristine[at..at + bytes.len()]);
+                assert_eq!(bytes, &file_bytes[at..at + bytes.len()]);
             }
             None => {
                 let key = (transfer.node, transfer.plane);
                 let file = EskerFile::from_source(
                     std::path::Path::new("hills"),
-                    Box::new(Vec::clone(pristine)),
+                    Box::new(Vec::clone(file_bytes)),
                 );
                 let whole = self.cold.entry(key).or_insert_with(|| {
                     let planes = file.unwrap().read_planes(name.index, &[kind]).unwrap();

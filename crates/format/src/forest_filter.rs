@@ -1,7 +1,7 @@
-//! What of a forest is shown: the points that a filter wants, and of one attribute no more than codes of a byte.
-//! Nodes are judged by the node table and the statistics alone, so that of what is not wanted nothing is read;
-//! points of nodes that lie across a border are judged one by one while their positions are read, and those
-//! that are not wanted are marked in the byte that files leave zero.
+//! Filter of a forest, and values mapped to codes of one byte while they are read. Nodes are judged
+//! by the node table and the statistics alone, so that unwanted nodes are not read. Points of nodes
+//! that cross a border are tested while their positions are read; unwanted ones are marked in the
+//! byte that files leave zero.
 
 use crate::error::FormatError;
 use crate::forest::Forest;
@@ -12,70 +12,70 @@ use esker_points::filter::{LatticeFilter, Side};
 use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, exact, read_residual};
 use esker_points::{AttrType, Codes, Node};
 
-/// What is shown. By default all of it, as it lies in the files.
+/// Filter and mapped planes of a forest. By default everything is read as it is in the files.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shown {
-    filter: Option<Filtered>,
+pub struct ForestFilter {
+    filter: Option<NodeFilters>,
     codes: Option<(PlaneKind, Codes)>,
     scans: Option<(PlaneKind, Codes)>,
 }
 
-/// A filter and what it says of each node.
+/// A filter with its result for each node.
 #[derive(Clone, Debug, PartialEq)]
-struct Filtered {
+struct NodeFilters {
     filter: LatticeFilter,
     /// In the order of the forest's table.
-    verdicts: Vec<Verdict>,
+    by_node: Vec<NodeFilter>,
 }
 
-/// What a filter says of a node.
+/// Result of a filter for a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Verdict {
-    /// Of its own points so many are wanted, from the first on.
+struct NodeFilter {
+    /// Number of its own points that are wanted at most, from the first one on.
     points: u32,
-    /// Whether its points must be asked one by one.
-    is_across: bool,
-    /// Whether of it and of all below it no point is wanted.
-    is_barren: bool,
+    /// Whether its points must be tested one by one.
+    is_partial: bool,
+    /// Whether no point of it and of its subtree is wanted.
+    rejects_subtree: bool,
 }
 
-impl Shown {
-    /// What is shown of a forest: the points of a filter, and a plane as codes.
+impl ForestFilter {
+    /// A filter of a forest, and a plane mapped to codes.
     ///
     /// # Errors
-    /// Where statistics that the filter asks for cannot be read.
+    /// If statistics that the filter needs cannot be read.
     pub fn of(
         forest: &Forest,
         filter: Option<LatticeFilter>,
         codes: Option<(PlaneKind, Codes)>,
     ) -> Result<Self, FormatError> {
-        let filter = filter.map(|filter| Filtered::new(forest, filter)).transpose()?;
+        let filter = filter.map(|filter| NodeFilters::new(forest, filter)).transpose()?;
         Ok(Self { filter, codes, scans: None })
     }
 
-    /// The same points, and a plane as codes.
+    /// Sets the plane that is mapped to codes.
     pub fn coded(self, codes: Option<(PlaneKind, Codes)>) -> Self {
         Self { codes, ..self }
     }
 
-    /// The same, and codes of this plane in the spare bytes of colours: they tell scans apart.
+    /// Sets the plane whose codes go to the spare bytes of colours, which distinguish scans.
     pub fn with_scans(self, scans: Option<(PlaneKind, Codes)>) -> Self {
         Self { scans, ..self }
     }
 
-    /// Whether some points may not be wanted.
+    /// Whether there is a filter.
     pub fn is_filtered(&self) -> bool {
         self.filter.is_some()
     }
 
-    /// Whether a node's points must be asked one by one.
+    /// Whether a node's points must be tested one by one.
     pub fn hides_points(&self, node: u32) -> bool {
-        self.verdict(node).is_some_and(|v| v.is_across)
+        self.node_filter(node).is_some_and(|v| v.is_partial)
     }
 
-    /// How many of a node's own points are wanted at most, from the first on.
+    /// Greatest number of a node's own points that are wanted, from the first one on.
     pub fn points_max(&self, node: u32) -> usize {
-        self.verdict(node).map_or(usize::MAX, |v| v.points as usize)
+        self.node_filter(node).map_or(usize::MAX, |v| v.points as usize)
     }
 
     /// Whether points of a class may be wanted.
@@ -83,42 +83,42 @@ impl Shown {
         self.filter.as_ref().is_none_or(|f| f.filter.wants_class(class))
     }
 
-    /// Whether any node's points must be asked one by one.
+    /// Whether any node's points must be tested one by one.
     pub fn hides_any(&self) -> bool {
-        self.filter.as_ref().is_some_and(|f| f.verdicts.iter().any(|v| v.is_across))
+        self.filter.as_ref().is_some_and(|f| f.by_node.iter().any(|v| v.is_partial))
     }
 
-    /// Whether of a node and of all below it no point is wanted.
-    pub fn is_barren(&self, node: u32) -> bool {
-        self.verdict(node).is_some_and(|v| v.is_barren)
+    /// Whether no point of a node and of its subtree is wanted.
+    pub fn rejects_subtree(&self, node: u32) -> bool {
+        self.node_filter(node).is_some_and(|v| v.rejects_subtree)
     }
 
-    /// Whether a node's plane is shown otherwise than it lies in the file.
+    /// Whether a node's plane is read otherwise than it is in the file.
     pub fn changes(&self, node: u32, kind: PlaneKind) -> bool {
         self.codes.is_some_and(|(coded, _)| coded == kind)
             || (kind == PlaneKind::Position && self.hides_points(node))
             || (kind == PlaneKind::Colour && self.scans.is_some())
     }
 
-    /// Bytes of one value of a plane that is shown otherwise than it lies in the file, where they are others.
+    /// Bytes of one value of a mapped plane; `None` for planes whose values keep their size.
     pub fn value_bytes(&self, kind: PlaneKind) -> Option<u64> {
         self.codes.is_some_and(|(coded, _)| coded == kind).then_some(1)
     }
 
-    /// Reads these planes of a node as they are shown. Planes that it does not have are left out.
+    /// Reads planes of a node, filtered and mapped. Planes that it does not have are left out.
     ///
     /// # Errors
-    /// Where they cannot be read or are damaged.
+    /// If they cannot be read or are damaged.
     pub fn read(
         &self,
         forest: &Forest,
         node: u32,
         kinds: &[PlaneKind],
     ) -> Result<Planes, FormatError> {
-        let asks = self.hides_points(node) && kinds.contains(&PlaneKind::Position);
-        let test = self.filter.as_ref().filter(|_| asks);
+        let tests = self.hides_points(node) && kinds.contains(&PlaneKind::Position);
+        let test = self.filter.as_ref().filter(|_| tests);
         let mut wanted = kinds.to_vec();
-        for kind in test.iter().flat_map(|f| f.asked(forest, node)) {
+        for kind in test.iter().flat_map(|f| f.needed(forest, node)) {
             if !wanted.contains(&kind) {
                 wanted.push(kind);
             }
@@ -144,20 +144,20 @@ impl Shown {
         Ok(planes)
     }
 
-    fn verdict(&self, node: u32) -> Option<&Verdict> {
-        self.filter.as_ref()?.verdicts.get(node as usize)
+    fn node_filter(&self, node: u32) -> Option<&NodeFilter> {
+        self.filter.as_ref()?.by_node.get(node as usize)
     }
 }
 
-impl Filtered {
+impl NodeFilters {
     fn new(forest: &Forest, filter: LatticeFilter) -> Result<Self, FormatError> {
         let nodes = &forest.table().nodes;
-        let mut verdicts = Vec::with_capacity(nodes.len());
+        let mut by_node = Vec::with_capacity(nodes.len());
         for file in forest.files() {
-            let statistics = filter.asks_classes().then(|| file.statistics()).transpose()?;
+            let statistics = filter.needs_classes().then(|| file.statistics()).transpose()?;
             let all_have_one =
                 file.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);
-            let first = verdicts.len();
+            let first = by_node.len();
             for (index, node) in (0u32..).zip(&nodes[first..][..file.table().nodes.len()]) {
                 let classes = |of: fn(&crate::Statistics, u32) -> Option<[u64; 4]>| {
                     let bits = statistics.as_ref().map(|s| of(s, index));
@@ -165,16 +165,16 @@ impl Filtered {
                 };
                 let own = classes(crate::Statistics::own_classes);
                 let below = classes(crate::Statistics::subtree_classes);
-                verdicts.push(verdict(&filter, nodes, node, own, below));
+                by_node.push(node_filter(&filter, nodes, node, own, below));
             }
         }
-        Ok(Self { filter, verdicts })
+        Ok(Self { filter, by_node })
     }
 
-    /// The planes that points are asked by.
-    fn asked(&self, forest: &Forest, node: u32) -> Vec<PlaneKind> {
+    /// Planes that the test of points needs.
+    fn needed(&self, forest: &Forest, node: u32) -> Vec<PlaneKind> {
         let mut kinds = vec![PlaneKind::Residual];
-        if self.filter.asks_classes() {
+        if self.filter.needs_classes() {
             kinds.push(PlaneKind::Class);
             kinds.extend(classification(forest));
         }
@@ -182,14 +182,14 @@ impl Filtered {
         kinds
     }
 
-    /// Marks the points of a node that are not wanted.
+    /// Marks the unwanted points of a node.
     fn hide(&self, forest: &Forest, node: u32, planes: &mut Planes) {
         let record = forest.record(node);
         let [min, max] = record.own_box();
         let test = self.filter.in_box(min, max);
         let copy = |kind| planes.get(kind).unwrap_or_default().to_vec();
         let (residual, of_source) = (copy(PlaneKind::Residual), copy(PlaneKind::Class));
-        let kind = classification(forest).filter(|_| self.filter.asks_classes());
+        let kind = classification(forest).filter(|_| self.filter.needs_classes());
         let classes = kind.map(copy).unwrap_or_default();
         let file = forest.file_of(node);
         let own = file.metadata().schema.find_typed(names::CLASSIFICATION, AttrType::U8);
@@ -213,7 +213,7 @@ impl Filtered {
     }
 }
 
-/// Writes codes of scans to the spare bytes of colours; where there is none, zero.
+/// Writes codes of scans to the spare bytes of colours; zero if there are no codes.
 fn mark_scans(planes: &mut Planes, scans: &[u8]) {
     let colours = planes.get_mut(PlaneKind::Colour).map(Vec::as_mut_slice).unwrap_or_default();
     let scans = scans.iter().copied().chain(std::iter::repeat(0));
@@ -222,15 +222,16 @@ fn mark_scans(planes: &mut Planes, scans: &[u8]) {
     }
 }
 
-/// What a filter says of a node, whose own points' classes and all below it lie on these sides.
-fn verdict(
+/// Result of a filter for a node, given the sides of its own points' classes and of those of its
+/// subtree.
+fn node_filter(
     filter: &LatticeFilter,
     nodes: &[Node],
     node: &Node,
     own_classes: Side,
     subtree_classes: Side,
-) -> Verdict {
-    let none = Verdict { points: 0, is_across: false, is_barren: true };
+) -> NodeFilter {
+    let none = NodeFilter { points: 0, is_partial: false, rejects_subtree: true };
     let prefix = filter.prefix(node, nodes.get(node.parent as usize));
     let cell = node.cell();
     if prefix == 0
@@ -242,16 +243,16 @@ fn verdict(
     let [min, max] = node.own_box();
     let by_box = filter.side_of_box(min, max);
     if by_box == Side::Outside || own_classes == Side::Outside {
-        return Verdict { is_barren: false, ..none };
+        return NodeFilter { rejects_subtree: false, ..none };
     }
-    Verdict {
+    NodeFilter {
         points: u32::try_from(prefix).unwrap_or(u32::MAX),
-        is_across: by_box == Side::Across || own_classes == Side::Across,
-        is_barren: false,
+        is_partial: by_box == Side::Across || own_classes == Side::Across,
+        rejects_subtree: false,
     }
 }
 
-/// The plane of the classes.
+/// The plane of the classification.
 fn classification(forest: &Forest) -> Option<PlaneKind> {
     let index = forest.schema().find_typed(names::CLASSIFICATION, AttrType::U8)?;
     Some(PlaneKind::Attribute(u16::try_from(index).ok()?))

@@ -1,5 +1,6 @@
-//! Writes a small .esker file: a surface of hills in an octree whose nodes take the first of shuffled
-//! points, so that each has an even share. Colours, intensities, normals, and a cold attribute.
+//! Writes a small .esker file: a hilly surface in an octree whose nodes take the first of shuffled
+//! points, so that each has an even sample. With colours, intensities, normals, and a cold
+//! attribute.
 
 use bytemuck::Zeroable;
 use esker_format::{
@@ -14,7 +15,7 @@ use esker_points::{
 };
 use std::io::Read;
 
-/// Edge of the hills, steps of a millimetre: a kilometre, so that large nodes drop bits.
+/// Edge of the hills, in steps of a millimetre: a kilometre, so that large nodes drop bits.
 const EDGE: u32 = 1 << 20;
 
 fn schema() -> Schema {
@@ -51,12 +52,12 @@ fn metadata(schema: Schema) -> Metadata {
     }
 }
 
-/// The bytes of a file of so many points, at most `capacity` in a node.
+/// The bytes of a file of `points` points, at most `capacity` in a node.
 pub fn file(points: usize, capacity: usize) -> Vec<u8> {
     file_of(schema(), 7, points, capacity)
 }
 
-/// The same of other points, that have no colours and an attribute of their own instead.
+/// The bytes of a file of other points, which have no colours and an additional attribute.
 pub fn bare_file(seed: u64, points: usize, capacity: usize) -> Vec<u8> {
     let mut attributes = schema().attributes;
     attributes.retain(|a| !["red", "green", "blue"].contains(&a.name.as_str()));
@@ -77,7 +78,7 @@ fn file_of(schema: Schema, seed: u64, points: usize, capacity: usize) -> Vec<u8>
             [base + x, base + y, base + z as u32]
         })
         .collect();
-    let (mut table, own) = plant(&positions, capacity);
+    let (mut table, own) = build_tree(&positions, capacity);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hills.esker");
     let mut writer = FileWriter::create(&path).unwrap();
@@ -110,8 +111,8 @@ fn file_of(schema: Schema, seed: u64, points: usize, capacity: usize) -> Vec<u8>
     bytes
 }
 
-/// Nodes, parents first, and the points of each.
-fn plant(positions: &[[u32; 3]], capacity: usize) -> (NodeTable, Vec<Vec<usize>>) {
+/// Nodes, parents first, and the indices of the points of each.
+fn build_tree(positions: &[[u32; 3]], capacity: usize) -> (NodeTable, Vec<Vec<usize>>) {
     let mut nodes = vec![record(positions, &(0..positions.len()).collect::<Vec<_>>(), NONE)];
     let mut waiting = vec![(0..positions.len()).collect::<Vec<_>>()];
     let mut own = Vec::new();
@@ -163,7 +164,7 @@ fn bound(node: &mut Node, positions: &[[u32; 3]], own: &[usize]) {
     for i in 0..3 {
         let (low, high) = (f64::from(min[i] - node.corner[i]), f64::from(max[i] - node.corner[i]));
         node.contour_centre[i] = ((low + high) * 0.5 * 0.001) as f32;
-        // Grown by what rounding to f32 may cost.
+        // Grown by the rounding error of f32.
         node.contour_half[i] = ((high - low) * 0.5 * 0.001) as f32 + 0.01;
     }
     node.contour_rotation = [0, 0, 0, 32767];

@@ -1,5 +1,5 @@
-//! What the tests stream: a small file on a faulty disk, into a stand-in for a GPU that checks all that
-//! must hold in every frame.
+//! Test harness: a small file on a faulty disk, streamed into a stand-in for a GPU that checks the
+//! invariants in every frame.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![allow(dead_code, reason = "each test file uses its own part")]
@@ -10,7 +10,7 @@ pub mod hills;
 pub mod random;
 
 pub use disk::{Disk, Faults};
-pub use gpu::{Gpu, Habits};
+pub use gpu::{Gpu, GpuOptions};
 pub use random::Random;
 
 use esker_format::{EskerFile, Forest};
@@ -22,35 +22,41 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// The bytes of the file that all tests read: hills of 150,000 points in nodes of 1,000.
-pub fn pristine() -> &'static Arc<Vec<u8>> {
+pub fn hills_bytes() -> &'static Arc<Vec<u8>> {
     static BYTES: OnceLock<Arc<Vec<u8>>> = OnceLock::new();
     BYTES.get_or_init(|| Arc::new(hills::file(150_000, 1000)))
 }
 
-/// The bytes of the files of a forest: those hills, and two sparser scans of the same place without colours.
-pub fn planted() -> &'static [Arc<Vec<u8>>] {
+/// The bytes of the files of a forest: those hills, and two sparser scans of the same place without
+/// colours.
+pub fn forest_bytes() -> &'static [Arc<Vec<u8>>] {
     static BYTES: OnceLock<Vec<Arc<Vec<u8>>>> = OnceLock::new();
     BYTES.get_or_init(|| {
         let bare = |seed, points| Arc::new(hills::bare_file(seed, points, 1000));
-        vec![Arc::clone(pristine()), bare(8, 60_000), bare(9, 700)]
+        vec![Arc::clone(hills_bytes()), bare(8, 60_000), bare(9, 700)]
     })
 }
 
 /// A streamer, the stand-in that it lands in, and the disk that it reads from.
-pub struct Rig {
+pub struct Harness {
     pub forest: Arc<Forest>,
     pub faults: Arc<Faults>,
     pub gpu: Gpu,
     pub streamer: Streamer,
 }
 
-impl Rig {
-    pub fn new(habits: Habits, options: Options, needs: Needs) -> Self {
-        Self::of(std::slice::from_ref(pristine()), habits, options, needs)
+impl Harness {
+    pub fn new(gpu_options: GpuOptions, options: Options, needs: Needs) -> Self {
+        Self::of(std::slice::from_ref(hills_bytes()), gpu_options, options, needs)
     }
 
-    /// Of files whose trees belong together; all lie on one disk.
-    pub fn of(files: &[Arc<Vec<u8>>], habits: Habits, options: Options, needs: Needs) -> Self {
+    /// Opens files whose trees belong together; all are on one disk.
+    pub fn of(
+        files: &[Arc<Vec<u8>>],
+        gpu_options: GpuOptions,
+        options: Options,
+        needs: Needs,
+    ) -> Self {
         let faults = Arc::new(Faults::default());
         let open = |(i, bytes): (usize, &Arc<Vec<u8>>)| {
             let disk = Disk { bytes: Arc::clone(bytes), faults: Arc::clone(&faults) };
@@ -58,18 +64,18 @@ impl Rig {
         };
         let mut files = files.iter().enumerate().map(open);
         let forest = Arc::new(Forest::of(files.next().unwrap(), files.collect()).unwrap());
-        let gpu = Gpu::new(habits, options.drawing_bytes, Arc::clone(&forest));
+        let gpu = Gpu::new(gpu_options, options.drawing_bytes, Arc::clone(&forest));
         let streamer =
             Streamer::start(Arc::clone(&forest), Arc::clone(&gpu.landing), options, needs).unwrap();
         Self { forest, faults, gpu, streamer }
     }
 
-    /// One frame.
+    /// Draws one frame.
     pub fn frame(&mut self) -> Arc<esker_stream::Cut> {
         self.gpu.frame(&self.streamer)
     }
 
-    /// Frames until one does; fails where none does for long.
+    /// Draws frames until `done`; fails after a minute.
     pub fn until(&mut self, what: &str, done: impl Fn(&esker_stream::Cut, &Self) -> bool) {
         let began = Instant::now();
         loop {
@@ -83,7 +89,7 @@ impl Rig {
         }
     }
 
-    /// Looks, and frames until the cut of this view is settled.
+    /// Sets the view and draws frames until its cut is settled.
     pub fn settle(&mut self, view: View) -> Arc<esker_stream::Cut> {
         self.streamer.look(view);
         self.until("settles", |cut, _| cut.view == view && cut.settled);
