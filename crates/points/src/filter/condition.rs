@@ -1,5 +1,5 @@
-//! What the conditions of a filter share: their error, the result of a test of a node, and the rounding
-//! of world coordinates to fractions of a step.
+//! What the conditions of a filter share: their error, the result of a test of a node, and the
+//! rounding of world coordinates to fractions of a step.
 
 use crate::lattice::Lattice;
 
