@@ -1,5 +1,5 @@
-//! Where the time of a build goes: builds a made cloud (hilly ground with walls and trees) of N points and
-//! prints seconds a phase and how full the nodes are.
+//! Profiles a build: builds a generated cloud (hilly ground with walls and trees, or another shape),
+//! and prints the seconds of each phase and the fill of the nodes.
 //!
 //! `cargo run --release -p esker-builder --example profile -- [points] [plane|volume|ground|stack] [capacity]
 //! [memory MiB] [file to keep]`
@@ -65,7 +65,7 @@ fn main() {
     };
     let folder = tempfile::tempdir().unwrap();
     let out = arguments.get(4).map_or_else(|| folder.path().join("out.esker"), Into::into);
-    let source = cloud("made", 0.001, n, position);
+    let source = cloud("generated", 0.001, n, position);
     let clock = Clock(Mutex::new(("before".into(), Instant::now())));
     let report = build_sources(vec![source], &out, &options, &clock).unwrap();
     clock.next("verify");

@@ -173,10 +173,7 @@ fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origi
 }
 
 /// The nodes of a tree with points that may pass `filter`, in the order of their pages.
-fn select_nodes(
-    tree: &EskerFile,
-    filter: &LatticeFilter,
-) -> Result<Vec<SelectedNode>, BuildError> {
+fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<SelectedNode>, BuildError> {
     let nodes = &tree.table().nodes;
     let statistics = filter.asks_classes().then(|| tree.statistics()).transpose()?;
     let all_have_one = tree.layout().all_have_one_of(&[(names::CLASSIFICATION, AttrType::U8)]);

@@ -50,9 +50,7 @@ pub fn metadata(
         codec: options.compress,
         sources: match &options.inherited.merged {
             None => reports.iter().enumerate().map(record).collect(),
-            Some(merged) => {
-                merged.records.iter().map(|r| merged_record(intake, plan, r)).collect()
-            }
+            Some(merged) => merged.records.iter().map(|r| merged_record(intake, plan, r)).collect(),
         },
         forest: options.inherited.forest.clone(),
         generator: concat!("esker ", env!("CARGO_PKG_VERSION")).into(),

@@ -105,39 +105,39 @@ mod tests {
     #[test]
     fn the_same_system_by_different_writers_is_recognised() {
         let spaced = LAMBERT.replace(',', ",\n  ").replace("EPSG", "epsg");
-        one_system([("a", LAMBERT), ("b", &spaced), ("c", LAMBERT)]).unwrap();
+        check_same_system([("a", LAMBERT), ("b", &spaced), ("c", LAMBERT)]).unwrap();
         let keys = [
             r#"GeoTIFF: GTCitation="tile 7" ProjectedCSType=2154"#,
             "GeoTIFF: ProjectedCSType=2154",
         ];
-        one_system(keys.map(|k| ("a", k))).unwrap();
-        one_system([]).unwrap();
+        check_same_system(keys.map(|k| ("a", k))).unwrap();
+        check_same_system([]).unwrap();
         // Blanks in a name are part of it.
-        one_system([("a", r#"LOCAL_CS["a b"]"#), ("b", r#"LOCAL_CS["ab"]"#)]).unwrap_err();
+        check_same_system([("a", r#"LOCAL_CS["a b"]"#), ("b", r#"LOCAL_CS["ab"]"#)]).unwrap_err();
     }
 
     #[test]
     fn systems_with_the_same_epsg_code_are_the_same() {
         let keys = "GeoTIFF: GTModelType=1 ProjectedCSType=2154";
-        one_system([("a.las", LAMBERT), ("b.las", keys), ("c.las", LAMBERT)]).unwrap();
-        let error = one_system([("a.las", UTM), ("b.las", keys)]).unwrap_err().to_string();
+        check_same_system([("a.las", LAMBERT), ("b.las", keys), ("c.las", LAMBERT)]).unwrap();
+        let error = check_same_system([("a.las", UTM), ("b.las", keys)]).unwrap_err().to_string();
         assert!(error.contains("`WGS 84 / UTM zone 32N`") && error.contains("b.las"), "{error}");
         // The first agrees with both of the others, which differ.
         let heights = ["5720", "5703"].map(|code| format!("{keys} VerticalCSType={code}"));
-        one_system([("a", LAMBERT), ("b", &heights[0])]).unwrap();
-        one_system([("a", LAMBERT), ("b", &heights[0]), ("c", &heights[1])]).unwrap_err();
+        check_same_system([("a", LAMBERT), ("b", &heights[0])]).unwrap();
+        check_same_system([("a", LAMBERT), ("b", &heights[0]), ("c", &heights[1])]).unwrap_err();
     }
 
     #[test]
     fn systems_that_differ_are_named_with_their_inputs() {
-        let error = one_system([("a.las", LAMBERT), ("b.las", LAMBERT), ("c.las", UTM)]);
+        let error = check_same_system([("a.las", LAMBERT), ("b.las", LAMBERT), ("c.las", UTM)]);
         let error = error.unwrap_err().to_string();
         for word in
             ["a.las", "c.las", "`RGF93 / Lambert-93`", "`WGS 84 / UTM zone 32N`", "--ignore-crs"]
         {
             assert!(error.contains(word), "{error}");
         }
-        let error = one_system([
+        let error = check_same_system([
             ("a", "GeoTIFF: ProjectedCSType=2154"),
             ("b", "GeoTIFF: ProjectedCSType=3857"),
         ]);
