@@ -1,5 +1,5 @@
-//! Estimates the normals of a scan and prints the CPU time a point and, if the scan has normals, the
-//! angles between both: `normals FILE [threads] [points]`.
+//! Estimates the normals of a scan and prints the CPU time a point and, if the scan has normals,
+//! the angles between both: `normals FILE [threads] [points]`.
 
 use esker_builder::attributes::density::Density;
 use esker_builder::attributes::normals::{Bounds, UNKNOWN, estimate};

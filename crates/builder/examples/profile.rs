@@ -1,8 +1,8 @@
-//! Profiles a build: builds a generated cloud (hilly ground with walls and trees, or another shape),
-//! and prints the seconds of each phase and the fill of the nodes.
+//! Profiles a build: builds a generated cloud (hilly ground with walls and trees, or another
+//! shape), and prints the seconds of each phase and the fill of the nodes.
 //!
-//! `cargo run --release -p esker-builder --example profile -- [points] [plane|volume|ground|stack] [capacity]
-//! [memory MiB] [file to keep]`
+//! `cargo run --release -p esker-builder --example profile -- [points] [plane|volume|ground|stack]
+//! [capacity] [memory MiB] [file to keep]`
 #![allow(clippy::unwrap_used, reason = "a tool for developers")]
 
 #[path = "../tests/cloud/mod.rs"]

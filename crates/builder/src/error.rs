@@ -6,8 +6,8 @@ use esker_points::lattice::LatticeError;
 use esker_scan::ScanError;
 use std::path::{Path, PathBuf};
 
-/// Why a build, an export or a comparison of a file with its inputs failed. There is no file under the
-/// final name.
+/// Why a build, an export or a comparison of a file with its inputs failed. There is no file under
+/// the final name.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {

@@ -1,6 +1,7 @@
 //! From scans to an `.esker` file under a memory bound: decoding, partition, chunks bottom-up, the
 //! levels above, the file, and the proof that no point was lost; and from the file back to a scan.
-//! Meets the crates that draw only in the file. The steps are described in `docs/design/building.md`.
+//! Meets the crates that draw only in the file. The steps are described in
+//! `docs/design/building.md`.
 
 pub mod attributes;
 pub mod budget;

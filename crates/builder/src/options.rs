@@ -1,5 +1,5 @@
-//! What a caller gives to a build and what it gets back: the options, which the user chose or a call
-//! such as append adds, and the report. The modules below read them and nothing of `calls`.
+//! What a caller gives to a build and what it gets back: the options, which the user chose or a
+//! call such as append adds, and the report. The modules below read them and nothing of `calls`.
 
 use crate::attributes::normals::NormalsMode;
 use crate::budget::memory;
@@ -26,8 +26,8 @@ pub struct Options {
     pub colour_depth: Option<ColourDepth>,
     /// Compression of the planes that are not drawn from.
     pub compress: Codec,
-    /// Whether inputs of different coordinate reference systems are accepted, with their coordinates
-    /// unchanged.
+    /// Whether inputs of different coordinate reference systems are accepted, with their
+    /// coordinates unchanged.
     pub ignore_crs: bool,
     /// What is kept of a build that is interrupted.
     pub resume: Resume,

@@ -33,8 +33,8 @@ pub struct DiskEstimate {
 }
 
 impl DiskEstimate {
-    /// Estimate for the inputs. Rows of `buffer_bytes_max` bytes stay in memory; a chunk has at most
-    /// `joined_max` rows of several buckets, or `single_max` of one.
+    /// Estimate for the inputs. Rows of `buffer_bytes_max` bytes stay in memory; a chunk has at
+    /// most `joined_max` rows of several buckets, or `single_max` of one.
     pub fn of(
         intake: &Intake,
         plan: &Plan,
@@ -72,8 +72,8 @@ impl DiskEstimate {
         of_rows.saturating_add(self.borders_bytes_max)
     }
 
-    /// Compares the estimate with the free space of both folders, which `free_bytes` returns if it is
-    /// known. Even on one disk the two are not added: scratch is freed while the file grows.
+    /// Compares the estimate with the free space of both folders, which `free_bytes` returns if it
+    /// is known. Even on one disk the two are not added: scratch is freed while the file grows.
     ///
     /// # Errors
     /// [`BuildError::Space`] if a folder has too little.
@@ -90,7 +90,8 @@ impl DiskEstimate {
         let of_scratch =
             ("scratch files need", "name another folder with --scratch, or give more --memory");
         let of_file = ("the file needs", "choose another folder for it");
-        // If memory holds the rows, cells are rarely split, and most positions are far from borders.
+        // If memory holds the rows, cells are rarely split, and most
+        // positions are far from borders.
         let scratch_bytes = if self.fits_memory { 0 } else { self.scratch_bytes(false) };
         for (path, needed_bytes, (what, remedy)) in
             [(scratch, scratch_bytes, of_scratch), (folder, self.file_bytes, of_file)]

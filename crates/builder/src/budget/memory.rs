@@ -1,5 +1,5 @@
-//! Memory that the machine grants and that the process uses. The code that differs between operating
-//! systems is here.
+//! Memory that the machine grants and that the process uses. The code that differs between
+//! operating systems is here.
 
 /// Least memory that a build works with, in bytes.
 pub const MEMORY_BYTES_MIN: u64 = 256 << 20;

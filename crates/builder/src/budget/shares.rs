@@ -22,13 +22,14 @@ const EDGES_BYTES: f64 = 240.0;
 /// More bytes a point while shapes of splats are estimated.
 const SHAPES_BYTES: f64 = 48.0;
 
-/// Shares of the memory. Rows that do not fit go to scratch. Nodes do not depend on the shares; only
-/// the order of pages in the file does.
+/// Shares of the memory. Rows that do not fit go to scratch. Nodes do not depend on the shares;
+/// only the order of pages in the file does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {
     /// Bytes of rows in memory while inputs are read or a bucket is split.
     pub buffer_bytes_max: u64,
-    /// Bytes of chunks in progress. A chunk has at least the points of a leaf even if they need more.
+    /// Bytes of chunks in progress. A chunk has at least the points of a
+    /// leaf even if they need more.
     pub chunk_bytes_max: u64,
 }
 
@@ -46,9 +47,9 @@ impl Shares {
         Self { buffer_bytes_max: self.buffer_bytes_max.min(room), ..self }
     }
 
-    /// Most rows of a chunk of several buckets, and of a chunk of one bucket. The second is also half
-    /// of the most rows of all chunks in progress. Memory must hold the sorted rows, pages of about
-    /// their size, and the samples. Small chunks keep more threads busy, and reuse memory.
+    /// Most rows of a chunk of several buckets, and of a chunk of one bucket. The second is also
+    /// half of the most rows of all chunks in progress. Memory must hold the sorted rows, pages of
+    /// about their size, and the samples. Small chunks keep more threads busy, and reuse memory.
     pub(crate) fn chunk_rows_max(&self, options: &Options, row_bytes: usize) -> (u64, u64) {
         let rows = self.rows_of(4.2, options, row_bytes);
         let nodes = |n| u64::from(options.node_capacity) * n;

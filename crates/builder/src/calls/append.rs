@@ -1,5 +1,5 @@
-//! Append: new scans become a file of their own over the lattice of an old one, and name it. The old
-//! file and the files that it names stay unchanged; all together are a forest
+//! Append: new scans become a file of their own over the lattice of an old one, and name it. The
+//! old file and the files that it names stay unchanged; all together are a forest
 //! (`docs/design/format.md`).
 
 use crate::calls::build::{build_sources, check_not_replaced};
@@ -17,9 +17,9 @@ use esker_scan::Source;
 use esker_scan::las::gps_times;
 use std::path::{Path, PathBuf};
 
-/// Builds `out` from `inputs` over the lattice of the file `old`, and names `old` and all files that
-/// it names; in the current rayon pool. Points off the lattice are rounded, points outside of it are
-/// refused; the report counts them.
+/// Builds `out` from `inputs` over the lattice of the file `old`, and names `old` and all files
+/// that it names; in the current rayon pool. Points off the lattice are rounded, points outside of
+/// it are refused; the report counts them.
 ///
 /// # Errors
 /// If [`crate::build()`] fails; if `old` or a file that it names does not open; if they and the

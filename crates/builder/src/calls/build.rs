@@ -97,8 +97,8 @@ pub fn build_sources(
         .map_err(BuildError::no_thread)?
 }
 
-/// Builds `out` from opened inputs with the given shares of memory, which may be smaller than on any
-/// machine: tests build small clouds by the code paths of clouds larger than memory.
+/// Builds `out` from opened inputs with the given shares of memory, which may be smaller than on
+/// any machine: tests build small clouds by the code paths of clouds larger than memory.
 ///
 /// # Errors
 /// If an input is damaged, space runs out, or on request.
@@ -112,13 +112,21 @@ pub fn build_shared(
     check(&sources, options)?;
     let folder = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let mut store = open_store(&sources, (out, &folder), options, &shares, task)?;
-    let build = Build { store: &mut store, options, task, peak: Peak::default() };
+    let build = Build {
+        store: &mut store,
+        options,
+        task,
+        peak: Peak::default(),
+        anon_bytes_before: memory::usage().anon_bytes,
+        scratch_bytes_estimated: None,
+    };
     let built = build.run(sources, (out, &folder), shares);
     let is_resumable = built.as_ref().is_err_and(BuildError::is_resumable);
     let is_kept = is_resumable && store.journal.is_begun();
     store.keep(is_kept);
     match built {
-        // The earlier build's steps were correct when they were recorded, so its files have changed.
+        // The earlier build's steps were correct when they were recorded,
+        // so its files have changed.
         Err(BuildError::Proof(_)) if store.journal.is_resumed() => {
             Err(store.journal.damaged("what it has left"))
         }
@@ -222,6 +230,9 @@ struct Build<'a> {
     options: &'a Options,
     task: &'a dyn Task,
     peak: Peak,
+    /// Anonymous memory at the start.
+    anon_bytes_before: u64,
+    scratch_bytes_estimated: Option<u64>,
 }
 
 /// A tree that was proven to hold all points, and what the file stores with them.
@@ -243,10 +254,9 @@ impl Build<'_> {
         (out, folder): (&Path, &Path),
         mut shares: Shares,
     ) -> Result<Report, BuildError> {
-        let start = memory::usage().anon_bytes;
         shares.chunk_bytes_max = self.store.journal.chunk_bytes_max();
         let mut intake = new_intake(sources, self.options);
-        let scratch_bytes_estimated = self.check_budget(&intake, &mut shares, (out, folder))?;
+        self.scratch_bytes_estimated = self.check_budget(&intake, &mut shares, (out, folder))?;
         let buffer_bytes_max = usize::try_from(shares.buffer_bytes_max).unwrap_or(usize::MAX);
         let files = (&mut self.store.scratch, &mut self.store.journal);
         let (plan, inputs) = intake.decode(files, buffer_bytes_max, self.task, &self.peak)?;
@@ -273,14 +283,8 @@ impl Build<'_> {
         self.task.check()?;
         let writer = &mut self.store.writer;
         let bytes_out = writer.finish(&tree.table, &tree.statistics, &metadata, points, hash)?;
-        let error = |r: &ReadReport| r.rounding_error_max;
-        Ok(Report {
-            rounding_error_max: reports.iter().map(error).fold(0.0, f64::max),
-            notes: notes(&metadata),
-            peak_anon_bytes: self.peak.bytes().saturating_sub(start),
-            scratch_bytes_estimated,
-            ..self.report(&tree, (points, points_refused, hash), bytes_out)
-        })
+        let points = (points, points_refused, hash);
+        Ok(self.report(&tree, (&reports, &metadata), points, bytes_out))
     }
 
     /// Checks that nodes are not too large, and that memory and disk space suffice; returns the
@@ -322,8 +326,8 @@ impl Build<'_> {
     }
 
     /// Builds the tree of all rows, and proves that it holds `points` points with this hash.
-    /// `limits` are the rows of a chunk of several buckets and of one bucket, and the bytes of rows
-    /// that splitting a bucket keeps in memory.
+    /// `chunk_rows_max` are the most rows of a chunk of several buckets and of one bucket,
+    /// `buffer_bytes_max` the most bytes of rows that splitting a bucket keeps in memory.
     fn build_tree(
         &mut self,
         plan: &Plan,
@@ -366,8 +370,8 @@ impl Build<'_> {
         })
     }
 
-    /// Proves that a tree holds the points that were read; returns its node table and the statistics
-    /// of its nodes.
+    /// Proves that a tree holds the points that were read; returns its node table and the
+    /// statistics of its nodes.
     fn prove(
         &self,
         root: Option<Subtree>,
@@ -383,33 +387,35 @@ impl Build<'_> {
         Ok((table, own))
     }
 
-    /// The report of a finished build, but for what only `run` knows.
+    /// Report of a finished build. Takes the number of points in the file, of refused points by
+    /// reason, and the hash.
     fn report(
         &self,
         tree: &ProvenTree,
-        (points, points_refused, hash): (u64, BTreeMap<String, u64>, MultisetHash),
+        (reports, metadata): (&[ReadReport], &Metadata),
+        (points_out, points_refused, hash): (u64, BTreeMap<String, u64>, MultisetHash),
         bytes_out: u64,
     ) -> Report {
         let scratch = &self.store.scratch;
         Report {
-            points_in: points + points_refused.values().sum::<u64>(),
-            points_out: points,
+            points_in: points_out + points_refused.values().sum::<u64>(),
+            points_out,
             points_refused,
             hash,
-            peak_anon_bytes: 0,
+            peak_anon_bytes: self.peak.bytes().saturating_sub(self.anon_bytes_before),
             peak_rss_bytes: memory::usage().rss_peak_bytes,
-            scratch_bytes_estimated: None,
+            scratch_bytes_estimated: self.scratch_bytes_estimated,
             scratch_bytes: scratch.bytes(),
             scratch_bytes_peak: scratch.bytes_peak(),
             disk_bytes_peak: scratch.disk_bytes_peak().max(bytes_out),
             bytes_out,
             nodes: tree.table.nodes.len() as u64,
             depth: tree.table.depths().into_iter().max().unwrap_or(0),
-            rounding_error_max: 0.0,
+            rounding_error_max: reports.iter().map(|r| r.rounding_error_max).fold(0.0, f64::max),
             palette_misfit: tree.palette_misfit,
             normals: tree.normals,
             has_tangents: self.options.tangents,
-            notes: Vec::new(),
+            notes: notes(metadata),
         }
     }
 }

@@ -67,8 +67,8 @@ struct EncodedNode {
 }
 
 /// Writes the points of all trees that pass `filter` to `out`, in the format that its extension
-/// names, in the current rayon pool. After an error there is no file under the final name. A spacing
-/// in the filter applies to each tree separately.
+/// names, in the current rayon pool. After an error there is no file under the final name. A
+/// spacing in the filter applies to each tree separately.
 ///
 /// # Errors
 /// If a file is damaged, the format cannot hold the attributes, no point passes the filter although
@@ -202,8 +202,8 @@ fn select_nodes(tree: &EskerFile, filter: &LatticeFilter) -> Result<Vec<Selected
     Ok(selected)
 }
 
-/// A note on attributes that some points lack, and which are zero in the export. An attribute is not
-/// missing where its output field was made from another attribute of the points.
+/// A note on attributes that some points lack, and which are zero in the export. An attribute is
+/// not missing where its output field was made from another attribute of the points.
 fn note_absent(forest: &Forest, fields: &[usize]) -> Option<String> {
     let attributes = &forest.schema().attributes;
     let names: Vec<_> = (0..attributes.len())

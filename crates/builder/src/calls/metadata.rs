@@ -67,8 +67,8 @@ fn merged_record(
     SourceRecord { class: at.map_or(0, |i| plan.class_of[i]), ..record.clone() }
 }
 
-/// The notes on all sources, and notes if their reference systems differ or their GPS times do not
-/// compare.
+/// The notes on all sources, and notes if their reference systems differ or their
+/// GPS times do not compare.
 pub fn notes(metadata: &Metadata) -> Vec<String> {
     let mut out: Vec<String> = metadata
         .sources

@@ -1,5 +1,6 @@
-//! Verifies a file against its inputs: they are decoded again onto the recorded lattice and must be
-//! the same multiset of points. For a forest, the inputs are those of its last tree or of all trees.
+//! Verifies a file against its inputs: they are decoded again onto the recorded lattice
+//! and must be the same multiset of points. For a forest, the inputs are those of its
+//! last tree or of all trees.
 
 use crate::error::BuildError;
 use crate::input::intake::{Intake, open};
@@ -73,9 +74,9 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of its
-/// last tree, or of all its trees, depending on the number of inputs. The hashes in the footers are
-/// trusted here: [`esker_format::verify()`] compares them with the points.
+/// Decodes `inputs` onto the forest's lattice and compares count and multiset hash with those of
+/// its last tree, or of all its trees, depending on the number of inputs. The hashes in the footers
+/// are trusted here: [`esker_format::verify()`] compares them with the points.
 ///
 /// # Errors
 /// [`BuildError::Differs`] if the points are not the same; if an input cannot be read; on request.

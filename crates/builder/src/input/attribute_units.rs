@@ -1,5 +1,5 @@
-//! Checks that attributes of one name and type mean the same in all inputs: that their stored values
-//! have one scale and offset.
+//! Checks that attributes of one name and type mean the same in all inputs: that their stored
+//! values have one scale and offset.
 
 use crate::error::BuildError;
 use esker_points::{Attribute, Schema};

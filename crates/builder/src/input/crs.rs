@@ -1,7 +1,7 @@
-//! Inputs of one file must be in one coordinate reference system, or their points would be at wrong
-//! places. In: the systems that inputs state; out: an error that names two that differ. An input
-//! that states no system is assumed to agree, and so are two with the same EPSG codes in different
-//! notations.
+//! Inputs of one file must be in one coordinate reference system, or their points would be at
+//! wrong places. In: the systems that inputs state; out: an error that names two that differ.
+//! An input that states no system is assumed to agree, and so are two with the same EPSG
+//! codes in different notations.
 
 use crate::error::BuildError;
 use esker_scan::{Codes, codes};

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Nodes that are read together, for each thread: enough to keep all busy, few enough to need little
-/// memory.
+/// Nodes that are read together, for each thread: enough to keep all busy, few enough to need
+/// little memory.
 const NODES_A_THREAD: usize = 2;
 
 /// The points of one class of a file.

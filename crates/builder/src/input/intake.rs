@@ -1,6 +1,6 @@
-//! Intake: opens the inputs, chooses lattice, schema and classes from their headers, and decodes each
-//! input once into a partition. If a header was wrong (a point off the lattice, colours of another
-//! depth), decoding starts again with corrected values.
+//! Intake: opens the inputs, chooses lattice, schema and classes from their headers, and decodes
+//! each input once into a partition. If a header was wrong (a point off the lattice, colours of
+//! another depth), decoding starts again with corrected values.
 
 use crate::budget::memory::Peak;
 use crate::error::BuildError;
@@ -18,8 +18,8 @@ use rayon::ScopeFifo;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Rows that a bucket should have: few enough for the cache of a core, enough that the overhead of a
-/// bucket is negligible.
+/// Rows that a bucket should have: few enough for the cache of a core, enough that the overhead of
+/// a bucket is negligible.
 const BUCKET_ROWS: u64 = 1 << 13;
 
 /// Largest step, in the file's unit: the square of 2^32 such steps, and the distances computed in
@@ -197,8 +197,9 @@ impl Intake {
         Err(BuildError::Options("the inputs change while they are read".into()))
     }
 
-    /// Measures all inputs if their headers' bounds need a lattice coarser than their coordinates: a
-    /// header may claim more room than its points have, and the lattice must not be coarser for it.
+    /// Measures all inputs if their headers' bounds need a lattice coarser than their
+    /// coordinates: a header may claim more room than its points have, and the lattice
+    /// must not be coarser for it.
     fn measure_coarse_lattice(&mut self, task: &dyn Task) -> Result<(), BuildError> {
         let scale = self.plan()?.lattice.scale;
         let finest = |axis: usize| {
@@ -213,8 +214,8 @@ impl Intake {
         Ok(())
     }
 
-    /// Measures the true bounds of source `from` and all after it: if one header is wrong, others may
-    /// be, and each would restart decoding.
+    /// Measures the true bounds of source `from` and all after it: if one header is wrong, others
+    /// may be, and each would restart decoding.
     fn measure(&mut self, from: usize, task: &dyn Task) -> Result<(), BuildError> {
         task.phase("measuring", None, "points");
         for (source, grid) in self.sources.iter().zip(&mut self.known.grids).skip(from) {

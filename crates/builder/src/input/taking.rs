@@ -171,8 +171,8 @@ impl<'a> RowCollector<'a> {
         if self.partition.is_full() { self.spill() } else { Ok(()) }
     }
 
-    /// Collects the remaining batches and returns all rows. If any rows are in scratch, all go there,
-    /// so that memory is free for building.
+    /// Collects the remaining batches and returns all rows. If any rows are in scratch, all go
+    /// there, so that memory is free for building.
     ///
     /// # Errors
     /// If scratch space fails.
@@ -200,7 +200,8 @@ impl<'a> RowCollector<'a> {
         self.journal.append(record)
     }
 
-    /// Moves all rows to scratch and prepares their journal record. The first rows begin the journal.
+    /// Moves all rows to scratch and prepares their journal record. The
+    /// first rows begin the journal.
     fn spill(&mut self) -> Result<(), BuildError> {
         if self.journal.may_begin()
             && self.scratch.is_empty()

@@ -1,7 +1,7 @@
-//! What chunks need of each other to estimate normals (`docs/design/building.md`): the positions near
-//! the faces of each chunk's cell. They are copied to scratch before the first chunk is built, since
-//! rows are freed chunk by chunk. The halo of a chunk is the copied positions of other chunks within
-//! reach of its cell.
+//! What chunks need of each other to estimate normals (`docs/design/building.md`): the positions
+//! near the faces of each chunk's cell. They are copied to scratch before the first chunk is built,
+//! since rows are freed chunk by chunk. The halo of a chunk is the copied positions of other chunks
+//! within reach of its cell.
 
 use crate::attributes::density::Density;
 use crate::attributes::normals::{Bounds, estimate, turned_to};
@@ -109,15 +109,15 @@ impl Borders {
         Ok(())
     }
 
-    /// Removes the border of a cell and returns its place. The others keep their order, which is that
-    /// of the points of halos.
+    /// Removes the border of a cell and returns its place. The others keep their order, which is
+    /// that of the points of halos.
     pub fn remove(&mut self, cell: &Cell) -> Vec<Extent> {
         let at = self.cells.iter().position(|(other, _)| other == cell);
         at.map_or_else(Vec::new, |at| self.cells.remove(at).1)
     }
 
-    /// Estimates normals, and clip lines and shapes if chosen, of the sorted rows of a chunk, which are
-    /// all points of `cell`.
+    /// Estimates normals, and clip lines and shapes if chosen, of the sorted rows of a chunk, which
+    /// are all points of `cell`.
     pub fn estimate(&self, cell: &Cell, rows: &mut [u8], scratch: &Map) {
         let stride = self.rows.bytes();
         let own: Vec<[u32; 3]> = rows.par_chunks_exact(stride).map(position).collect();

@@ -100,8 +100,8 @@ impl<'a> Coincident<'a> {
         pivots
     }
 
-    /// Counts the rows between two bounds that are before the first pivot, equal to it, between it and
-    /// the next one, and so on.
+    /// Counts the rows between two bounds that are before the first pivot, equal to it, between it
+    /// and the next one, and so on.
     fn counts(&self, bounds: [Option<&'a [u8]>; 2], pivots: &[&[u8]]) -> Vec<u64> {
         let none = || vec![0; 2 * pivots.len() + 1];
         let count = |mut counts: Vec<u64>, row: &[u8]| {

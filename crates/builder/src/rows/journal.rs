@@ -1,7 +1,7 @@
 //! The journal of a build: the finished steps, record after record, from which an interrupted build
-//! is resumed. It lies beside the output under a hidden name. Each record has a length and a CRC-32;
-//! bytes after the last whole record are dropped. Records come in the order of the steps, which does
-//! not depend on time: a phase reads the next record, or does the work and appends one.
+//! is resumed. It lies beside the output under a hidden name. Each record has a length and a
+//! CRC-32; bytes after the last whole record are dropped. Records come in the order of the steps,
+//! which does not depend on time: a phase reads the next record, or does the work and appends one.
 
 use crate::error::BuildError;
 use crate::input::identity::Identity;
@@ -35,8 +35,9 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal of an interrupted build of `out` if `resume` is [`Resume::Now`] and there is
-    /// one; if not, deletes what an earlier build has left. The caller must hold the output's lock.
+    /// Opens the journal of an interrupted build of `out` if `resume` is
+    /// [`Resume::Now`] and there is one; if not, deletes what an earlier build has
+    /// left. The caller must hold the output's lock.
     ///
     /// # Errors
     /// If the earlier build had other options or inputs, or its journal is damaged.
@@ -138,7 +139,8 @@ impl Journal {
         self.file.is_some()
     }
 
-    /// Whether records are appended: the journal has begun, and no record of an earlier build is left.
+    /// Whether records are appended: the journal has begun, and no record of
+    /// an earlier build is left.
     pub fn is_recording(&self) -> bool {
         self.is_begun() && self.upcoming.is_none()
     }
@@ -201,8 +203,8 @@ impl Journal {
         }
     }
 
-    /// Appends a record if [`Self::is_recording`]. The rows or pages that it describes must have been
-    /// written to their file before.
+    /// Appends a record if [`Self::is_recording`]. The rows or pages that it describes must have
+    /// been written to their file before.
     ///
     /// # Errors
     /// If the disk is full.

@@ -198,8 +198,8 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// An empty partition into cells of `2^log2` steps. Rows beyond `buffer_bytes_max` go to scratch;
-    /// `is_spilling` states that this is expected.
+    /// An empty partition into cells of `2^log2` steps. Rows beyond `buffer_bytes_max` go to
+    /// scratch; `is_spilling` states that this is expected.
     pub fn new(stride: usize, log2: u8, buffer_bytes_max: usize, is_spilling: bool) -> Self {
         Self {
             stride,
@@ -296,8 +296,8 @@ impl Partition {
         self.buckets = joined;
     }
 
-    /// Moves all rows in memory to scratch, in Morton order, so that rows of one chunk are near each
-    /// other. They are written in the background until [`Scratch::flush`].
+    /// Moves all rows in memory to scratch, in Morton order, so that rows of one chunk are near
+    /// each other. They are written in the background until [`Scratch::flush`].
     ///
     /// # Errors
     /// If scratch space fails, for these rows or earlier ones.
@@ -323,8 +323,8 @@ impl Partition {
         Ok(Spilled { log2: self.log2, cells })
     }
 
-    /// The buckets in Morton order. If any rows are in scratch, all go there, so that memory is free
-    /// for building.
+    /// The buckets in Morton order. If any rows are in scratch, all go there, so that memory is
+    /// free for building.
     ///
     /// # Errors
     /// If scratch space fails.

@@ -1,7 +1,7 @@
-//! Rows: the builder's record of a point. x, y, z on the lattice; the values of all attributes of the
-//! file's schema in canonical order, absent ones zero; the class of the point if there are several;
-//! then room for attributes that the build computes. Ties between positions are broken by comparing
-//! the bytes of rows.
+//! Rows: the builder's record of a point. x, y, z on the lattice; the values of all attributes of
+//! the file's schema in canonical order, absent ones zero; the class of the point if there are
+//! several; then room for attributes that the build computes. Ties between positions are broken by
+//! comparing the bytes of rows.
 
 use esker_points::clip::CLIP_BYTES;
 use esker_points::tangents::{Shape, axis_code, axis_of};
@@ -84,8 +84,8 @@ impl RowLayout {
         }
     }
 
-    /// Adds room for an estimated normal. Until it is estimated, the room holds the direction to the
-    /// scanner, or up.
+    /// Adds room for an estimated normal. Until it is estimated, the room holds the direction to
+    /// the scanner, or up.
     pub fn with_normals(mut self) -> Self {
         self.normal_at = Some(self.bytes);
         self.bytes += 4;
@@ -204,7 +204,8 @@ impl RowLayout {
         rows.for_each(|row| self.hash(row, scratch, hash));
     }
 
-    /// Makes rows of a batch and passes them to `take` in order, a few at a time. Returns their hash.
+    /// Makes rows of a batch and passes them to `take` in order, a few at a
+    /// time. Returns their hash.
     pub fn for_each_rows(
         &self,
         points: &Incoming<'_>,

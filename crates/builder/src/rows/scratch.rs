@@ -1,6 +1,7 @@
-//! Scratch space: a few files of rows that are appended to, also by threads in the background, mapped
-//! to read, and freed piece by piece as rows are consumed. The files have no names, unless a later
-//! build may resume from them. Mapped pages belong to the system cache, not to anonymous memory.
+//! Scratch space: a few files of rows that are appended to, also by threads in the
+//! background, mapped to read, and freed piece by piece as rows are consumed. The files have
+//! no names, unless a later build may resume from them. Mapped pages belong to the system
+//! cache, not to anonymous memory.
 
 use crate::error::BuildError;
 use crate::rows::journal_record::{Record, RecordReader};
@@ -12,8 +13,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-/// Most files. Several are written at the same time, because an operating system lets one thread at a
-/// time write to a file.
+/// Most files. Several are written at the same time, because an operating system lets one thread at
+/// a time write to a file.
 const FILES_MAX: usize = 8;
 /// Bytes of a write to a file.
 const WRITE_BYTES: usize = 1 << 20;
@@ -189,8 +190,8 @@ impl Scratch {
         })
     }
 
-    /// Replaces the files, which are empty, by files with names, for the journal. Returns the path of
-    /// the first; `None` if the folder's path is not Unicode.
+    /// Replaces the files, which are empty, by files with names, for the journal. Returns the path
+    /// of the first; `None` if the folder's path is not Unicode.
     ///
     /// # Errors
     /// If no file can be created in the folder.
@@ -304,8 +305,9 @@ impl Scratch {
         Ok(extent)
     }
 
-    /// Appends groups of runs in the background, the runs of a group consecutively. The next call that
-    /// uses the files waits, and returns the errors of the threads. Returns the extent of each group.
+    /// Appends groups of runs in the background, the runs of a group consecutively. The
+    /// next call that uses the files waits, and returns the errors of the threads. Returns
+    /// the extent of each group.
     ///
     /// # Errors
     /// If the disk is full for bytes appended before; if no thread can be started.
@@ -404,20 +406,20 @@ impl Scratch {
     /// If the disk is full, or the system refuses a mapping.
     pub fn map(&mut self) -> Result<Map, BuildError> {
         self.flush()?;
-        // SAFETY: only this process opens the files: they have no names, or random names of this user
-        // that only the journal of an output knows, and the output is locked. They are only appended
-        // to, and cut only when no extent is left (`clear` takes `&mut self` when no map lives).
-        // Holes are punched only in extents that are not read any more (code that splits a bucket may
-        // still have slices of them, but is past them). So mapped bytes never change under a reader,
-        // and a mapping never reaches past the end of its file.
+        // SAFETY: only this process opens the files: they have no names, or random names of this
+        // user that only the journal of an output knows, and the output is locked. They are only
+        // appended to, and cut only when no extent is left (`clear` takes `&mut self` when no map
+        // lives). Holes are punched only in extents that are not read any more (code that splits a
+        // bucket may still have slices of them, but is past them). So mapped bytes never change
+        // under a reader, and a mapping never reaches past the end of its file.
         let map = |rows: &AppendFile| unsafe { Mmap::map(rows.file.get_ref()) };
         let maps: io::Result<Vec<Mmap>> = self.files.iter().map(map).collect();
         let failed = |e| BuildError::scratch(&self.folder, "cannot map scratch data", e);
         maps.map(Map).map_err(failed)
     }
 
-    /// Frees the space of extents, adjacent ones together. Space that cannot be freed now is freed at
-    /// the end.
+    /// Frees the space of extents, adjacent ones together. Space that cannot be freed now is freed
+    /// at the end.
     pub fn release(&mut self, mut extents: Vec<Extent>) {
         extents.sort_unstable_by_key(|e| (e.file, e.offset));
         for run in extents.chunk_by(|a, b| a.file == b.file && a.offset + a.bytes == b.offset) {

@@ -80,8 +80,8 @@ impl<'a> Runs<'a> {
     }
 
     /// Sorts the rows into `out`, which they fill. A key has the upper bits of the code within the
-    /// rows' own cell, as many as 64 bits leave beside the index of the row; rows with equal bits are
-    /// compared.
+    /// rows' own cell, as many as 64 bits leave beside the index of the row; rows with equal bits
+    /// are compared.
     fn sort(&self, keys: &mut Vec<u64>, out: &mut [u8]) {
         if self.rows == 0 {
             return;
@@ -117,9 +117,9 @@ impl<'a> Runs<'a> {
             .for_each(|(slot, key)| copy_row(slot, self.row((*key & mask) as u32)));
     }
 
-    /// Sorts keys that differ only in their index by their rows; each row is looked up once, not for
-    /// each comparison. `is_truncated` states that keys have only part of the code; if they have all
-    /// of it, rows with equal keys coincide.
+    /// Sorts keys that differ only in their index by their rows; each row is looked up once, not
+    /// for each comparison. `is_truncated` states that keys have only part of the code; if they
+    /// have all of it, rows with equal keys coincide.
     fn sort_ties(&self, keys: &mut [u64], index_bits: u32, is_truncated: bool) {
         let mask = (1u64 << index_bits) - 1;
         let mut rows: Vec<(u128, &[u8], u64)> = Vec::new();

@@ -92,7 +92,8 @@ impl Store {
         Err(self.journal.damaged("its scratch file"))
     }
 
-    /// Opens the rows of a chunk for loading; with `has_borders`, scratch is mapped also for its halo.
+    /// Opens the rows of a chunk for loading; with `has_borders`, scratch is
+    /// mapped also for its halo.
     ///
     /// # Errors
     /// If scratch space fails, or rows of an earlier build are damaged.
@@ -206,8 +207,8 @@ impl Store {
         if self.journal.rows().is_some() { self.journal.next(kind) } else { Ok(None) }
     }
 
-    /// Rows of `bucket`, of `stride` bytes, that an earlier build has split, by the next record of the
-    /// journal. They are removed from the bucket.
+    /// Rows of `bucket`, of `stride` bytes, that an earlier build has split, by the next record of
+    /// the journal. They are removed from the bucket.
     ///
     /// # Errors
     /// If the record or scratch is damaged.

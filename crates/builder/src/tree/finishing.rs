@@ -9,7 +9,8 @@ use crate::tree::subtree::{Children, Subtree};
 use esker_points::Task;
 use std::sync::{Mutex, PoisonError};
 
-/// Unfinished cells below a cell: parents before children, and the children of a cell in Morton order.
+/// Unfinished cells below a cell: parents before children, and the children
+/// of a cell in Morton order.
 pub struct Unfinished {
     cells: Vec<UnfinishedCell>,
     /// Points that are in none of the cells.

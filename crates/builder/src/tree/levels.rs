@@ -33,7 +33,8 @@ pub struct TreeBuilder<'a> {
     pub peak: &'a Peak,
 }
 
-/// A step of the build. Each adds one cell to [`PartialTree::cells`], except that a split adds steps.
+/// A step of the build. Each adds one cell to [`PartialTree::cells`],
+/// except that a split adds steps.
 pub enum Step {
     /// Builds the points of these buckets, which fit memory.
     Chunk(Vec<Bucket>),
@@ -173,8 +174,8 @@ impl TreeBuilder<'_> {
         self.store.record_borders(known)
     }
 
-    /// Builds a lattice point with more coincident points than memory holds: a chain of nodes, filled
-    /// one after the other in the order of rows.
+    /// Builds a lattice point with more coincident points than memory holds: a chain of nodes,
+    /// filled one after the other in the order of rows.
     fn build_coincident(
         &mut self,
         bucket: Bucket,

@@ -1,6 +1,6 @@
-//! Splits a bucket that does not fit memory into smaller cells. Rows that go to scratch a second time
-//! are recorded in the journal and freed at their old place run by run, so that at most one run of
-//! rows is in scratch twice.
+//! Splits a bucket that does not fit memory into smaller cells. Rows that go to scratch a second
+//! time are recorded in the journal and freed at their old place run by run, so that at most one
+//! run of rows is in scratch twice.
 
 use crate::budget::shares::SPILLED_BYTES_MAX;
 use crate::error::BuildError;
@@ -18,8 +18,8 @@ const SPLIT_LEVELS: u8 = 3;
 /// Rows that are sorted into cells together.
 const BLOCK_ROWS: usize = 1 << 16;
 
-/// Most bytes of rows that are in scratch twice while a bucket is split with this many bytes of rows
-/// in memory.
+/// Most bytes of rows that are in scratch twice while a bucket is split with this many bytes of
+/// rows in memory.
 pub fn duplicate_bytes_max(buffer_bytes_max: u64, row_bytes: usize) -> u64 {
     let block_bytes = (BLOCK_ROWS * row_bytes) as u64;
     (buffer_bytes_max.min(SPILLED_BYTES_MAX) / 2).max(block_bytes)
@@ -36,8 +36,8 @@ struct BucketSplitter<'a> {
 }
 
 impl TreeBuilder<'_> {
-    /// Splits a bucket some levels below the smallest cell that holds its rows, so that a far outlier,
-    /// or many coincident points, cost one pass and not one for each level.
+    /// Splits a bucket some levels below the smallest cell that holds its rows, so that a far
+    /// outlier, or many coincident points, cost one pass and not one for each level.
     pub(crate) fn split(&mut self, mut bucket: Bucket) -> Result<Vec<Bucket>, BuildError> {
         let (stride, store) = (self.context.rows.bytes(), &mut *self.store);
         let is_stored = !bucket.extents.is_empty();
@@ -51,7 +51,8 @@ impl TreeBuilder<'_> {
         store.check_rows(&bucket, &runs, &self.context.rows)?;
         let blocks: Vec<&[u8]> = runs.iter().flat_map(|r| r.chunks(BLOCK_ROWS * stride)).collect();
         let log2 = restored.first().map_or_else(|| log2_of(&blocks, stride), |first| first.log2);
-        // Rows in memory are in blocks shared with other buckets, so they cannot be freed meanwhile.
+        // Rows in memory are in blocks shared with other buckets, so they
+        // cannot be freed meanwhile.
         let buffer_bytes_max = if is_stored {
             self.buffer_bytes_max.min(SPILLED_BYTES_MAX as usize)
         } else {

@@ -27,8 +27,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Chunks in progress, for each thread: one that is being sampled, one whose nodes are being finished,
-/// and one that waits for earlier ones.
+/// Chunks in progress, for each thread: one that is being sampled, one whose nodes are being
+/// finished, and one that waits for earlier ones.
 const CHUNKS_A_THREAD: usize = 3;
 
 /// Where the result of a step is left once its nodes are finished.
@@ -80,8 +80,8 @@ struct Chunk {
 /// A chunk or cell above chunks all of whose nodes but the root are finished.
 struct FinishedStep {
     children: Children,
-    /// For each child, the index of the cell whose result has the nodes below it, if they are not
-    /// here.
+    /// For each child, the index of the cell whose result has the nodes below
+    /// it, if they are not here.
     elsewhere: Vec<Option<usize>>,
     pages: Pages,
     chunk: Option<Chunk>,
@@ -151,7 +151,8 @@ impl TreeBuilder<'_> {
     ) -> Result<(), BuildError> {
         self.store.write(std::mem::take(&mut tree.outgoing))?;
         let threads = rayon::current_num_threads();
-        // Each thread has a node or a sample in progress, of about as many bytes as the rows of a node.
+        // Each thread has a node or a sample in progress, of about as many
+        // bytes as the rows of a node.
         let thread_rows = (threads * self.context.capacity) as u64;
         let (joined_max, single_max) = self.chunk_rows_max;
         let rows_max = single_max.saturating_sub(thread_rows);
@@ -211,8 +212,8 @@ impl TreeBuilder<'_> {
 }
 
 impl<'a> Pipeline<'a> {
-    /// Places and writes finished steps, and starts chunks for which there is room. If another thread
-    /// is doing so, that thread does it again.
+    /// Places and writes finished steps, and starts chunks for which there is room. If another
+    /// thread is doing so, that thread does it again.
     fn drive<'s>(&'s self, scope: &Scope<'s>) {
         self.requests.fetch_add(1, Ordering::SeqCst);
         loop {
@@ -223,8 +224,8 @@ impl<'a> Pipeline<'a> {
                 self.is_faulty.fetch_or(sequencer.fault.is_some(), Ordering::Relaxed);
             }
             drop(sequencer);
-            // A thread that called meanwhile has found the lock taken. A read that writes makes what
-            // that thread did before its call visible here.
+            // A thread that called meanwhile has found the lock taken. A read that writes makes
+            // what that thread did before its call visible here.
             if self.requests.fetch_add(0, Ordering::SeqCst) == requests {
                 return;
             }
@@ -252,8 +253,8 @@ impl<'a> Pipeline<'a> {
         }
     }
 
-    /// Starts chunks on top of the stack while there is room for them, and lets the cells above wait
-    /// for them.
+    /// Starts chunks on top of the stack while there is room for them, and lets the cells above
+    /// wait for them.
     fn start_chunks<'s>(
         &'s self,
         sequencer: &mut Sequencer<'a>,
@@ -356,8 +357,8 @@ impl<'a> Pipeline<'a> {
         let pending = self.context.build(&sorted, 0..sorted.len() as u32, self.task);
         let chunk = Chunk { counts: self.context.counts.beside(), extents, offer: None };
         self.spawn_finishing(rows, pending, Some(chunk), (result, &offer), scope);
-        // Chunks that this starts are spawned last and thus taken first: nodes are finished by threads
-        // that find no chunk to sample.
+        // Chunks that this starts are spawned last and thus taken first: nodes are finished by
+        // threads that find no chunk to sample.
         self.sampling.fetch_sub(1, Ordering::SeqCst);
         self.drive(scope);
     }
@@ -421,8 +422,8 @@ impl<'a> Pipeline<'a> {
         self.complete(job, scope);
     }
 
-    /// Drops a reference to a job. With the last one, all nodes are finished, and the result is left
-    /// for the sequencer.
+    /// Drops a reference to a job. With the last one, all nodes are finished, and the result is
+    /// left for the sequencer.
     fn complete<'s>(&'s self, job: Arc<FinishJob>, scope: &Scope<'s>) {
         let Some(job) = Arc::into_inner(job) else { return };
         let FinishJob { rows, unfinished, coincident, chunk, result } = job;

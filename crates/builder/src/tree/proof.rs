@@ -1,5 +1,5 @@
-//! The proof that no point was lost: number and multiset hash of the points in the tree are those of
-//! the points that were read.
+//! The proof that no point was lost: number and multiset hash of the points in the tree are those
+//! of the points that were read.
 
 use crate::error::BuildError;
 use crate::options::Merged;

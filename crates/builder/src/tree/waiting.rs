@@ -1,5 +1,5 @@
-//! The tree while it is built: cells that wait for the cell above, pages that wait to be written, and
-//! the journal's records of chunks.
+//! The tree while it is built: cells that wait for the cell above, pages that wait to be written,
+//! and the journal's records of chunks.
 
 use crate::page::histograms::Counts;
 use crate::rows::journal_record::{Kind, Record, RecordReader};
@@ -215,7 +215,8 @@ impl SampledCell {
         record
     }
 
-    /// Reads a cell and the nodes below it, with rows of `stride` bytes and this number of attributes.
+    /// Reads a cell and the nodes below it, with rows of `stride` bytes and
+    /// this number of attributes.
     pub fn get(from: &mut RecordReader<'_>, stride: usize, attributes: usize) -> Option<Self> {
         let cell = Cell { corner: from.get()?, log2: from.get()? };
         let moments = Moments::from_numbers(from.get()?);
