@@ -25,7 +25,7 @@ pub enum BuildError {
     Scratch {
         /// Scratch file or folder.
         path: PathBuf,
-        /// What was being done.
+        /// Operation that failed.
         phase: &'static str,
         /// Error of the system.
         source: std::io::Error,
@@ -35,13 +35,13 @@ pub enum BuildError {
     Space {
         /// The folder.
         path: PathBuf,
-        /// What needs the space.
+        /// Subject and verb of the message, such as "scratch files need".
         what: &'static str,
         /// Least bytes needed.
         needed_bytes: u64,
         /// Free bytes.
         free_bytes: u64,
-        /// What to do.
+        /// Advice for the user.
         remedy: &'static str,
     },
     /// The options contradict themselves or the inputs.

@@ -29,9 +29,9 @@ pub struct Options {
     /// Whether inputs of different coordinate reference systems are accepted, with their
     /// coordinates unchanged.
     pub ignore_crs: bool,
-    /// What is kept of a build that is interrupted.
+    /// Treatment of interrupted builds.
     pub resume: Resume,
-    /// What the build takes from existing files: see [`crate::append()`] and [`crate::merge()`].
+    /// Parts of existing files: see [`crate::append()`] and [`crate::merge()`].
     pub inherited: Inherited,
     /// Source of the normals that are drawn.
     pub normals: NormalsMode,
@@ -44,19 +44,19 @@ pub struct Options {
     pub compact: bool,
 }
 
-/// What is kept of a build that is interrupted.
+/// Treatment of interrupted builds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Resume {
-    /// Nothing.
+    /// Finished steps are not kept.
     #[default]
     Never,
-    /// All finished steps, for a later build to continue.
+    /// Finished steps are kept for a later build.
     Later,
-    /// All finished steps; and this build continues an interrupted one, if there is one.
+    /// Finished steps are kept, and this build resumes an interrupted one, if there is one.
     Now,
 }
 
-/// What a build takes from existing files. Most builds take nothing.
+/// Parts of existing files that a build uses. Most builds use none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inherited {
     /// Lattice, in place of one chosen for the inputs.
@@ -69,7 +69,7 @@ pub struct Inherited {
     pub merged: Option<Merged>,
 }
 
-/// What files record of the points that are merged from them.
+/// Records of files whose points are merged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
     /// Records of the original sources, each with the path of the input that now has its points.

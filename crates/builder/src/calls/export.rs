@@ -165,7 +165,7 @@ fn prove(file: &EskerFile, points: u64, hash: MultisetHash) -> Result<(), BuildE
     )))
 }
 
-/// What can be restored of a source.
+/// Restorable properties of a source: kind of grid, reference system, verbatim blocks.
 fn origin(file: &EskerFile, index: usize, record: &SourceRecord) -> Result<Origin, ScanError> {
     let verbatim = file.verbatim(index).map_err(|e| BuildError::from(e).through_sink())?;
     let crs = record.crs.as_ref().map(|c| Crs { text: c.text.clone(), unit: c.unit.clone() });

@@ -11,7 +11,7 @@ use std::time::UNIX_EPOCH;
 /// Version of the records of the journal; changes with their content.
 const JOURNAL_VERSION: &str = "5";
 
-/// What a build depends on.
+/// Options and inputs of a build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Names and values, which must be equal.

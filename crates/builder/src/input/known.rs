@@ -14,7 +14,7 @@ pub struct KnownInputs {
 }
 
 impl KnownInputs {
-    /// What the headers of `sources` state.
+    /// Grids and colour depths as the headers of `sources` state them.
     pub fn of(sources: &[Box<dyn Source>]) -> Self {
         let depth = |s: &dyn Source| s.info().colour_depth.unwrap_or(ColourDepth::Sixteen);
         Self {

@@ -19,7 +19,7 @@ pub struct Computed {
     pub tangents: bool,
 }
 
-/// What is chosen for all inputs.
+/// Lattice, schema and classes for all inputs.
 pub struct Plan {
     /// Lattice of the file.
     pub lattice: Lattice,
@@ -35,7 +35,7 @@ pub struct Plan {
     to_file: Vec<Vec<usize>>,
 }
 
-/// What decoding the inputs yields.
+/// Points of all inputs, decoded.
 pub struct DecodedInputs {
     /// Rows by cell.
     pub partition: Partition,

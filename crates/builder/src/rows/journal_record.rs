@@ -3,13 +3,13 @@
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
-/// What a record holds.
+/// Kinds of records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
     /// Options, inputs and the path of scratch. The first record.
     Start = 1,
-    /// What is known of the inputs beyond their headers. Makes all earlier records of rows void.
+    /// Corrected bounds and colour depths of the inputs. Makes all earlier records of rows void.
     Inputs,
     /// Rows of the inputs that are in scratch.
     Rows,

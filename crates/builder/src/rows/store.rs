@@ -25,7 +25,7 @@ pub struct Store {
     pub borders: Option<Borders>,
 }
 
-/// What waits to be written.
+/// Pages and a journal record that wait to be written.
 #[derive(Default)]
 pub struct Outgoing {
     /// Pages, in the order of the file.

@@ -31,10 +31,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// finished, and one that waits for earlier ones.
 const CHUNKS_A_THREAD: usize = 3;
 
-/// Where the result of a step is left once its nodes are finished.
+/// The result of a step, `None` until its nodes are finished.
 type SharedResult = Arc<Mutex<Option<FinishedStep>>>;
 
-/// What a cell offers, on its way to the cell above.
+/// State of what a cell offers to the cell above.
 #[derive(Default)]
 enum Offer {
     /// The cell is not sampled yet, and no cell above waits for it; or its offer was passed on.
@@ -46,14 +46,14 @@ enum Offer {
     Awaited(Arc<ParentCell>, usize),
 }
 
-/// Where the offer of a cell, or the cell above that waits for it, is left.
+/// The offer of a cell, shared with the thread that samples the cell above.
 type SharedOffer = Arc<Mutex<Offer>>;
 
 /// A cell above chunks, which waits for the offers of its children.
 struct ParentCell {
     cell: Cell,
     offers: Mutex<Vec<Option<SampledCell>>>,
-    /// Where its own offer is left.
+    /// Its own offer, once it is sampled.
     offer: SharedOffer,
     result: SharedResult,
 }
@@ -69,7 +69,7 @@ struct FinishJob {
     result: SharedResult,
 }
 
-/// What only chunks have.
+/// Data that chunks have and cells above them do not.
 struct Chunk {
     counts: Counts,
     extents: Vec<Extent>,
@@ -114,7 +114,7 @@ struct Sequencer<'a> {
     fault: Option<BuildError>,
 }
 
-/// What all threads share.
+/// State that all threads share.
 struct Pipeline<'a> {
     context: &'a Context,
     task: &'a dyn Task,

@@ -21,7 +21,7 @@ use std::ops::Range;
 pub struct PartialTree {
     /// Cells that wait for the cell above, whose children are the last ones.
     pub cells: Vec<SampledCell>,
-    /// What waits to be written.
+    /// Pages and a journal record that wait to be written.
     pub outgoing: Outgoing,
     /// Offset of the next page in the file.
     pub page_offset: u64,
@@ -44,7 +44,7 @@ struct ChunkPages {
 pub struct Pages {
     pages: Vec<Vec<u8>>,
     bytes: u64,
-    /// Of all pages, if it was chosen.
+    /// CRC-32 of all pages, if chunks are recorded.
     crc: crc32fast::Hasher,
 }
 
