@@ -14,12 +14,7 @@ struct Exception {
     reason: &'static str,
 }
 
-const EXCEPTIONS: [Exception; 3] = [
-    Exception {
-        file: "crates/builder/src/calls/build.rs",
-        function: "build_into",
-        reason: "the steps of a build in their order",
-    },
+const EXCEPTIONS: [Exception; 2] = [
     Exception {
         file: "crates/render/examples/bench_quads.rs",
         function: "quads",
