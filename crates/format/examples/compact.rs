@@ -186,7 +186,8 @@ fn normals() {
     for bits in [8u32, 7, 6, 5] {
         let steps = ((1 << (bits - 1)) - 1) as f32;
         let code = |n: [f32; 3]| {
-            // The best of the four neighbouring codes: rounding each axis separately is not optimal.
+            // The best of the four neighbouring codes: rounding each axis separately is not
+            // optimal.
             let exact = oct_encode(n).map(|c| f32::from(c) / 32767.0 * steps);
             let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]].map(|add: [f32; 2]| {
                 let at = |i: usize| ((exact[i].floor() + add[i]).clamp(-steps, steps)) / steps;

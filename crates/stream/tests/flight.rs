@@ -1,7 +1,7 @@
-//! Random camera flights under tight budgets, with faulty disks and slow landings. In each frame the
-//! stand-in for the GPU checks the invariants, and the streamer must stop in any state. Each of the
-//! eight flights takes `ESKER_FLIGHT_SECONDS` (2 by default). Ten minutes in all, and a run under the
-//! thread sanitizer (nightly, with rust-src):
+//! Random camera flights under tight budgets, with faulty disks and slow landings. In each frame
+//! the stand-in for the GPU checks the invariants, and the streamer must stop in any state. Each of
+//! the eight flights takes `ESKER_FLIGHT_SECONDS` (2 by default). Ten minutes in all, and a run
+//! under the thread sanitizer (nightly, with rust-src):
 //!
 //! ```sh
 //! ESKER_FLIGHT_SECONDS=75 \
