@@ -15,7 +15,7 @@ pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
         ensure!(!place.is_dir(), "{shown}: is a folder; name a file in it");
         ensure!(
             place.is_file(),
-            "{shown}: something that is no file has this name; choose another"
+            "{shown}: something other than a file has this name; choose another"
         );
         let same = inputs.iter().any(|i| i.canonicalize().is_ok_and(|i| i == place));
         ensure!(!same, "{shown}: is input and output at once; choose another output");
