@@ -9,8 +9,7 @@
 //! takes on the picture there, `focal_px / depth`: along a plane that is linear in the picture.
 
 use crate::inputs::camera::{Camera, NodePlace};
-use crate::passes::gather::Lookup;
-use crate::passes::project::{is_hidden, normal_at};
+use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{Level, Planes, for_each_row};
 use crate::simd::lanes::Lane;

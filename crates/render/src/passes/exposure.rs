@@ -9,7 +9,7 @@
 //! evened. Sums are of whole steps, so that the order of adding changes nothing.
 
 use crate::frame::ColourPlane;
-use crate::passes::gather::Lookup;
+use crate::inputs::lookup::Lookup;
 use crate::passes::project::{EMPTY, unpack};
 use crate::picture::pyramid::{Level, for_each_row};
 use glam::{Vec3, Vec4};

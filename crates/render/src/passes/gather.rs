@@ -4,18 +4,14 @@
 //! Drawn radius (DESIGN section 8): the stored radius, in units of the node's spacing, times the
 //! effective spacing of the finest drawn cell that holds the point.
 
-use crate::frame::{ColourPlane, Frame};
-use crate::inputs::camera::{Camera, NodePlace, Positions};
-use crate::inputs::colour::{ColourBy, MapTable, PLAIN, hue, linear};
+use crate::inputs::camera::Camera;
+use crate::inputs::lookup::{Lookup, NO_NORMAL, RADIUS_MAX, normal_code};
 use crate::passes::fit_planes::{BARE_REACH, FittedPlane, FittedPlanes};
-use crate::passes::project::{DrawList, EMPTY, NO_NORMAL, normal_at, normal_code, unpack};
+use crate::passes::project::{EMPTY, unpack};
 use crate::passes::tangent::{Lens, SLOPE_MAX};
 use crate::picture::pyramid::{INVALID, Level, Planes, RowMut, for_each_row};
 use crate::simd::lanes::{FITTED, FLAT, LANES, Lane, NORMALS, Pixels, moved, only};
 use crate::simd::values::directions;
-use esker_points::Node;
-use esker_points::fetch::fetch;
-use esker_points::quant::{HOT_POSITION_BYTES, INDEX_AT, radius_factor};
 use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
@@ -43,184 +39,6 @@ const THICKNESS: f32 = 1.0;
 /// Length of the depth interval over the drawn radius, at most, where planes are told from depths: what is told of steep
 /// ones is rough.
 const SLANT_REACH_MAX: f32 = 3.0;
-/// Radii are clamped here, so that sums of depth and radius stay finite.
-const RADIUS_MAX: f32 = 1e30;
-
-/// What is made once a frame to look points up.
-pub struct Lookup<'a> {
-    pub(crate) frame: &'a Frame<'a>,
-    pub(crate) camera: &'a Camera,
-    pub(crate) list: &'a DrawList,
-    draws: Vec<DrawLookup<'a>>,
-    map: Option<MapTable>,
-    codes: Option<Box<[Vec3; 256]>>,
-    radius_factors: [f32; 256],
-}
-
-struct DrawLookup<'a> {
-    positions: Positions<'a>,
-    place: NodePlace,
-    colour: Vec3,
-    /// Effective spacing of its points, where nothing is drawn below their node.
-    spacing: Option<f32>,
-}
-
-impl<'a> Lookup<'a> {
-    /// Tables of a frame.
-    pub fn new(frame: &'a Frame<'a>, camera: &'a Camera, list: &'a DrawList) -> Self {
-        let map = match &frame.colour {
-            ColourBy::Scalar(m) | ColourBy::Elevation(m) | ColourBy::EyeDepth(m) => {
-                Some(MapTable::new(m))
-            }
-            _ => None,
-        };
-        let draws = frame.draws.iter().map(|draw| {
-            let positions = Positions::of(draw);
-            let place = camera.place(draw.node, positions.is_exact());
-            let colour = match frame.colour {
-                ColourBy::Cell => hue(u32::from(draw.node.cell_log2)),
-                _ => linear(PLAIN),
-            };
-            let drawn = frame.octree.filter(|o| draw.entry < o.len());
-            let spacing = match drawn.map(|octree| octree.leaf_spacing(draw.entry)) {
-                Some(leaf) => leaf.map(|drawn| spacing_or(drawn, draw.node)),
-                None => Some(draw.node.spacing),
-            };
-            DrawLookup { positions, place, colour, spacing }
-        });
-        Self {
-            frame,
-            camera,
-            list,
-            draws: draws.collect(),
-            map,
-            codes: match frame.colour {
-                ColourBy::Codes(book) => Some(Box::new(book.colours())),
-                _ => None,
-            },
-            radius_factors: std::array::from_fn(|code| radius_factor(code as u8)),
-        }
-    }
-
-    /// Whether any node brings normals.
-    pub fn has_normals(&self) -> bool {
-        self.frame.draws.iter().any(|d| d.normal.is_some())
-    }
-
-    /// Positions of a draw's points, and their place against the eye.
-    pub(crate) fn places(&self, draw: usize) -> (&Positions<'a>, &NodePlace) {
-        (&self.draws[draw].positions, &self.draws[draw].place)
-    }
-
-    /// Colour of a point alone, for the method without surfaces.
-    pub fn colour_of(&self, point: u32, depth: f32) -> Vec3 {
-        let (d, index) = self.list.find(point);
-        let (offset, _) = self.draws[d].positions.offset(index);
-        self.colour(d, index, offset, depth)
-    }
-
-    /// Drawn radius of a point, from its offset and its radius code.
-    #[inline(always)]
-    pub(crate) fn radius(&self, draw: usize, offset: [u32; 3], code: u8) -> f32 {
-        self.radius_in(self.spacing(draw, offset), code)
-    }
-
-    /// The same where the points have this effective spacing.
-    #[inline(always)]
-    fn radius_in(&self, spacing: f32, code: u8) -> f32 {
-        let radius = spacing * self.radius_factors[usize::from(code)];
-        if radius.is_nan() { 0.0 } else { radius.clamp(0.0, RADIUS_MAX) }
-    }
-
-    /// The radii of all codes, where all points of a draw have the same effective spacing.
-    pub(crate) fn radii(&self, draw: usize) -> Option<[f32; 256]> {
-        let spacing = self.draws[draw].spacing?;
-        Some(std::array::from_fn(|code| self.radius_in(spacing, code as u8)))
-    }
-
-    /// Effective spacing of the finest drawn cell that holds the point.
-    #[inline(always)]
-    fn spacing(&self, draw: usize, offset: [u32; 3]) -> f32 {
-        // Most points are in the finest nodes.
-        self.draws[draw].spacing.unwrap_or_else(|| self.spacing_below(draw, offset))
-    }
-
-    fn spacing_below(&self, draw: usize, offset: [u32; 3]) -> f32 {
-        let draw = &self.frame.draws[draw];
-        let Some(octree) = self.frame.octree else { return draw.node.spacing };
-        let p = [0, 1, 2].map(|i| draw.node.box_min[i].wrapping_add(offset[i]));
-        spacing_or(octree.spacing_from(draw.entry, p), draw.node)
-    }
-
-    /// The colour of all points of a draw, where they have but one, linear light.
-    pub(crate) fn only_colour(&self, draw: usize) -> Option<Vec3> {
-        let by = self.frame.colour;
-        let has_none = matches!(self.frame.draws[draw].colour, ColourPlane::None);
-        let is_one = matches!(by, ColourBy::Plain | ColourBy::Cell) || by.reads_plane() && has_none;
-        is_one.then_some(self.draws[draw].colour)
-    }
-
-    /// Says ahead that a point will be fetched, if there is one.
-    #[inline(always)]
-    fn ask<const PLANE: usize>(&self, value: u64) {
-        if value == EMPTY {
-            return;
-        }
-        let (d, index) = self.list.find(unpack(value).1);
-        self.draws[d].positions.fetch(index);
-        let draw = &self.frame.draws[d];
-        match draw.colour {
-            ColourPlane::Rgba(plane) => fetch(plane, index * 4),
-            ColourPlane::Scalar { bytes, ty } => fetch(bytes, index * ty.size()),
-            _ => (),
-        }
-        if PLANE == NORMALS
-            && let Some(plane) = draw.normal
-        {
-            fetch(plane, index * 4);
-        }
-    }
-
-    /// Colour of a point, linear light.
-    pub(crate) fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
-        let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);
-        match (self.frame.colour, draw.colour, &self.map) {
-            (ColourBy::Rgb, ColourPlane::Rgba(plane), _) => {
-                plane.get(index * 4..index * 4 + 3).map_or(plain, |b| linear([b[0], b[1], b[2]]))
-            }
-            (ColourBy::Scalar(_), ColourPlane::Scalar { bytes, ty }, Some(map)) => {
-                let size = ty.size();
-                bytes.get(index * size..(index + 1) * size).map_or(plain, |b| map.at(ty.to_f64(b)))
-            }
-            (ColourBy::Codes(_), ColourPlane::Scalar { bytes, ty }, _) => bytes
-                .get(index * ty.size()..(index + 1) * ty.size())
-                .zip(self.codes.as_deref())
-                .map_or(plain, |(b, colours)| colours[usize::from(ty.to_f64(b) as u8)]),
-            (_, ColourPlane::Indexed, map) if self.frame.colour.reads_plane() => {
-                let number = draw.position.get(index * HOT_POSITION_BYTES + INDEX_AT);
-                match (number, self.codes.as_deref(), map) {
-                    (Some(&i), Some(colours), _) => colours[usize::from(i)],
-                    (Some(&i), None, Some(map)) => map.at(f64::from(i)),
-                    _ => plain,
-                }
-            }
-            (ColourBy::Elevation(_), _, Some(map)) => {
-                let z = f64::from(draw.node.box_min[2]) + f64::from(offset[2]);
-                map.at(self.frame.lattice.world_axis(2, z))
-            }
-            (ColourBy::EyeDepth(_), _, Some(map)) => map.at(f64::from(depth)),
-            (ColourBy::Normal, ..) => {
-                draw.normal.map_or(plain, |plane| normal_at(plane, index) * 0.5 + Vec3::splat(0.5))
-            }
-            _ => plain,
-        }
-    }
-}
-
-/// A drawn spacing, or a node's own where nothing says how it is drawn.
-fn spacing_or(drawn: f32, node: &Node) -> f32 {
-    if drawn > 0.0 { drawn } else { node.spacing }
-}
 
 /// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `fitted`. Returns the number of
 /// valid pixels.
@@ -273,8 +91,10 @@ fn gather_row<const PLANE: usize>(
     let (mut hits, mut count) = (Hits::NONE, 0);
     for (x, value) in values.iter().enumerate() {
         let value = value.load(Relaxed);
-        if let Some(ahead) = values.get(x + AHEAD) {
-            pass.lookup.ask::<PLANE>(ahead.load(Relaxed));
+        if let Some(ahead) = values.get(x + AHEAD).map(|value| value.load(Relaxed))
+            && ahead != EMPTY
+        {
+            pass.lookup.prefetch(unpack(ahead).1, PLANE == NORMALS);
         }
         if value == EMPTY {
             row.front[x] = INVALID;

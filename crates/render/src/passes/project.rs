@@ -9,13 +9,12 @@
 //! nothing to clear, merge or hold a core.
 
 use crate::frame::{DrawNode, Frame};
-use crate::gpu::memory::table::CHUNK_POINTS;
 use crate::inputs::camera::{Camera, Positions};
+use crate::inputs::lookup::{DrawList, is_hidden};
 use crate::simd::lanes::LANES;
 use esker_points::fetch::fetch;
-use esker_points::quant::{HIDDEN_AT, HOT_POSITION_BYTES, oct_decode};
 use fearless_simd::{Level as Simd, dispatch};
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -32,67 +31,7 @@ pub fn unpack(value: u64) -> (f32, u32) {
     (f32::from_bits((value >> 32) as u32), value as u32)
 }
 
-/// The frame's points in one numbering. Each draw begins at a multiple of a chunk, as on a GPU
-/// ([`crate::gpu::memory::table::CHUNK_POINTS`]), so that a point's draw is looked up and not searched for.
-#[derive(Clone, Debug, Default)]
-pub struct DrawList {
-    /// Number of the first point of each draw.
-    pub starts: Vec<u32>,
-    /// Points of each draw.
-    counts: Vec<u32>,
-    /// The draw of each chunk of numbers.
-    owners: Vec<u32>,
-    points: u32,
-}
-
-impl DrawList {
-    /// Numbers the points of these draws. What there is no number left for is not drawn.
-    pub fn new(draws: &[DrawNode<'_>]) -> Self {
-        let mut list = Self::default();
-        let mut next = 0u64;
-        for (owner, draw) in (0..).zip(draws) {
-            // The last chunk stays free: all ones is no point.
-            let left = u64::from(u32::MAX - CHUNK_POINTS).saturating_sub(next);
-            let count = (Positions::of(draw).len as u64).min(left) as u32;
-            let chunks = count.div_ceil(CHUNK_POINTS);
-            list.starts.push(next as u32);
-            list.counts.push(count);
-            list.owners.extend(std::iter::repeat_n(owner, chunks as usize));
-            list.points += count;
-            next += u64::from(chunks) * u64::from(CHUNK_POINTS);
-        }
-        list
-    }
-
-    /// Number of points of a draw.
-    pub fn len(&self, draw: usize) -> usize {
-        self.counts[draw] as usize
-    }
-
-    /// Whether the frame has no point.
-    pub fn is_empty(&self) -> bool {
-        self.points == 0
-    }
-
-    /// Number of points of the frame.
-    pub fn points(&self) -> u32 {
-        self.points
-    }
-
-    /// Draw and index in it of a numbered point.
-    ///
-    /// # Panics
-    /// If no point has that number.
-    #[inline]
-    pub fn find(&self, point: u32) -> (usize, usize) {
-        let draw = self.owners[(point / CHUNK_POINTS) as usize] as usize;
-        (draw, (point - self.starts[draw]) as usize)
-    }
-}
-
-/// The code of no normal.
-pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
-/// The same, as it lies in a plane.
+/// [`NO_NORMAL`](crate::inputs::lookup::NO_NORMAL) as stored in a plane.
 const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
 /// Draws all points into `target` (one value a pixel, row by row), which it clears first.
@@ -276,22 +215,4 @@ fn whole(x: f32) -> u32 {
     let rounded = x + ROUNDS;
     let is_above = rounded - ROUNDS > x;
     rounded.to_bits().wrapping_sub(ROUNDS.to_bits()).wrapping_sub(u32::from(is_above))
-}
-
-/// Whether a point is marked as one that is not wanted.
-pub(crate) fn is_hidden(positions: &[u8], index: usize) -> bool {
-    positions.get(index * HOT_POSITION_BYTES + HIDDEN_AT).is_some_and(|&mark| mark != 0)
-}
-
-/// The code of a point's normal, where the plane has one.
-#[inline]
-pub(crate) fn normal_code(normals: &[u8], index: usize) -> Option<[i16; 2]> {
-    let b = normals.get(index * 4..index * 4 + 4)?;
-    Some([i16::from_le_bytes([b[0], b[1]]), i16::from_le_bytes([b[2], b[3]])])
-}
-
-/// The world normal of a point; zero where it has none or the plane is too short.
-#[inline]
-pub fn normal_at(normals: &[u8], index: usize) -> Vec3 {
-    normal_code(normals, index).map_or(Vec3::ZERO, |code| Vec3::from_array(oct_decode(code)))
 }

@@ -3,7 +3,7 @@
 
 use crate::frame::{Background, Picture};
 use crate::inputs::colour::Encoder;
-use crate::passes::gather::Lookup;
+use crate::inputs::lookup::Lookup;
 use crate::passes::project::{EMPTY, unpack};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};

@@ -8,9 +8,8 @@
 //! Of a plane told from depths n is so long that q is -1: then n.x and n.y are all that is needed of it.
 
 use crate::inputs::camera::Camera;
-use crate::simd::lanes::Lane;
 use crate::simd::values::Values;
-use glam::Vec2;
+use glam::{Vec2, Vec4};
 
 /// Steepest slope (depth over width) that planes are followed with: what is nearly edge on says little of its slope.
 pub(crate) const SLOPE_MAX: f32 = 32.0;
@@ -41,7 +40,7 @@ impl Lens {
 
     /// Depth that plates of unit thickness take along the rays at places; normals have unit length.
     #[inline(always)]
-    pub fn thickness(&self, normal: [Lane; 3], at: [Lane; 2]) -> Lane {
+    pub fn thickness(&self, normal: [Vec4; 3], at: [Vec4; 2]) -> Vec4 {
         -self.focal_px / self.facing(normal, at)
     }
 
@@ -69,7 +68,7 @@ pub(crate) fn factor<V: Values>(q: V, turn: V) -> V {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Vec3, Vec4};
+    use glam::Vec3;
 
     const LENS: Lens = Lens { focal_px: 100.0, centre_px: Vec2::new(40.0, 30.0) };
 

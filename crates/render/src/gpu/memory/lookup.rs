@@ -1,4 +1,4 @@
-//! What is made once a frame to look points up on the GPU, the twin of [`crate::passes::gather::Lookup`]: tables, the octree of
+//! What is made once a frame to look points up on the GPU, the twin of [`crate::inputs::lookup::Lookup`]: tables, the octree of
 //! the cut, and the pass that fetches the words of the points that won (`shaders/gather/fetch.wgsl`). Gather
 //! and resolve go on from there.
 
