@@ -81,12 +81,11 @@ impl Averages {
         let mut offsets = [[0; BLOCK]; 3];
         for start in run.clone().step_by(BLOCK) {
             let count = positions.offsets(start, &mut offsets).min(run.end - start);
-            let block = Block::new(camera, place, &offsets);
+            let at = PixelPositions::new(camera, place, &offsets);
             for k in 0..count {
-                let pixel = block.pixels[k] as usize;
+                let pixel = at.pixels[k] as usize;
                 let Some(plane) = self.planes.get(pixel) else { continue };
-                let behind =
-                    plane.x + plane.y * block.dx[k] + plane.z * block.dy[k] - block.scale[k];
+                let behind = plane.x + plane.y * at.dx[k] + plane.z * at.dy[k] - at.scale[k];
                 // Infinite where there is no winner.
                 if behind > plane.w {
                     continue;
@@ -104,7 +103,7 @@ impl Averages {
                     normal = -normal;
                 }
                 let sums = &self.sums[pixel];
-                let colour = lookup.colour(draw, i, offset, camera.focal_px / block.scale[k]);
+                let colour = lookup.colour(draw, i, offset, camera.focal_px / at.scale[k]);
                 sums[0].fetch_add(pair(colour.x, colour.y), Relaxed);
                 sums[1].fetch_add(steps(colour.z) | 1 << 32, Relaxed);
                 if NORMALS {
@@ -191,7 +190,7 @@ fn pair(low: f32, high: f32) -> u64 {
 }
 
 /// Where a block of points is on the picture.
-struct Block {
+struct PixelPositions {
     /// Pixels, row by row; beyond all for what is outside.
     pixels: [u32; BLOCK],
     /// From the pixel's centre, pixels.
@@ -201,7 +200,7 @@ struct Block {
     scale: [f32; BLOCK],
 }
 
-impl Block {
+impl PixelPositions {
     /// The steps of [`crate::passes::project`]: a point is at the same pixel.
     #[inline(always)]
     fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
@@ -211,8 +210,8 @@ impl Block {
         let [width, height] = camera.size.map(|s| s as f32);
         let row = camera.size[0];
         let zero = [0.0; BLOCK];
-        let mut block = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
-        let Self { pixels, dx, dy, scale: scales } = &mut block;
+        let mut at = Self { pixels: [0; BLOCK], dx: zero, dy: zero, scale: zero };
+        let Self { pixels, dx, dy, scale: scales } = &mut at;
         let places = pixels.iter_mut().zip(dx).zip(dy.iter_mut().zip(scales));
         for (k, ((pixel, dx), (dy, scale_there))) in places.enumerate() {
             let x = place.axis_steps(0, offsets[0][k]) * step.x;
@@ -231,6 +230,6 @@ impl Block {
             *dy = at_y - line as f32 - 0.5;
             *scale_there = scale;
         }
-        block
+        at
     }
 }

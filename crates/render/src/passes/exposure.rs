@@ -59,15 +59,15 @@ impl ExposureGrid {
                 }
                 *slot = slot_of(lookup, target[pixel].load(Relaxed));
                 let slice = (base.depth[pixel].to_bits() >> SLICE_BITS) as usize;
-                let cell = &mut cells[slots_at(i % width / CELL_PX, slice)..][..SLOTS];
-                let value = in_steps(base.tint[pixel].truncate());
+                let cell = &mut cells[slots_index(i % width / CELL_PX, slice)..][..SLOTS];
+                let value = quantised(base.tint[pixel].truncate());
                 cell[0] += value;
                 cell[usize::from(*slot)] += value;
             }
         });
         let (cells, slots) = (&self.cells, &self.slots);
         for_each_row(base, |row| {
-            let (upper, down) = halfway(row.y);
+            let (upper, down) = between_cells(row.y);
             let rows = [(upper, 1.0 - down), (upper + 1, down)].map(|(at, share)| {
                 let band = at.checked_sub(1).and_then(|at| cells.chunks(row_of_cells).nth(at));
                 (band, share)
@@ -97,18 +97,18 @@ fn slot_of(lookup: &Lookup<'_>, value: u64) -> u8 {
 }
 
 /// Where a cell's slots begin in its row of cells.
-fn slots_at(column: usize, slice: usize) -> usize {
+fn slots_index(column: usize, slice: usize) -> usize {
     (column * SLICES + slice % SLICES) * SLOTS
 }
 
 /// A colour in whole steps, and one pixel. What is no number is 0.
-fn in_steps(colour: Vec3) -> Vec4 {
+fn quantised(colour: Vec3) -> Vec4 {
     let steps = |c: f32| (c.clamp(0.0, 1.0) * STEPS + 0.5) as u32 as f32;
     Vec4::new(steps(colour.x), steps(colour.y), steps(colour.z), 1.0)
 }
 
 /// Between the middles of which two cells a pixel lies: one more than the number of the first, and the share of the second.
-fn halfway(pixel: usize) -> (usize, f32) {
+fn between_cells(pixel: usize) -> (usize, f32) {
     let at = pixel + CELL_PX / 2;
     (at / CELL_PX, ((at % CELL_PX) as f32 + 0.5) / CELL_PX as f32)
 }
@@ -122,7 +122,7 @@ fn surroundings(
     slot: usize,
 ) -> [Vec4; 2] {
     const SLICE: u32 = 1 << SLICE_BITS;
-    let (left, right) = halfway(x);
+    let (left, right) = between_cells(x);
     // As `halfway` has it.
     let behind = depth.to_bits() + SLICE / 2;
     let deeper = (behind % SLICE) as f32 / SLICE as f32;
@@ -133,7 +133,7 @@ fn surroundings(
         for (column, across) in [(left, 1.0 - right), (left + 1, right)] {
             let Some(column) = column.checked_sub(1).filter(|&c| c < columns) else { continue };
             for (slice, along) in [(slices.wrapping_sub(1), 1.0 - deeper), (slices, deeper)] {
-                let cell = &row[slots_at(column, slice)..][..SLOTS];
+                let cell = &row[slots_index(column, slice)..][..SLOTS];
                 let share = share * across * along;
                 all += cell[0] * share;
                 own += cell[slot % SLOTS] * share;

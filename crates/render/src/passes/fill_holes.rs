@@ -48,8 +48,8 @@ pub fn fill_holes(base: &mut Level, depth: &mut [f32], focal_px: f32) {
 }
 
 /// Closes gaps at once, those among some pixels where these are told, and returns them.
-fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f32) -> Marks {
-    let gaps = gaps(base, depth, among, focal_px);
+fn close(base: &mut Level, depth: &mut [f32], within: Option<&Marks>, focal_px: f32) -> Marks {
+    let gaps = gaps(base, depth, within, focal_px);
     let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
     let patches: Vec<Patch> = patches.collect();
     let mut patched = Marks::new(base.width, base.height);
@@ -73,7 +73,7 @@ fn close(base: &mut Level, depth: &mut [f32], among: Option<&Marks>, focal_px: f
 }
 
 /// The gaps among some pixels, or all.
-fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Marks {
+fn gaps(base: &Level, depth: &[f32], within: Option<&Marks>, focal_px: f32) -> Marks {
     let Level { width, height, .. } = *base;
     let least = 1.0 + BEFORE_MIN_PX / focal_px;
     Marks::of_rows(width, height, |y, band| {
@@ -81,7 +81,7 @@ fn gaps(base: &Level, depth: &[f32], among: Option<&Marks>, focal_px: f32) -> Ma
         dispatch!(Width::new(), simd => {
             for x in (0..width).step_by(EIGHT) {
                 let (pixel, count) = (y * width + x, EIGHT.min(width - x));
-                let wanted = among.map_or((1 << count) - 1, |among| among.run(pixel, count));
+                let wanted = within.map_or((1 << count) - 1, |within| within.run(pixel, count));
                 // Most are none, which is seen without their radii.
                 if wanted != 0 {
                     let gaps = bits(wanted & surrounded(simd, rows, x, least)).map(|k| pixel + k);

@@ -43,14 +43,14 @@ struct Trust {
     /// Length of the depth interval across a plane that all around are on, over the drawn radius.
     reach: f32,
     /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
-    off: [f32; 2],
+    distance: [f32; 2],
 }
 
 /// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
-const APART: Trust = Trust { reach: 0.8, off: [0.2, 0.4] };
+const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
 /// Where they crowd, means of all that lies there are what evens_exposure them out: with short intervals a scan flickers by 4 % more. Trusted
 /// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
-const CROWDED: Trust = Trust { reach: BARE_REACH, off: [0.18, 0.35] };
+const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
 
 /// What is told of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,16 +94,16 @@ impl FittedPlanes {
         self.x.resize(squares, 0.0);
         self.y.resize(squares, 0.0);
         self.fitted.resize(self.width * self.height, FittedPlane::NONE);
-        self.take(target, width, height);
-        self.tell(focal_px, if is_crowded { CROWDED } else { APART });
+        self.collect_nearest(target, width, height);
+        self.fit(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
     /// What the surface of a pixel is told to be, which shows a disc of this radius, pixels.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
-        let is_told = radius_px <= SQUARE_PX as f32;
+        let is_fitted = radius_px <= SQUARE_PX as f32;
         let square = y / SQUARE_PX * self.width + x / SQUARE_PX;
-        if is_told { self.fitted[square] } else { FittedPlane::NONE }
+        if is_fitted { self.fitted[square] } else { FittedPlane::NONE }
     }
 
     /// Rows of the planes that have squares.
@@ -115,7 +115,7 @@ impl FittedPlanes {
     }
 
     /// Takes the nearest points of a frame buffer.
-    fn take(&mut self, target: &[AtomicU64], width: usize, height: usize) {
+    fn collect_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
         let (side, squares) = (SQUARE_PX, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
             nears[1..=squares].fill(0.0);
@@ -137,17 +137,17 @@ impl FittedPlanes {
     }
 
     /// Tells the fitted.
-    fn tell(&mut self, focal_px: f32, trust: Trust) {
+    fn fit(&mut self, focal_px: f32, trust: Trust) {
         let mut fitted = std::mem::take(&mut self.fitted);
         let rows = fitted.par_chunks_mut(self.width).enumerate().with_min_len(4);
         rows.for_each(|(row, fitted)| {
-            dispatch!(Simd::new(), simd => self.tell_row(simd, focal_px, trust, row, fitted));
+            dispatch!(Simd::new(), simd => self.fit_row(simd, focal_px, trust, row, fitted));
         });
         self.fitted = fitted;
     }
 
     #[inline(always)]
-    fn tell_row<S: Token>(
+    fn fit_row<S: Token>(
         &self,
         simd: S,
         focal_px: f32,
@@ -185,7 +185,7 @@ impl FittedPlanes {
                     is_missing: beside.cmpeq(zero),
                 };
             }
-            let (growth, reach) = tell(&around, focal_px, trust);
+            let (growth, reach) = fit_plane(&around, focal_px, trust);
             let [right, down] = growth.map(<[f32; EIGHT]>::from);
             let reach = <[f32; EIGHT]>::from(reach);
             for (k, plane) in fitted.iter_mut().enumerate() {
@@ -210,45 +210,45 @@ struct Neighbour<V: Values> {
 
 /// The growth of depth and the reach that a point's neighbours tell.
 #[inline(always)]
-fn tell<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
+fn fit_plane<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
     let side_px = SQUARE_PX as f32;
     let zero = around[0].x.like(0.0);
     let most = zero.like(OFF_MAX * side_px / focal_px);
-    let off_of = |right: V, down: V| {
+    let distance_sum = |right: V, down: V| {
         let mut sum = zero;
         for n in around {
-            let off = (right * n.x + down * n.y - n.nearer).abs().min(most);
-            sum = sum + only(n.is_there, off);
+            let distance = (right * n.x + down * n.y - n.nearer).abs().min(most);
+            sum = sum + only(n.is_there, distance);
         }
         sum
     };
     let (mut right, mut down) = (zero, zero);
-    let mut off = off_of(zero, zero);
+    let mut distance = distance_sum(zero, zero);
     for k in 0..4 {
         let (a, b) = (&around[k], &around[(k + 1) % 4]);
         let area = a.x * b.y - a.y * b.x;
         let over = zero.like(1.0) / area;
         let steeper =
             [(a.nearer * b.y - b.nearer * a.y) * over, (a.x * b.nearer - b.x * a.nearer) * over];
-        let own = off_of(steeper[0], steeper[1]);
+        let own = distance_sum(steeper[0], steeper[1]);
         let is_wide = zero.like(AREA_MIN * side_px * side_px).cmple(area.abs());
-        let is_better = a.is_there & b.is_there & is_wide & (own + most * BETTER).cmplt(off);
+        let is_better = a.is_there & b.is_there & is_wide & (own + most * BETTER).cmplt(distance);
         right = V::select(is_better, steeper[0], right);
         down = V::select(is_better, steeper[1], down);
-        off = V::select(is_better, own, off);
+        distance = V::select(is_better, own, distance);
     }
     let (mut count, mut missing) = (zero, zero);
     for neighbour in around {
         count = count + only(neighbour.is_there, zero.like(1.0));
         missing = missing + only(neighbour.is_missing, zero.like(1.0));
     }
-    let mean = off / (count * most).max(zero.like(f32::MIN_POSITIVE));
-    let [wholly, none] = trust.off;
+    let mean = distance / (count * most).max(zero.like(f32::MIN_POSITIVE));
+    let [wholly, none] = trust.distance;
     let mistrust = ((mean - wholly) * (1.0 / (none - wholly))).max(zero).min(zero.like(1.0));
     let reach = mistrust * (BARE_REACH - trust.reach) + trust.reach;
-    let is_told = missing.cmple(zero.like(MISSING_MAX));
-    let share = only(is_told, zero.like(1.0) - mistrust);
-    ([-right * share, -down * share], V::select(is_told, reach, zero.like(BARE_REACH)))
+    let is_fitted = missing.cmple(zero.like(MISSING_MAX));
+    let share = only(is_fitted, zero.like(1.0) - mistrust);
+    ([-right * share, -down * share], V::select(is_fitted, reach, zero.like(BARE_REACH)))
 }
 
 #[cfg(test)]
@@ -273,7 +273,7 @@ mod tests {
         all.collect()
     }
 
-    fn told(target: &[AtomicU64]) -> FittedPlanes {
+    fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
         // What was there before means nothing.
         fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
@@ -294,13 +294,13 @@ mod tests {
     }
 
     #[test]
-    fn planes_are_told_exactly_at_any_slope_and_trusted() {
+    fn planes_are_fitted_exactly_and_trusted_at_any_slope() {
         for [right, down] in [[0.0, 0.0], [1e-3, -2e-3], [-2e-3, 0.0], [3e-3, 3e-3]] {
             // One over the depth is linear in the picture.
             let near =
                 |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
             let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
-            let fitted = told(&target);
+            let fitted = fit(&target);
             for radius_px in [1.0, 4.0] {
                 let mut count = 0;
                 for (x, y, _) in won(&target, 32) {
@@ -308,9 +308,9 @@ mod tests {
                     let at = (y / SQUARE_PX + 1) * fitted.stride + x / SQUARE_PX + 1;
                     let own = near(fitted.x[at] as usize, fitted.y[at] as usize);
                     let truth = [right, down].map(|steeper| (-steeper / own) as f32);
-                    for (told, truth) in plane.growth.into_iter().zip(truth) {
+                    for (growth, truth) in plane.growth.into_iter().zip(truth) {
                         assert!(
-                            (told - truth).abs() < 2e-5,
+                            (growth - truth).abs() < 2e-5,
                             "{plane:?}, {truth:?}, {radius_px} px"
                         );
                     }
@@ -323,10 +323,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_surface_keeps_long_intervals() {
+    fn points_off_any_surface_keep_long_intervals() {
         // Leaves: depths that have nothing to do with each other.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
-        let fitted = told(&leaves);
+        let fitted = fit(&leaves);
         let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| fitted.at(x, y, 2.0).reach).collect();
         let long = reaches.iter().filter(|reach| **reach > 1.6).count();
         assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
@@ -337,15 +337,15 @@ mod tests {
                 value.store(EMPTY, Relaxed);
             }
         });
-        assert_eq!(told(&alone).at(9, 5, 2.0), FittedPlane::NONE);
-        assert_eq!(told(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
-        assert_eq!(told(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
+        assert_eq!(fit(&alone).at(9, 5, 2.0), FittedPlane::NONE);
+        assert_eq!(fit(&leaves).at(9, 5, 4.1), FittedPlane::NONE);
+        assert_eq!(fit(&leaves).at(9, 5, f32::NAN), FittedPlane::NONE);
     }
 
     #[test]
-    fn a_wall_beside_another_is_told_by_its_own_points() {
+    fn the_plane_of_a_wall_beside_another_is_fitted_to_its_own_points() {
         let target = target(50, |x, _| if x < 100 { 1.0 } else { 1.4 });
-        let fitted = told(&target);
+        let fitted = fit(&target);
         for (x, y, _) in won(&target, 8) {
             let plane = fitted.at(x, y, 3.0);
             assert!(plane.growth.iter().all(|g| g.abs() < 1e-6), "{x}, {y}: {plane:?}");
@@ -353,10 +353,10 @@ mod tests {
     }
 
     #[test]
-    fn any_depths_tell_finite_slants() {
+    fn planes_are_finite_for_any_depths() {
         const DEPTHS: [f32; 6] = [1e-30, 1e30, 1.0, 1.0, 3e38, 1e-38];
         let target = target(70, |x, y| DEPTHS[(x * 31 + y * 17 + x * y) % 6]);
-        let fitted = told(&target);
+        let fitted = fit(&target);
         for (x, y, _) in won(&target, 0) {
             for radius_px in [0.0, 4.0, 20.0, 128.0, 1e30] {
                 let FittedPlane { growth, reach } = fitted.at(x, y, radius_px);

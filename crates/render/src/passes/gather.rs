@@ -78,7 +78,7 @@ impl Gather<'_> {
 }
 
 /// An index of what differs with normals and without.
-const fn bare<const PLANE: usize>() -> usize {
+const fn normals_index<const PLANE: usize>() -> usize {
     if PLANE == NORMALS { 0 } else { 1 }
 }
 
@@ -170,7 +170,7 @@ impl Hits {
     #[inline(always)]
     fn write_all<const PLANE: usize>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
         let lookup = pass.lookup;
-        let factor = RADIUS_FACTOR[bare::<PLANE>()];
+        let factor = RADIUS_FACTOR[normals_index::<PLANE>()];
         for k in 0..self.count.min(HITS) {
             let (d, offset) = (self.draw[k] as usize, self.offset[k]);
             let place = &lookup.draws[d].place;
@@ -200,7 +200,7 @@ impl Hits {
         let stored = four(&self.radius).max(Vec4::ZERO);
         let radius = stored.min(Vec4::splat(RADIUS_MAX));
         let depth = four(&self.depth);
-        let margin = RADIUS_MARGIN_PX[bare::<PLANE>()];
+        let margin = RADIUS_MARGIN_PX[normals_index::<PLANE>()];
         let in_middle = (radius * focal_px / depth).min(Vec4::splat(RADIUS_MAX));
         let in_pixels = |share: Lane, stretch: Lane| {
             let least = (in_middle + margin) * share;
@@ -212,11 +212,11 @@ impl Hits {
             Vec4::splat(row.y as f32 + 0.5),
         ];
         let per_focal = 1.0 / focal_px;
-        let seen = [
+        let ray = [
             (centre[0] - camera.centre_px[0]) * per_focal,
             (Vec4::splat(camera.centre_px[1]) - centre[1]) * per_focal,
         ];
-        let mut radius_px = in_pixels(Vec4::ONE, of_sphere(seen));
+        let mut radius_px = in_pixels(Vec4::ONE, sphere_stretch(ray));
         let [r, g, b] = &self.colour;
         let [r, g, b] = [four(r), four(g), four(b)];
         let mut out = Pixels {
@@ -240,11 +240,12 @@ impl Hits {
             out.front[2] = within_half(centre[0] - place[0]);
             out.front[3] = within_half(centre[1] - place[1]);
             if let (FITTED, Some(fitted)) = (PLANE, pass.fitted) {
-                let [growth @ .., across] = four_planes(fitted, to, row.y, in_middle + margin);
-                let (tilt, plate, normal) = plane_of(camera, place, growth);
-                let is_told = (growth[0].abs() + growth[1].abs()).cmpgt(Vec4::ZERO);
-                let [_, major] = of_disc(normal, seen);
-                radius_px = Vec4::select(is_told, in_pixels(Vec4::ONE, major), radius_px);
+                let [growth @ .., across] =
+                    four_fitted_planes(fitted, to, row.y, in_middle + margin);
+                let (tilt, plate, normal) = plane_at(camera, place, growth);
+                let is_fitted = (growth[0].abs() + growth[1].abs()).cmpgt(Vec4::ZERO);
+                let [_, major] = disc_stretch(normal, ray);
+                radius_px = Vec4::select(is_fitted, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
                 reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
                 // Discs stay where their pixels are; their depths are those that their planes have there.
@@ -274,7 +275,7 @@ impl Hits {
                 let plate = Lens::new(camera).thickness(turned, place);
                 let thick = radius * (THICKNESS / RADIUS_FACTOR[0]) * plate;
                 reach = Vec4::select(has_normal, thick, reach);
-                let [minor, major] = of_disc(turned, seen);
+                let [minor, major] = disc_stretch(turned, ray);
                 radius_px = Vec4::select(has_normal, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
                 let minor = filter_minor(in_pixels(turned[2].abs(), minor) / radius_px, radius_px);
@@ -289,13 +290,18 @@ impl Hits {
 
 /// What is told of four pixels of row `y`: the growth of depth right and down, and the reach.
 #[inline(always)]
-fn four_planes(fitted: &FittedPlanes, to: &[usize; LANES], y: usize, radius_px: Lane) -> [Lane; 3] {
+fn four_fitted_planes(
+    fitted: &FittedPlanes,
+    to: &[usize; LANES],
+    y: usize,
+    radius_px: Lane,
+) -> [Lane; 3] {
     let radii = radius_px.to_array();
     let mut all = [[0.0; LANES]; 3];
     for k in 0..LANES {
         let is_there = to[k] != usize::MAX;
-        let told = if is_there { fitted.at(to[k], y, radii[k]) } else { FittedPlane::NONE };
-        (all[0][k], all[1][k], all[2][k]) = (told.growth[0], told.growth[1], told.reach);
+        let plane = if is_there { fitted.at(to[k], y, radii[k]) } else { FittedPlane::NONE };
+        (all[0][k], all[1][k], all[2][k]) = (plane.growth[0], plane.growth[1], plane.reach);
     }
     all.map(Vec4::from_array)
 }
@@ -303,7 +309,7 @@ fn four_planes(fitted: &FittedPlanes, to: &[usize; LANES], y: usize, radius_px: 
 /// The tilt ([`Level::tilt`]) of planes whose depth grows so at places on the picture, not steeper than can be followed;
 /// the depth that plates of unit thickness take there; and the planes' normals in view space.
 #[inline(always)]
-fn plane_of(
+fn plane_at(
     camera: &Camera,
     place: [Lane; 2],
     [right, down]: [Lane; 2],
@@ -331,7 +337,7 @@ fn within_half(x: Lane) -> Lane {
 /// The greatest radius of a sphere's picture over that in the middle of the picture, where it is seen along `seen`: to the right
 /// and upwards, over the depth. It is stretched away from the middle.
 #[inline(always)]
-fn of_sphere([x, y]: [Lane; 2]) -> Lane {
+fn sphere_stretch([x, y]: [Lane; 2]) -> Lane {
     (x * x + y * y + 1.0).sqrt()
 }
 
@@ -341,7 +347,7 @@ fn of_sphere([x, y]: [Lane; 2]) -> Lane {
 /// it. In the middle that is `|z|` and 1, and no disc is drawn narrower than there: at a sphere's limb the far side would show.
 /// Where the former is more than the latter, the disc is drawn as a circle.
 #[inline(always)]
-fn of_disc([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
+fn disc_stretch([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
     let k = x * nx + y * ny;
     let along = (nz - k).abs();
     let across = ((x * x + y * y) * (nx * nx + ny * ny) - k * k + 1.0).max(Vec4::ONE).sqrt();

@@ -65,26 +65,32 @@ fn project_run(
     let near = place.near();
     let mut offsets = [[0; BLOCK]; 3];
     let zero = [0.0; BLOCK];
-    let block = Block { start: 0, shown: 0, pixels: [0; BLOCK], depths: zero, from_eye: [zero; 3] };
+    let block = ProjectedPoints {
+        start: 0,
+        visible: 0,
+        pixels: [0; BLOCK],
+        depths: zero,
+        from_eye: [zero; 3],
+    };
     // A block's pixels are asked for while the one before is drawn.
-    let (mut block, mut before) = (block, block);
+    let (mut block, mut previous) = (block, block);
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
         match near {
-            Some(base) => block.place(camera, &offsets, |axis, offset| {
+            Some(base) => block.project(camera, &offsets, |axis, offset| {
                 base[axis].wrapping_add(offset as i32) as f32 + place.bias_steps[axis]
             }),
-            None => block.place(camera, &offsets, |axis, o| place.axis_steps(axis, o)),
+            None => block.project(camera, &offsets, |axis, o| place.axis_steps(axis, o)),
         }
         if let Some(plane) = normals {
             block.drop_back_faces(plane, start, count);
         }
-        (block.start, block.shown) = (start, block.on_picture(count));
-        ones(block.shown).for_each(|k| fetch(target, block.pixels[k] as usize));
-        before.draw(base, target, |point| hides && is_hidden(draw.position, point));
-        std::mem::swap(&mut block, &mut before);
+        (block.start, block.visible) = (start, block.visible_points(count));
+        ones(block.visible).for_each(|k| fetch(target, block.pixels[k] as usize));
+        previous.draw(base, target, |point| hides && is_hidden(draw.position, point));
+        std::mem::swap(&mut block, &mut previous);
     }
-    before.draw(base, target, |point| hides && is_hidden(draw.position, point));
+    previous.draw(base, target, |point| hides && is_hidden(draw.position, point));
 }
 
 /// The places of the ones among bits, from the lowest.
@@ -100,11 +106,11 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
 
 /// Where a block of points is on the picture.
 #[derive(Clone, Copy)]
-struct Block {
+struct ProjectedPoints {
     /// The first of its points in its node.
     start: usize,
     /// Those on the picture, a bit each.
-    shown: u64,
+    visible: u64,
     /// Pixels, row by row; what is outside has the highest bit.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
@@ -115,11 +121,11 @@ struct Block {
 /// The bit of what is outside.
 const OUTSIDE: u32 = 1 << 31;
 
-impl Block {
+impl ProjectedPoints {
     /// Places a block of points; `steps` has them against the eye, from the axis and the offset. Straight arithmetic
     /// over arrays: it becomes SIMD.
     #[inline(always)]
-    fn place(
+    fn project(
         &mut self,
         camera: &Camera,
         offsets: &[[u32; BLOCK]; 3],
@@ -183,7 +189,7 @@ impl Block {
         };
         // Without a branch: which points lose against what is there is hard to guess.
         let mut winning = 0;
-        for k in ones(self.shown) {
+        for k in ones(self.visible) {
             let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
             winning |= u64::from(value(k) < slot.load(Relaxed)) << k;
         }
@@ -197,7 +203,7 @@ impl Block {
 
     /// Those of the first `count` points that are on the picture, a bit each.
     #[inline(always)]
-    fn on_picture(&self, count: usize) -> u64 {
+    fn visible_points(&self, count: usize) -> u64 {
         let mut outside = 0;
         for (i, four) in self.pixels.as_chunks::<LANES>().0.iter().enumerate() {
             let signs = Vec4::from_array(four.map(f32::from_bits)).is_negative_bitmask();

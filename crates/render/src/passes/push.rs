@@ -115,10 +115,10 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
         // The nearer neighbour up or down; none at the picture's edge.
         let beside = if row.y & 1 == 1 { over + 1 } else { over.wrapping_sub(1) };
         for y in [over, beside] {
-            let (held, line) = &mut lines[y & 1];
-            if *held != Some(y) {
+            let (taken, line) = &mut lines[y & 1];
+            if *taken != Some(y) {
                 line.take::<PLANE>(lens, coarser, Some(y).filter(|&y| y < coarser.height));
-                *held = Some(y);
+                *taken = Some(y);
             }
         }
         let (over, beside) = (&lines[over & 1].1, &lines[beside & 1].1);
@@ -126,7 +126,7 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
             let first = 2 * LANES * block;
             if has_pixels(runs.0) || has_pixels(runs.1) {
                 let runs = [runs.0, runs.1];
-                push_block::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
+                push_run::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
                 row.write_image::<PLANE>(lens, edge_px, first);
             } else {
                 // What is valid here would have made them so.
@@ -139,7 +139,7 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
 /// Recomputes the pixels of a row, from `first` on, below four coarser ones. `runs` are of the row above it and of the
 /// nearer one beside that.
 #[inline(always)]
-fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
+fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
     edge_px: f32,
     runs: [&Run; 2],
@@ -154,15 +154,15 @@ fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
     // same side, one and a half the other way.
     let near = [
-        Near { simd, run: runs[0], at: [1, 1], to_finer: [beside, above] },
-        Near { simd, run: runs[0], at: [0, 2], to_finer: [beside * -3.0, above] },
-        Near { simd, run: runs[1], at: [1, 1], to_finer: [beside, below] },
-        Near { simd, run: runs[1], at: [0, 2], to_finer: [beside * -3.0, below] },
+        CoarserPixels { simd, run: runs[0], at: [1, 1], to_finer: [beside, above] },
+        CoarserPixels { simd, run: runs[0], at: [0, 2], to_finer: [beside * -3.0, above] },
+        CoarserPixels { simd, run: runs[1], at: [1, 1], to_finer: [beside, below] },
+        CoarserPixels { simd, run: runs[1], at: [0, 2], to_finer: [beside * -3.0, below] },
     ];
     let (zero, infinite) = (simd.splat_f32x8(0.0), simd.splat_f32x8(f32::INFINITY));
     if is_empty(own) {
         // Most blocks have no pixel of their own.
-        let block = Block { least: infinite, most: infinite, displaced: [zero; 2] };
+        let block = FinerPixels { least: infinite, most: infinite, displaced: [zero; 2] };
         return block.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
@@ -172,17 +172,17 @@ fn push_block<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
         only(is_valid, join(simd, own[0][2], own[1][2])),
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let block = Block { least, most, displaced };
+    let block = FinerPixels { least, most, displaced };
     let [above, beside @ ..] = &near;
-    let mut asking = !(is_valid & block.is_within::<PLANE>(above));
+    let mut candidates = !(is_valid & block.is_within::<PLANE>(above));
     for near in beside {
         let is_wide = infinite.like(HIDING_PX).cmple(near.lane(Line::TINT + 3));
         if is_wide.any_true() {
-            asking |= is_wide & block.is_behind::<PLANE>(near);
+            candidates |= is_wide & block.is_behind::<PLANE>(near);
         }
     }
-    if SMOOTHS || asking.any_true() {
-        block.fill::<PLANE, SMOOTHS>(&near, asking, row, first);
+    if SMOOTHS || candidates.any_true() {
+        block.fill::<PLANE, SMOOTHS>(&near, candidates, row, first);
     }
 }
 
@@ -194,7 +194,7 @@ fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
 }
 
 /// The coarser pixels that lie on one side of finer ones.
-struct Near<'a, S: Simd> {
+struct CoarserPixels<'a, S: Simd> {
     simd: S,
     run: &'a Run,
     /// Where the first of them is in the run, for the finer ones to the left and to the right.
@@ -203,7 +203,7 @@ struct Near<'a, S: Simd> {
     to_finer: [f32x8<S>; 2],
 }
 
-impl<S: Simd> Near<'_, S> {
+impl<S: Simd> CoarserPixels<'_, S> {
     #[inline(always)]
     fn lane(&self, plane: usize) -> f32x8<S> {
         let (run, [even, odd]) = (&self.run[plane], self.at);
@@ -243,7 +243,7 @@ impl<S: Simd> Near<'_, S> {
 }
 
 /// A run of finer pixels: every second one, then the others.
-struct Block<S: Simd> {
+struct FinerPixels<S: Simd> {
     /// Their own depth intervals.
     least: f32x8<S>,
     most: f32x8<S>,
@@ -251,10 +251,10 @@ struct Block<S: Simd> {
     displaced: [f32x8<S>; 2],
 }
 
-impl<S: Simd> Block<S> {
+impl<S: Simd> FinerPixels<S> {
     /// Which are within the intervals of the coarser pixels above.
     #[inline(always)]
-    fn is_within<const PLANE: usize>(&self, above: &Near<'_, S>) -> mask32x8<S> {
+    fn is_within<const PLANE: usize>(&self, above: &CoarserPixels<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
         if PLANE == FLAT {
             return least.cmple(self.least) & self.least.cmple(most);
@@ -265,7 +265,7 @@ impl<S: Simd> Block<S> {
 
     /// Which lie behind the interval of a coarser pixel.
     #[inline(always)]
-    fn is_behind<const PLANE: usize>(&self, near: &Near<'_, S>) -> mask32x8<S> {
+    fn is_behind<const PLANE: usize>(&self, near: &CoarserPixels<'_, S>) -> mask32x8<S> {
         let [least, mut most] = [0, 1].map(|i| near.lane(Line::FRONT + i));
         if PLANE != FLAT {
             most *= near.moved::<PLANE>(self.from(near.displaced()));
@@ -281,7 +281,7 @@ impl<S: Simd> Block<S> {
 
     /// Depth intervals of coarser pixels where they are compared, infinite where there are none.
     #[inline(always)]
-    fn see<const PLANE: usize>(&self, near: &Near<'_, S>) -> [f32x8<S>; 2] {
+    fn intervals<const PLANE: usize>(&self, near: &CoarserPixels<'_, S>) -> [f32x8<S>; 2] {
         let (mut least, mut most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
         let infinite = least.like(f32::INFINITY);
         let is_valid = least.cmplt(infinite);
@@ -294,12 +294,16 @@ impl<S: Simd> Block<S> {
 
     /// Which lie behind all four coarser pixels, and between the centres of their ellipses.
     #[inline(always)]
-    fn is_enclosed(&self, near: &[Near<'_, S>; 4], seen: &[[f32x8<S>; 2]; 4]) -> mask32x8<S> {
+    fn is_enclosed(
+        &self,
+        near: &[CoarserPixels<'_, S>; 4],
+        intervals: &[[f32x8<S>; 2]; 4],
+    ) -> mask32x8<S> {
         let zero = self.least.like(0.0);
         let mut is_enclosed = self.least.cmplt(zero.like(f32::INFINITY));
         // How far the centres are at most along four lines, one way and the other.
         let (mut low, mut high) = ([zero; 4], [zero; 4]);
-        for (near, [_, most]) in near.iter().zip(seen) {
+        for (near, [_, most]) in near.iter().zip(intervals) {
             let [x, y] = near.displaced();
             let reach = near.lane(Line::TINT + 3) * ENCLOSING;
             is_enclosed &= most.cmplt(self.least) & (x * x + y * y).cmple(reach * reach);
@@ -318,36 +322,36 @@ impl<S: Simd> Block<S> {
     #[inline(always)]
     fn fill<const PLANE: usize, const SMOOTHS: bool>(
         &self,
-        near: &[Near<'_, S>; 4],
-        asking: mask32x8<S>,
+        near: &[CoarserPixels<'_, S>; 4],
+        candidates: mask32x8<S>,
         row: &mut RowMut<'_>,
         first: usize,
     ) {
         let [a, b, c, d] = near;
-        let mut seen = [
-            self.see::<PLANE>(a),
-            self.see::<PLANE>(b),
-            self.see::<PLANE>(c),
-            self.see::<PLANE>(d),
+        let mut intervals = [
+            self.intervals::<PLANE>(a),
+            self.intervals::<PLANE>(b),
+            self.intervals::<PLANE>(c),
+            self.intervals::<PLANE>(d),
         ];
         let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
-        let is_valid = asking & self.least.cmplt(infinite);
+        let is_valid = candidates & self.least.cmplt(infinite);
         let mut is_enclosed = zero.cmplt(zero);
         if PLANE == NORMALS && is_valid.any_true() {
-            is_enclosed = is_valid & self.is_enclosed(near, &seen);
+            is_enclosed = is_valid & self.is_enclosed(near, &intervals);
         }
-        for (near, seen) in near.iter().zip(&mut seen) {
+        for (near, intervals) in near.iter().zip(&mut intervals) {
             let covers = near.covers::<PLANE>() | is_enclosed;
-            *seen = seen.map(|depth| f32x8::select(covers, depth, infinite));
+            *intervals = intervals.map(|depth| f32x8::select(covers, depth, infinite));
         }
         let (mut nearest, mut limit) = (infinite, infinite);
-        for [least, most] in &seen {
+        for [least, most] in &intervals {
             let is_nearer = least.cmplt(nearest);
             limit = f32x8::select(is_nearer, *most, limit);
             nearest = f32x8::select(is_nearer, *least, nearest);
         }
         // Else nothing covers it; or it is valid (finite) and not behind what does.
-        let is_new = asking & nearest.cmplt(infinite) & limit.cmplt(self.least);
+        let is_new = candidates & nearest.cmplt(infinite) & limit.cmplt(self.least);
         let is_kept = !is_new & self.least.cmplt(infinite);
         let smooths = SMOOTHS && is_kept.any_true();
         if !smooths && !is_new.any_true() {
@@ -363,7 +367,7 @@ impl<S: Simd> Block<S> {
         }
         let (mut weights, mut sum) = ([zero; 4], zero);
         for (t, weight) in weights.iter_mut().enumerate() {
-            let [least, most] = seen[t];
+            let [least, most] = intervals[t];
             let mut takes_part = least.cmple(limit);
             if smooths {
                 let mut meets = is_kept & least.cmple(self.most) & self.least.cmple(most);
@@ -470,7 +474,11 @@ fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
 
 /// The weighted mean of a plane. What has no weight may be no number.
 #[inline(always)]
-fn mean_of<S: Simd>(near: &[Near<'_, S>; 4], plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
+fn mean_of<S: Simd>(
+    near: &[CoarserPixels<'_, S>; 4],
+    plane: usize,
+    weights: &[f32x8<S>; 4],
+) -> f32x8<S> {
     let mut sum = weights[0].like(0.0);
     for (near, &weight) in near.iter().zip(weights) {
         sum += only(weight.like(0.0).cmplt(weight), near.lane(plane) * weight);

@@ -23,7 +23,7 @@
 pub(crate) mod rim;
 pub(crate) mod rows;
 
-use crate::passes::silhouette::rim::{Grid, Place, Rims, Shown};
+use crate::passes::silhouette::rim::{Grid, PixelAt, PixelEllipse, Rims};
 use crate::picture::marks::Marks;
 use crate::picture::pyramid::Level;
 use esker_points::fetch::fetch;
@@ -114,7 +114,7 @@ struct Waves<'a> {
 
 /// A pixel that goes, and the one whose attributes it is to show.
 struct Step {
-    place: Place,
+    place: PixelAt,
     source: u32,
     depth: f32,
 }
@@ -126,7 +126,7 @@ impl Step {
     }
 }
 
-impl Place {
+impl PixelAt {
     /// Whether a wave is for a pixel. Beside it are those of the waves before and after.
     fn is_due(self, wave: u32) -> bool {
         (self.x + self.y + wave as usize).is_multiple_of(2)
@@ -146,7 +146,7 @@ impl Waves<'_> {
         let rims = edges.bands().flat_map_iter(|pixels| {
             let mut steps = Vec::new();
             for y in pixels.start / width..pixels.end / width {
-                picture.of_row(edges, y, |place, (after, line)| {
+                picture.rims_of_row(edges, y, |place, (after, line)| {
                     steps.push(self.step(place, after, line));
                 });
             }
@@ -156,13 +156,13 @@ impl Waves<'_> {
     }
 
     /// The pixels that go in a wave, each with its source; beside them are `last`, which went before.
-    fn inwards(&self, wave: u32, last: &[Place]) -> Vec<Step> {
+    fn inwards(&self, wave: u32, last: &[PixelAt]) -> Vec<Step> {
         last.par_chunks(JOB).flat_map_iter(|last| self.followers(wave, last)).collect()
     }
 
     /// Those beside these.
-    fn followers(&self, wave: u32, last: &[Place]) -> Vec<Step> {
-        let mut asked = Vec::with_capacity(2 * last.len());
+    fn followers(&self, wave: u32, last: &[PixelAt]) -> Vec<Step> {
+        let mut candidates = Vec::with_capacity(2 * last.len());
         let width = self.base.width;
         for (i, &gone) in last.iter().enumerate() {
             if let Some(ahead) = last.get(i + AHEAD) {
@@ -180,14 +180,15 @@ impl Waves<'_> {
                     let shown = self.source_of(place.index);
                     fetch(&self.base.tint, shown);
                     fetch(&self.base.front, shown);
-                    asked.push((place, gone.index, shown));
+                    candidates.push((place, gone.index, shown));
                 }
             }
         }
         // Read before any is judged, so that reads do not wait for each other.
-        let shown: Vec<_> = asked.iter().map(|&(.., by)| Shown::by(self.base, by)).collect();
-        let mut steps = Vec::with_capacity(asked.len());
-        for (&(place, gone, _), shown) in asked.iter().zip(&shown) {
+        let shown: Vec<_> =
+            candidates.iter().map(|&(.., by)| PixelEllipse::at(self.base, by)).collect();
+        let mut steps = Vec::with_capacity(candidates.len());
+        for (&(place, gone, _), shown) in candidates.iter().zip(&shown) {
             let line = self.source[gone] >> PIXEL_BITS;
             let limit = self.picture().limit(place.index, shown.radius);
             if self.depth[gone] > limit && wave <= shown.radius as u32 && shown.sticks_out(line) {
@@ -197,13 +198,13 @@ impl Waves<'_> {
         steps
     }
 
-    fn step(&self, place: Place, after: usize, line: u32) -> Step {
+    fn step(&self, place: PixelAt, after: usize, line: u32) -> Step {
         let source = (self.source_of(after) as u32 + 1) | line << PIXEL_BITS;
         Step { place, source, depth: self.depth[after] }
     }
 
     /// Notes what a wave has decided: all of it, once all is decided. Returns its pixels.
-    fn write(&mut self, steps: Vec<Step>) -> Vec<Place> {
+    fn write(&mut self, steps: Vec<Step>) -> Vec<PixelAt> {
         let written = steps.into_iter().filter_map(|Step { place, source, depth }| {
             let pixel = place.index;
             match self.source[pixel] {
@@ -221,7 +222,7 @@ impl Waves<'_> {
     /// Of a pixel's neighbours that went the one that shows what is farthest, of equals the first in the order left, right,
     /// above, below.
     #[inline(always)]
-    fn farthest(&self, place: Place) -> Option<usize> {
+    fn farthest(&self, place: PixelAt) -> Option<usize> {
         let mut farthest = None;
         for beside in self.grid().beside(place).map(|beside| beside.index) {
             let is_farther = farthest.is_none_or(|f: usize| self.depth[beside] > self.depth[f]);
@@ -257,7 +258,7 @@ impl Waves<'_> {
     /// What a pixel shows in the end, and its depth, that has gone and shows `source`, which lies at `depth`, beyond the rim: what lies
     /// behind goes on as it came there, mirrored, where that is the same surface and has not gone itself. (Shown as it is at the
     /// rim, it would make stripes.)
-    fn carried_on(&self, place: Place, source: usize, depth: f32) -> (usize, f32) {
+    fn carried_on(&self, place: PixelAt, source: usize, depth: f32) -> (usize, f32) {
         let rim = self.grid().place(source);
         let Some(mirrored) = self.grid().mirrored(place, rim) else { return (source, depth) };
         let away = rim.x.abs_diff(place.x).max(rim.y.abs_diff(place.y));
@@ -391,7 +392,7 @@ mod tests {
                         (beyond, chosen) = (depth[next], Some(next));
                     }
                 }
-                let shown = Shown::by(base, shown);
+                let shown = PixelEllipse::at(base, shown);
                 if let Some(next) = chosen.filter(|&next| shown.sticks_out(lines[next])) {
                     (source[pixel], lines[pixel]) = (source[next], lines[next]);
                 }

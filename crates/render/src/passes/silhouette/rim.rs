@@ -59,9 +59,9 @@ impl Rims<'_> {
 
     /// The pixel beyond the rim, where the pixel is at one: outwards in three neighbouring directions
     /// nothing lies as near as the surface. And where the rim is a line's, its direction outwards plus one, else 0.
-    pub fn beyond(&self, place: Place) -> Option<(usize, u32)> {
+    pub fn beyond(&self, place: PixelAt) -> Option<(usize, u32)> {
         let pixel = place.index;
-        let shown = Shown::by(self.base, pixel);
+        let shown = PixelEllipse::at(self.base, pixel);
         if self.depth[pixel] == f32::INFINITY || !shown.may_stick_out() {
             return None;
         }
@@ -81,7 +81,7 @@ impl Rims<'_> {
     }
 
     /// Whether nothing lies as near as `limit` from a pixel in a direction, nor as near as its own slope goes on, for a radius.
-    fn is_open(&self, pixel: Place, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
+    fn is_open(&self, pixel: PixelAt, [dx, dy]: [isize; 2], radius: f32, limit: f32) -> bool {
         let grid = self.grid();
         let reach = (radius + 1.0).clamp(OPEN_PX.0, OPEN_PX.1) as usize;
         let (steps, stride) = (reach.min(grid.room(pixel, [dx, dy])), grid.stride([dx, dy]));
@@ -103,7 +103,7 @@ impl Rims<'_> {
 
     /// By how much depth may grow over [`WIDTH_RADII`] of reach beyond a pixel in a direction for the surface to go on: by widths
     /// that divide it, since GPUs round quotients as they like.
-    fn rise(&self, pixel: Place, [dx, dy]: [isize; 2], reach: usize) -> f32 {
+    fn rise(&self, pixel: PixelAt, [dx, dy]: [isize; 2], reach: usize) -> f32 {
         if reach < SLOPE_REACH_MIN {
             return 0.0;
         }
@@ -120,7 +120,7 @@ impl Rims<'_> {
     }
 
     /// The direction outwards plus one of the line that a rim belongs to, where it does; else 0. At a tip there is none.
-    fn line(&self, pixel: Place, shown: &Shown<f32>, open: [bool; 8], limit: f32) -> u32 {
+    fn line(&self, pixel: PixelAt, shown: &PixelEllipse<f32>, open: [bool; 8], limit: f32) -> u32 {
         let count = open.into_iter().filter(|&o| o).count();
         let is_middle = |i: usize| {
             let at = |turn: usize| open[(i + turn) % 8];
@@ -135,7 +135,7 @@ impl Rims<'_> {
 
     /// Whether the band inwards of a rim that is open in a direction is a line: no wider than a disc, as open beyond, and
     /// long.
-    fn is_line(&self, rim: Place, radius: f32, outwards: usize, limit: f32) -> bool {
+    fn is_line(&self, rim: PixelAt, radius: f32, outwards: usize, limit: f32) -> bool {
         if radius > LINE_RADIUS_MAX_PX {
             return false;
         }
@@ -170,7 +170,7 @@ impl Rims<'_> {
 
 /// A pixel, its column and its row.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct PixelAt {
     pub index: usize,
     pub x: usize,
     pub y: usize,
@@ -186,31 +186,31 @@ pub(crate) struct Grid {
 impl Grid {
     /// The pixels left, right, above and below; itself in place of those beyond the border.
     #[inline(always)]
-    pub fn beside(self, place: Place) -> [Place; 4] {
-        let Place { index, x, y } = place;
-        let at = |is_there: bool, other: Place| if is_there { other } else { place };
+    pub fn beside(self, place: PixelAt) -> [PixelAt; 4] {
+        let PixelAt { index, x, y } = place;
+        let at = |is_there: bool, other: PixelAt| if is_there { other } else { place };
         [
-            at(x > 0, Place { index: index.wrapping_sub(1), x: x.wrapping_sub(1), y }),
-            at(x + 1 < self.width, Place { index: index + 1, x: x + 1, y }),
-            at(y > 0, Place { index: index.wrapping_sub(self.width), x, y: y.wrapping_sub(1) }),
-            at(y + 1 < self.height, Place { index: index + self.width, x, y: y + 1 }),
+            at(x > 0, PixelAt { index: index.wrapping_sub(1), x: x.wrapping_sub(1), y }),
+            at(x + 1 < self.width, PixelAt { index: index + 1, x: x + 1, y }),
+            at(y > 0, PixelAt { index: index.wrapping_sub(self.width), x, y: y.wrapping_sub(1) }),
+            at(y + 1 < self.height, PixelAt { index: index + self.width, x, y: y + 1 }),
         ]
     }
 
     /// The eight pixels around one that is not at the border.
-    pub fn around(self, place: Place) -> Option<[usize; 8]> {
-        let Place { index, x, y } = place;
+    pub fn around(self, place: PixelAt) -> Option<[usize; 8]> {
+        let PixelAt { index, x, y } = place;
         let is_inside = x > 0 && y > 0 && x + 1 < self.width && y + 1 < self.height;
         let (up, down) = (index.wrapping_sub(self.width), index + self.width);
         is_inside.then(|| [up - 1, up, up + 1, index - 1, index + 1, down - 1, down, down + 1])
     }
 
-    pub fn place(self, index: usize) -> Place {
-        Place { index, x: index % self.width, y: index / self.width }
+    pub fn place(self, index: usize) -> PixelAt {
+        PixelAt { index, x: index % self.width, y: index / self.width }
     }
 
     /// The pixel as far beyond another as a pixel is before it, where there is one.
-    pub fn mirrored(self, place: Place, at: Place) -> Option<usize> {
+    pub fn mirrored(self, place: PixelAt, at: PixelAt) -> Option<usize> {
         let x = (2 * at.x).checked_sub(place.x).filter(|&x| x < self.width)?;
         let y = (2 * at.y).checked_sub(place.y).filter(|&y| y < self.height)?;
         Some(y * self.width + x)
@@ -224,7 +224,7 @@ impl Grid {
 
     /// How many steps in a direction there are from a pixel to the border.
     #[inline(always)]
-    pub fn room(self, Place { x, y, .. }: Place, [dx, dy]: [isize; 2]) -> usize {
+    pub fn room(self, PixelAt { x, y, .. }: PixelAt, [dx, dy]: [isize; 2]) -> usize {
         let room = |at: usize, size: usize, d: isize| match d {
             0 => usize::MAX,
             1.. => size - 1 - at,
@@ -234,9 +234,14 @@ impl Grid {
     }
 
     /// The pixel so many steps away in a direction, no more than there is room for.
-    pub fn away(self, Place { index, x, y }: Place, [dx, dy]: [isize; 2], steps: usize) -> Place {
+    pub fn away(
+        self,
+        PixelAt { index, x, y }: PixelAt,
+        [dx, dy]: [isize; 2],
+        steps: usize,
+    ) -> PixelAt {
         let steps = steps as isize;
-        Place {
+        PixelAt {
             index: index.wrapping_add_signed(self.stride([dx, dy]) * steps),
             x: x.wrapping_add_signed(dx * steps),
             y: y.wrapping_add_signed(dy * steps),
@@ -251,7 +256,7 @@ fn stride([dx, dy]: [isize; 2]) -> f32 {
 
 /// What pixels show: the ellipses that they were interpolated from.
 #[derive(Clone, Copy)]
-pub(crate) struct Shown<V> {
+pub(crate) struct PixelEllipse<V> {
     /// Pixels.
     pub radius: V,
     /// From the ellipse's centre to the pixel.
@@ -259,7 +264,7 @@ pub(crate) struct Shown<V> {
     pub has_normal: bool,
 }
 
-impl Shown<f32> {
+impl PixelEllipse<f32> {
     #[inline(always)]
     pub fn by(base: &Level, pixel: usize) -> Self {
         let (front, has_normal) = (base.front[pixel], !base.normal.is_empty());
@@ -267,7 +272,7 @@ impl Shown<f32> {
     }
 }
 
-impl<V: Values> Shown<V> {
+impl<V: Values> PixelEllipse<V> {
     /// Whether the pixel may stick out, of whatever it is a part.
     #[inline(always)]
     pub fn may_stick_out(&self) -> V::Mask {

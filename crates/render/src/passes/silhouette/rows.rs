@@ -1,7 +1,7 @@
 //! Rims of a row. Most edges are no rims, which their next pixels, radii and displacements tell of eight at a time; what is left,
 //! [`crate::passes::silhouette::rim`] looks at one by one. (Eight pixels that walk outwards together gain nothing: mostly one or two are left.)
 
-use crate::passes::silhouette::rim::{AROUND, Place, Rims, Shown};
+use crate::passes::silhouette::rim::{AROUND, PixelAt, PixelEllipse, Rims};
 use crate::picture::marks::{Marks, bits};
 use crate::picture::windows::{eight, rows_around, windows};
 use crate::simd::values::{EIGHT, Values, bits as bits_of, load};
@@ -10,15 +10,20 @@ use glam::Vec4;
 
 impl Rims<'_> {
     /// Tells of the pixels of `edges` in a row that are at a rim, with what [`Rims::beyond`] tells of them.
-    pub fn of_row(&self, edges: &Marks, y: usize, mut tell: impl FnMut(Place, (usize, u32))) {
+    pub fn rims_of_row(
+        &self,
+        edges: &Marks,
+        y: usize,
+        mut report: impl FnMut(PixelAt, (usize, u32)),
+    ) {
         let width = self.base.width;
         let rows = rows_around(self.depth, width, y);
         dispatch!(Width::new(), simd => {
             for x in (0..width).step_by(EIGHT) {
-                let first = Place { index: y * width + x, x, y };
+                let first = PixelAt { index: y * width + x, x, y };
                 let edges = edges.run(first.index, EIGHT.min(width - x));
                 if edges != 0 {
-                    self.of_eight(simd, rows, first, edges, &mut tell);
+                    self.rims_of_eight(simd, rows, first, edges, &mut report);
                 }
             }
         });
@@ -26,13 +31,13 @@ impl Rims<'_> {
 
     /// Tells of those of `edges` among eight pixels.
     #[inline(always)]
-    fn of_eight<S: Simd>(
+    fn rims_of_eight<S: Simd>(
         &self,
         simd: S,
         rows: [&[f32]; 3],
-        first: Place,
+        first: PixelAt,
         edges: u64,
-        tell: &mut impl FnMut(Place, (usize, u32)),
+        report: &mut impl FnMut(PixelAt, (usize, u32)),
     ) {
         let mut space = [[0.0; _]; 3];
         let rows = windows::<_, 3, { EIGHT + 2 }>(rows, first.x, &mut space);
@@ -51,16 +56,16 @@ impl Rims<'_> {
         let fronts = some(&self.base.front, first.index);
         let x = load(simd, &fronts.map(|front| front.z));
         let y = load(simd, &fronts.map(|front| front.w));
-        let shown = Shown { radius, away: [x, y], has_normal: !self.base.normal.is_empty() };
+        let shown = PixelEllipse { radius, away: [x, y], has_normal: !self.base.normal.is_empty() };
         let mut sticks_out = shown.sticks_out(0);
         for (is_end, line) in ways.into_iter().zip(1..) {
             sticks_out |= is_end & shown.sticks_out(line);
         }
         among &= u64::from(bits_of(sticks_out & shown.may_stick_out()));
         for k in bits(among) {
-            let place = Place { index: first.index + k, x: first.x + k, y: first.y };
+            let place = PixelAt { index: first.index + k, x: first.x + k, y: first.y };
             if let Some(rim) = self.beyond(place) {
-                tell(place, rim);
+                report(place, rim);
             }
         }
     }
