@@ -1,8 +1,9 @@
-//! Attributes of single points: their numbers in a frame ([`DrawList`]), and their colours, radii, normals and marks, read from
-//! the planes of the drawn nodes. Passes look up the points that won a pixel (marroquim2007, section 3.1).
+//! Attributes of single points: their numbers in a frame ([`DrawList`]), and their colours, radii,
+//! normals and marks, read from the planes of the drawn nodes. Passes look up the points that won a
+//! pixel (marroquim2007, section 3.1).
 //!
-//! The drawn radius is the stored one, which is in units of the node's spacing, times the effective spacing of the finest
-//! drawn cell that holds the point (`docs/design/surfaces.md`).
+//! The drawn radius is the stored one, which is in units of the node's spacing, times the effective
+//! spacing of the finest drawn cell that holds the point (`docs/design/surfaces.md`).
 
 use crate::frame::{ColourPlane, DrawNode, Frame};
 use crate::gpu::memory::table::CHUNK_POINTS;
@@ -18,8 +19,8 @@ pub(crate) const RADIUS_MAX: f32 = 1e30;
 /// Octahedral code of a point without a normal.
 pub(crate) const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
 
-/// Numbers of the points of a frame. Each draw begins at a multiple of [`CHUNK_POINTS`], as on a GPU, so a table of chunks
-/// gives the draw of a point without a search.
+/// Numbers of the points of a frame. Each draw begins at a multiple of [`CHUNK_POINTS`], as on a
+/// GPU, so a table of chunks gives the draw of a point without a search.
 #[derive(Clone, Debug, Default)]
 pub struct DrawList {
     /// Number of the first point of each draw.
@@ -209,7 +210,8 @@ impl<'a> Lookup<'a> {
         }
     }
 
-    /// Colour of point `index` of draw `d`, which is at `offset` in its node and at `depth`, in linear light.
+    /// Colour of point `index` of draw `d`, which is at `offset` in its node and at `depth`, in
+    /// linear light.
     pub(crate) fn colour(&self, d: usize, index: usize, offset: [u32; 3], depth: f32) -> Vec3 {
         let (draw, plain) = (&self.frame.draws[d], self.draws[d].colour);
         match (self.frame.colour, draw.colour, &self.map) {
@@ -245,7 +247,8 @@ impl<'a> Lookup<'a> {
     }
 }
 
-/// `drawn`, or the own spacing of `node` where `drawn` is not positive: then nothing is known about how it is drawn.
+/// `drawn`, or the own spacing of `node` where `drawn` is not positive: then nothing is known about
+/// how it is drawn.
 fn spacing_or(drawn: f32, node: &Node) -> f32 {
     if drawn > 0.0 { drawn } else { node.spacing }
 }

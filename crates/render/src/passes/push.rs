@@ -1,27 +1,33 @@
-//! Push (marroquim2007 section 3.3): from the coarsest level down, pixels that are invalid or occluded
-//! are interpolated from the coarser level, which has itself been pushed already.
+//! Push (marroquim2007, section 3.3): interpolates invalid and occluded pixels of each level of the
+//! pyramid from the coarser level, which has itself been pushed already; from the second coarsest
+//! level down to the picture.
 //!
-//! A valid pixel is occluded where its least depth lies outside the depth interval of the coarser pixel
-//! above it. The four nearest coarser pixels have weights 9, 3, 3, 1; those that are invalid or whose
-//! ellipse does not cover the pixel's centre drop out, and the rest is renormalised.
+//! A valid pixel is occluded if its least depth lies outside the depth interval of the coarser
+//! pixel above it. The four nearest coarser pixels have weights 9, 3, 3 and 1; those that are
+//! invalid, or whose ellipse does not cover the pixel's centre, drop out, and the weights left are
+//! normalised.
 //!
-//! Where the paper is silent:
-//! - Of the coarser pixels left, only those take part whose depth interval meets that of the frontmost,
-//!   as in the pull phase: at a silhouette two surfaces may cover a pixel, and their mean is neither.
-//! - An occluded pixel is replaced only by what lies in front of it: it keeps its own attributes where
-//!   nothing covers it, or where its least depth is not behind the frontmost interval.
-//! - A wide ellipse hides also what lies below the coarser pixels beside its own: where points are far apart, whole pixels of coarse
-//!   levels hold but points of what lies behind, which would show as squares.
-//! - With normals, what lies behind all four coarser pixels and between the centres of their ellipses is occluded too where none of
-//!   these ends much before it: a mean of discs covers less than they do, and whole pixels of what lies behind would stay.
-//! - Where asked, colours and normals of the picture's pixels that stay as they are take up to half of what is interpolated
-//!   there, by the weights of those that cover them, whose intervals meet theirs and whose normals are near theirs: at about
-//!   a point a pixel, which one wins a pixel is chance, and shows as speckles.
-//! - All attributes are interpolated, the two ends of the depth interval as well; to displacements the
-//!   vector between the centres is added, as in the pull phase.
+//! Where the paper is silent (`docs/design/surfaces.md`):
+//! - Only coarser pixels whose depth interval meets that of the frontmost take part, as in pull. At
+//!   a silhouette two surfaces may cover a pixel, and their mean is neither.
+//! - An occluded pixel keeps its attributes if nothing covers it, or if its least depth is not
+//!   behind the frontmost interval.
+//! - A wide ellipse also hides pixels below the neighbours of its coarser pixel: where points are
+//!   far apart, whole pixels of coarse levels hold only points of the surface behind, which would
+//!   show as squares.
+//! - With normals, a pixel is occluded too if it lies behind all four coarser pixels and between
+//!   the centres of their ellipses, none of them much more than a radius away: a mean of discs
+//!   covers less than the discs do.
+//! - On request, colours and normals of pixels of the picture that keep their attributes take up to
+//!   half of what is interpolated from the coarser pixels that cover them, whose intervals meet
+//!   theirs and whose normals are near theirs. At about a point a pixel it is chance which point
+//!   wins a pixel, which shows as speckles.
+//! - All attributes are interpolated, also both ends of the depth interval. The vector between the
+//!   centres is added to displacements, as in pull.
 //!
-//! Where pixels have planes, depths are moved along them ([`crate::passes::tangent`]): compared where the pixel's own
-//! ellipse has its centre, or at the pixel's centre where it has none, and interpolated where the new one's is.
+//! Where pixels have planes, depths are moved along them ([`crate::passes::tangent`]): compared at
+//! the centre of the pixel's ellipse, or of the pixel if it has none, and interpolated at the
+//! centre of the new ellipse.
 
 use crate::passes::ellipse::covers_at;
 use crate::passes::tangent::Lens;
@@ -35,35 +41,38 @@ use fearless_simd::{
 };
 use glam::Vec4;
 
-/// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal one:
-/// the biquadratic B-spline's, times 16.
+/// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal
+/// one: those of the biquadratic B-spline, times 16.
 const WEIGHTS: [f32; 4] = [9.0, 3.0, 3.0, 1.0];
 
-/// Radius from which on an ellipse hides also what lies below the coarser pixels beside its own, pixels. Of narrower ones
-/// there is one in every pixel, and what they make of outlines is not to grow.
+/// Radius from which an ellipse also hides pixels below the neighbours of its coarser pixel,
+/// pixels. Narrower ellipses exist in every pixel and would make outlines swell.
 const HIDING_PX: f32 = 24.0;
 
-/// So many of its radii a pixel may be from the centre of each of four ellipses that enclose it.
+/// Greatest distance of a pixel from the centre of each of the four ellipses that enclose it, over
+/// their radius.
 const ENCLOSING: f32 = 1.15;
 
-/// How much of a pixel of the picture is what is interpolated there, where all four coarser ones have a part in it. With 0.8
-/// surfaces of a point a pixel flicker an eighth less, but colours are off by 3 to 7 % more.
+/// Share of the interpolated value in a smoothed pixel, if all four coarser pixels take part. A
+/// greater share flickers less, but blurs colours.
 const SMOOTH: f32 = 0.5;
 
-/// Square of the cosine (15 degrees) from which on normals are near each other: of a cube's edge a coarser pixel with three parts of
-/// one side and one of the other has no part in either.
+/// Square of the cosine (15 degrees) from which two normals are near each other. A coarser pixel at
+/// the edge of a cube, with three parts of one side and one of the other, is near neither side.
 const NEAR: f32 = 0.933;
 
-/// A rounding less than one: what a pixel has given to the coarser one is not to be in front of it.
+/// Just below one, by a rounding: a pixel must not lie in front of the coarser pixel that was
+/// averaged from it.
 const ROUNDING: f32 = 0.99999;
 
-/// Fills the levels from the second coarsest down to the picture.
+/// Fills the levels from the second coarsest one down to the picture.
 pub fn push(pyramid: &mut Pyramid) {
     push_with(pyramid, false, &mut []);
 }
 
-/// The same, and `smooths` the picture's pixels that stay. Writes the picture's depth image
-/// ([`crate::picture::pyramid::Level::depth_image`]) while its rows are at hand.
+/// Version of [`push`] that also smooths the pixels of the picture that keep their attributes, if
+/// `smooths`, and writes the depth image of the picture
+/// ([`crate::picture::pyramid::Level::depth_image`]) to `image` while its rows are in the cache.
 pub fn push_with(pyramid: &mut Pyramid, smooths: bool, image: &mut [f32]) {
     if let [base] = &pyramid.levels[..] {
         return base.depth_image(&pyramid.lens, image);
@@ -99,7 +108,7 @@ fn push_level<const PLANE: usize>(
     });
 }
 
-/// Recomputes the invalid and occluded pixels of rows from `coarser`.
+/// Recomputes the invalid and occluded pixels of `rows` from `coarser`.
 #[inline(always)]
 fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
@@ -108,11 +117,11 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     edge_px: f32,
     rows: Rows<'_>,
 ) {
-    // The coarser rows in use, by the last bit of their number.
+    // Coarser rows in use, indexed by the last bit of their number.
     let mut lines = [(None, Line::default()), (None, Line::default())];
     for mut row in rows {
         let over = row.y / 2;
-        // The nearer neighbour up or down; none at the picture's edge.
+        // The nearer neighbour up or down; outside the level at its border.
         let beside = if row.y & 1 == 1 { over + 1 } else { over.wrapping_sub(1) };
         for y in [over, beside] {
             let (taken, line) = &mut lines[y & 1];
@@ -129,15 +138,15 @@ fn push_rows<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
                 push_run::<S, PLANE, SMOOTHS>(simd, edge_px, runs, first, &mut row);
                 row.write_image::<PLANE>(lens, edge_px, first);
             } else {
-                // What is valid here would have made them so.
+                // Valid pixels here would have made the coarser ones valid.
                 row.write_nothing(first);
             }
         }
     }
 }
 
-/// Recomputes the pixels of a row, from `first` on, below four coarser ones. `runs` are of the row above it and of the
-/// nearer one beside that.
+/// Recomputes the pixels of a row below four coarser pixels, from pixel `first` on. `runs` are
+/// those of the coarser row above, and of the nearer neighbour of that row.
 #[inline(always)]
 fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     simd: S,
@@ -151,8 +160,8 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     let beside = join(simd, Vec4::splat(-half), Vec4::splat(half));
     let (above, below) = if row.y & 1 == 1 { (half, half * -3.0) } else { (-half, half * 3.0) };
     let [above, below] = [simd.splat_f32x8(above), simd.splat_f32x8(below)];
-    // To the finer centre from the coarser one above, half a finer pixel; from its neighbours, which lie on the
-    // same side, one and a half the other way.
+    // From the coarser pixel above to the finer centre it is half a finer pixel; from the
+    // neighbours on the same side it is one and a half the other way.
     let near = [
         CoarserPixels { simd, run: runs[0], at: [1, 1], to_finer: [beside, above] },
         CoarserPixels { simd, run: runs[0], at: [0, 2], to_finer: [beside * -3.0, above] },
@@ -161,9 +170,9 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     ];
     let (zero, infinite) = (simd.splat_f32x8(0.0), simd.splat_f32x8(f32::INFINITY));
     if is_empty(own) {
-        // Most blocks have no pixel of their own.
-        let block = FinerPixels { least: infinite, most: infinite, displaced: [zero; 2] };
-        return block.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
+        // Most runs have no valid pixel of their own.
+        let finer = FinerPixels { least: infinite, most: infinite, displaced: [zero; 2] };
+        return finer.fill::<PLANE, false>(&near, zero.cmpeq(zero), row, first);
     }
     let own = halves(own, INVALID);
     let [least, most] = [0, 1].map(|i| join(simd, own[0][i], own[1][i]));
@@ -172,38 +181,47 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
         only(is_valid, join(simd, own[0][2], own[1][2])),
         only(is_valid, join(simd, own[0][3], own[1][3])),
     ];
-    let block = FinerPixels { least, most, displaced };
+    let finer = FinerPixels { least, most, displaced };
     let [above, beside @ ..] = &near;
-    let mut candidates = !(is_valid & block.is_within::<PLANE>(above));
+    let mut candidates = !(is_valid & finer.is_within::<PLANE>(above));
     for near in beside {
         let is_wide = infinite.like(HIDING_PX).cmple(near.lane(Line::TINT + 3));
         if is_wide.any_true() {
-            candidates |= is_wide & block.is_behind::<PLANE>(near);
+            candidates |= is_wide & finer.is_behind::<PLANE>(near);
         }
     }
     if SMOOTHS || candidates.any_true() {
-        block.fill::<PLANE, SMOOTHS>(&near, candidates, row, first);
+        finer.fill::<PLANE, SMOOTHS>(&near, candidates, row, first);
     }
 }
 
-/// The values of every second pixel, and those of the others.
+/// Splits a register into the values of every second pixel and those of the others.
 #[inline(always)]
-fn part<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
+fn split<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
     let (even, odd) = values.token().split_f32x8(values);
     [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
 }
 
-/// The coarser pixels that lie on one side of finer ones.
+/// One of the four coarser pixels for each finer pixel of a run: the one above, beside it, or
+/// diagonal.
 struct CoarserPixels<'a, S: Simd> {
     simd: S,
     run: &'a Run,
-    /// Where the first of them is in the run, for the finer ones to the left and to the right.
+    /// Index in the run of the first coarser pixel, for the left and for the right finer pixels.
     at: [usize; 2],
-    /// From their centres to the finer ones.
+    /// From the centres of the coarser pixels to those of the finer ones, pixels.
     to_finer: [f32x8<S>; 2],
 }
 
+/// The four coarser pixels that finer pixels are interpolated from, in the order of [`WEIGHTS`].
+type Near<'a, S> = [CoarserPixels<'a, S>; 4];
+/// Least and greatest depth.
+type Interval<S> = [f32x8<S>; 2];
+/// An attribute of every second pixel and of the others, component by component.
+type Halves = [[Vec4; 2]; 4];
+
 impl<S: Simd> CoarserPixels<'_, S> {
+    /// Component `plane` of a [`Line`], for each finer pixel.
     #[inline(always)]
     fn lane(&self, plane: usize) -> f32x8<S> {
         let (run, [even, odd]) = (&self.run[plane], self.at);
@@ -213,7 +231,8 @@ impl<S: Simd> CoarserPixels<'_, S> {
         )
     }
 
-    /// Of depths moved from the ellipses' centres by so many pixels, what they are multiplied by.
+    /// Factor by which depths change when they are moved by `by` (pixels) from the centres of the
+    /// ellipses.
     #[inline(always)]
     fn moved<const PLANE: usize>(&self, by: [f32x8<S>; 2]) -> f32x8<S> {
         let tilt = [self.lane(Line::PLANE), self.lane(Line::PLANE + 1)];
@@ -221,14 +240,14 @@ impl<S: Simd> CoarserPixels<'_, S> {
         moved::<PLANE, _>(tilt, facing, by)
     }
 
-    /// From the ellipses' centres to the finer pixels'.
+    /// From the centres of the ellipses to those of the finer pixels, pixels.
     #[inline(always)]
     fn displaced(&self) -> [f32x8<S>; 2] {
         let at = Line::FRONT + 2;
         [self.lane(at) + self.to_finer[0], self.lane(at + 1) + self.to_finer[1]]
     }
 
-    /// Whether the ellipses cover the finer pixels.
+    /// Whether the ellipses cover the centres of the finer pixels.
     #[inline(always)]
     fn covers<const PLANE: usize>(&self) -> mask32x8<S> {
         let radius = self.lane(Line::TINT + 3);
@@ -244,15 +263,16 @@ impl<S: Simd> CoarserPixels<'_, S> {
 
 /// A run of finer pixels: every second one, then the others.
 struct FinerPixels<S: Simd> {
-    /// Their own depth intervals.
+    /// Ends of their depth intervals; infinite where a pixel is invalid.
     least: f32x8<S>,
     most: f32x8<S>,
-    /// To their centres from where depths are compared: from their ellipses' centres, from their own where they are invalid.
+    /// To the pixels' centres from where depths are compared: the centres of their ellipses, or of
+    /// the pixels where they are invalid.
     displaced: [f32x8<S>; 2],
 }
 
 impl<S: Simd> FinerPixels<S> {
-    /// Which are within the intervals of the coarser pixels above.
+    /// Which pixels lie within the intervals of the coarser pixels above.
     #[inline(always)]
     fn is_within<const PLANE: usize>(&self, above: &CoarserPixels<'_, S>) -> mask32x8<S> {
         let (least, most) = (above.lane(Line::FRONT), above.lane(Line::FRONT + 1));
@@ -263,7 +283,7 @@ impl<S: Simd> FinerPixels<S> {
         (least * moved * ROUNDING).cmple(self.least) & self.least.cmple(most * moved)
     }
 
-    /// Which lie behind the interval of a coarser pixel.
+    /// Which pixels lie behind the interval of a coarser pixel.
     #[inline(always)]
     fn is_behind<const PLANE: usize>(&self, near: &CoarserPixels<'_, S>) -> mask32x8<S> {
         let [least, mut most] = [0, 1].map(|i| near.lane(Line::FRONT + i));
@@ -273,15 +293,17 @@ impl<S: Simd> FinerPixels<S> {
         least.cmplt(least.like(f32::INFINITY)) & most.cmplt(self.least)
     }
 
-    /// To where depths are compared from the centres of ellipses that are so far from the pixels.
+    /// From the centres of ellipses, whose distance to the pixels is `displaced`, to where depths
+    /// are compared.
     #[inline(always)]
     fn from(&self, displaced: [f32x8<S>; 2]) -> [f32x8<S>; 2] {
         [displaced[0] - self.displaced[0], displaced[1] - self.displaced[1]]
     }
 
-    /// Depth intervals of coarser pixels where they are compared, infinite where there are none.
+    /// Depth intervals of coarser pixels, moved to where depths are compared; infinite where a
+    /// coarser pixel is invalid.
     #[inline(always)]
-    fn intervals<const PLANE: usize>(&self, near: &CoarserPixels<'_, S>) -> [f32x8<S>; 2] {
+    fn interval<const PLANE: usize>(&self, near: &CoarserPixels<'_, S>) -> Interval<S> {
         let (mut least, mut most) = (near.lane(Line::FRONT), near.lane(Line::FRONT + 1));
         let infinite = least.like(f32::INFINITY);
         let is_valid = least.cmplt(infinite);
@@ -292,16 +314,12 @@ impl<S: Simd> FinerPixels<S> {
         [least, most].map(|depth| f32x8::select(is_valid, depth, infinite))
     }
 
-    /// Which lie behind all four coarser pixels, and between the centres of their ellipses.
+    /// Which pixels lie behind all four coarser pixels and between the centres of their ellipses.
     #[inline(always)]
-    fn is_enclosed(
-        &self,
-        near: &[CoarserPixels<'_, S>; 4],
-        intervals: &[[f32x8<S>; 2]; 4],
-    ) -> mask32x8<S> {
+    fn is_enclosed(&self, near: &Near<'_, S>, intervals: &[Interval<S>; 4]) -> mask32x8<S> {
         let zero = self.least.like(0.0);
         let mut is_enclosed = self.least.cmplt(zero.like(f32::INFINITY));
-        // How far the centres are at most along four lines, one way and the other.
+        // Extent of the centres along four directions, on both sides of the pixel.
         let (mut low, mut high) = ([zero; 4], [zero; 4]);
         for (near, [_, most]) in near.iter().zip(intervals) {
             let [x, y] = near.displaced();
@@ -318,40 +336,20 @@ impl<S: Simd> FinerPixels<S> {
         is_enclosed
     }
 
-    /// Interpolates those that are `asking`, and writes those that something covers. Others take a part of it.
+    /// Interpolates the pixels of `candidates` that an ellipse covers in front of them, and writes
+    /// them. If `SMOOTHS`, also smooths the valid pixels that stay.
     #[inline(always)]
     fn fill<const PLANE: usize, const SMOOTHS: bool>(
         &self,
-        near: &[CoarserPixels<'_, S>; 4],
+        near: &Near<'_, S>,
         candidates: mask32x8<S>,
         row: &mut RowMut<'_>,
         first: usize,
     ) {
-        let [a, b, c, d] = near;
-        let mut intervals = [
-            self.intervals::<PLANE>(a),
-            self.intervals::<PLANE>(b),
-            self.intervals::<PLANE>(c),
-            self.intervals::<PLANE>(d),
-        ];
+        let cover = self.cover::<PLANE>(near, candidates);
         let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
-        let is_valid = candidates & self.least.cmplt(infinite);
-        let mut is_enclosed = zero.cmplt(zero);
-        if PLANE == NORMALS && is_valid.any_true() {
-            is_enclosed = is_valid & self.is_enclosed(near, &intervals);
-        }
-        for (near, intervals) in near.iter().zip(&mut intervals) {
-            let covers = near.covers::<PLANE>() | is_enclosed;
-            *intervals = intervals.map(|depth| f32x8::select(covers, depth, infinite));
-        }
-        let (mut nearest, mut limit) = (infinite, infinite);
-        for [least, most] in &intervals {
-            let is_nearer = least.cmplt(nearest);
-            limit = f32x8::select(is_nearer, *most, limit);
-            nearest = f32x8::select(is_nearer, *least, nearest);
-        }
-        // Else nothing covers it; or it is valid (finite) and not behind what does.
-        let is_new = candidates & nearest.cmplt(infinite) & limit.cmplt(self.least);
+        // Otherwise nothing covers the pixel, or it is valid (finite) and not behind the cover.
+        let is_new = candidates & cover.nearest.cmplt(infinite) & cover.limit.cmplt(self.least);
         let is_kept = !is_new & self.least.cmplt(infinite);
         let smooths = SMOOTHS && is_kept.any_true();
         if !smooths && !is_new.any_true() {
@@ -359,17 +357,68 @@ impl<S: Simd> FinerPixels<S> {
         }
         let mut own_normal = [zero; 3];
         if smooths && PLANE == NORMALS {
-            let own = &row.normal[first..row.normal.len().min(first + 2 * LANES)];
-            let own = halves(own, Vec4::ZERO);
-            for (i, normal) in own_normal.iter_mut().enumerate() {
-                *normal = join(zero.token(), own[0][i], own[1][i]);
+            own_normal = normals_of(zero.token(), row, first);
+        }
+        let smoothed = smooths.then_some((is_kept, own_normal));
+        let (weights, sum) = self.weights::<PLANE>(near, &cover, is_new, smoothed);
+        let [tint, plane] = mean_attributes::<PLANE, S>(near, &weights);
+        if smooths {
+            let share = split(sum * (SMOOTH / WEIGHTS.iter().sum::<f32>()));
+            smooth::<PLANE>(bits(is_kept), share, [tint, plane], row, first);
+            if !is_new.any_true() {
+                return;
             }
         }
+        Interpolated::new::<PLANE, S>(near, weights, [tint, plane])
+            .write::<PLANE, S>(is_new, row, first);
+    }
+
+    /// Depth intervals of the coarser pixels whose ellipses cover the finer ones, and the frontmost
+    /// of them.
+    #[inline(always)]
+    fn cover<const PLANE: usize>(&self, near: &Near<'_, S>, candidates: mask32x8<S>) -> Cover<S> {
+        let [a, b, c, d] = near;
+        let mut intervals = [
+            self.interval::<PLANE>(a),
+            self.interval::<PLANE>(b),
+            self.interval::<PLANE>(c),
+            self.interval::<PLANE>(d),
+        ];
+        let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
+        let is_valid = candidates & self.least.cmplt(infinite);
+        let mut is_enclosed = zero.cmplt(zero);
+        if PLANE == NORMALS && is_valid.any_true() {
+            is_enclosed = is_valid & self.is_enclosed(near, &intervals);
+        }
+        for (near, interval) in near.iter().zip(&mut intervals) {
+            let covers = near.covers::<PLANE>() | is_enclosed;
+            *interval = interval.map(|depth| f32x8::select(covers, depth, infinite));
+        }
+        let (mut nearest, mut limit) = (infinite, infinite);
+        for [least, most] in &intervals {
+            let is_nearer = least.cmplt(nearest);
+            limit = f32x8::select(is_nearer, *most, limit);
+            nearest = f32x8::select(is_nearer, *least, nearest);
+        }
+        Cover { intervals, nearest, limit }
+    }
+
+    /// Weights of the coarser pixels, which add up to one, and their sum before they were
+    /// normalised. `smoothed` has the pixels to be smoothed and their normals, if there are any.
+    #[inline(always)]
+    fn weights<const PLANE: usize>(
+        &self,
+        near: &Near<'_, S>,
+        cover: &Cover<S>,
+        is_new: mask32x8<S>,
+        smoothed: Option<(mask32x8<S>, [f32x8<S>; 3])>,
+    ) -> ([f32x8<S>; 4], f32x8<S>) {
+        let (zero, infinite) = (self.least.like(0.0), self.least.like(f32::INFINITY));
         let (mut weights, mut sum) = ([zero; 4], zero);
         for (t, weight) in weights.iter_mut().enumerate() {
-            let [least, most] = intervals[t];
-            let mut takes_part = least.cmple(limit);
-            if smooths {
+            let [least, most] = cover.intervals[t];
+            let mut takes_part = least.cmple(cover.limit);
+            if let Some((is_kept, own_normal)) = smoothed {
                 let mut meets = is_kept & least.cmple(self.most) & self.least.cmple(most);
                 if PLANE == NORMALS {
                     let normal = [0, 1, 2].map(|i| near[t].lane(Line::PLANE + i));
@@ -381,21 +430,66 @@ impl<S: Simd> FinerPixels<S> {
             sum += *weight;
         }
         weights.iter_mut().for_each(|weight| *weight /= sum);
-        let (mut tint, mut plane) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
-        for (i, tint) in tint.iter_mut().take(3).enumerate() {
-            *tint = part(mean_of(near, Line::TINT + i, &weights));
-        }
-        for (i, plane) in plane.iter_mut().take(PLANE.min(3)).enumerate() {
-            *plane = part(mean_of(near, Line::PLANE + i, &weights));
-        }
-        if smooths {
-            let share = part(sum * (SMOOTH / WEIGHTS.iter().sum::<f32>()));
-            smooth::<PLANE>(bits(is_kept), share, [tint, plane], row, first);
-            if !is_new.any_true() {
-                return;
-            }
-        }
-        let mut middle = [zero; 2];
+        (weights, sum)
+    }
+}
+
+/// Depth intervals of the coarser pixels that cover finer ones; infinite where a coarser pixel does
+/// not.
+struct Cover<S: Simd> {
+    intervals: [Interval<S>; 4],
+    /// Least depth of the frontmost interval.
+    nearest: f32x8<S>,
+    /// Greatest depth of the frontmost interval.
+    limit: f32x8<S>,
+}
+
+/// The pixels' own normals.
+#[inline(always)]
+fn normals_of<S: Simd>(simd: S, row: &RowMut<'_>, first: usize) -> [f32x8<S>; 3] {
+    let own = &row.normal[first..row.normal.len().min(first + 2 * LANES)];
+    let own = halves(own, Vec4::ZERO);
+    let mut normals = [simd.splat_f32x8(0.0); 3];
+    for (i, normal) in normals.iter_mut().enumerate() {
+        *normal = join(simd, own[0][i], own[1][i]);
+    }
+    normals
+}
+
+/// Means of colours and of planes, without radii and minor axes.
+#[inline(always)]
+fn mean_attributes<const PLANE: usize, S: Simd>(
+    near: &Near<'_, S>,
+    weights: &[f32x8<S>; 4],
+) -> [Halves; 2] {
+    let (mut tint, mut plane) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
+    for (i, tint) in tint.iter_mut().take(3).enumerate() {
+        *tint = split(mean_of(near, Line::TINT + i, weights));
+    }
+    for (i, plane) in plane.iter_mut().take(PLANE.min(3)).enumerate() {
+        *plane = split(mean_of(near, Line::PLANE + i, weights));
+    }
+    [tint, plane]
+}
+
+/// Interpolated attributes of a run of finer pixels.
+struct Interpolated {
+    front: Halves,
+    tint: Halves,
+    depth: [Vec4; 2],
+    plane: Halves,
+}
+
+impl Interpolated {
+    /// Interpolates depths at the mean centre of the ellipses, and what [`mean_attributes`] leaves
+    /// out of `tint` and `plane`.
+    #[inline(always)]
+    fn new<const PLANE: usize, S: Simd>(
+        near: &Near<'_, S>,
+        weights: [f32x8<S>; 4],
+        [mut tint, mut plane]: [Halves; 2],
+    ) -> Self {
+        let mut middle = [weights[0].like(0.0); 2];
         for (near, weight) in near.iter().zip(&weights) {
             let displaced = near.displaced();
             middle[0] += displaced[0] * *weight;
@@ -406,16 +500,28 @@ impl<S: Simd> FinerPixels<S> {
             let displaced = near.displaced();
             *moved *= near.moved::<PLANE>([displaced[0] - middle[0], displaced[1] - middle[1]]);
         }
-        let least = part(mean_of(near, Line::FRONT, &moved));
-        let most = part(mean_of(near, Line::FRONT + 1, &moved));
-        let depth = part(mean_of(near, Line::DEPTH, &moved));
-        let [x, y] = [part(middle[0]), part(middle[1])];
-        tint[3] = part(mean_of(near, Line::TINT + 3, &weights));
+        let least = split(mean_of(near, Line::FRONT, &moved));
+        let most = split(mean_of(near, Line::FRONT + 1, &moved));
+        let depth = split(mean_of(near, Line::DEPTH, &moved));
+        let [x, y] = [split(middle[0]), split(middle[1])];
+        tint[3] = split(mean_of(near, Line::TINT + 3, &weights));
         if PLANE == NORMALS {
-            plane[3] = part(mean_of(near, Line::PLANE + 3, &weights));
+            plane[3] = split(mean_of(near, Line::PLANE + 3, &weights));
         }
+        Self { front: [least, most, x, y], tint, depth, plane }
+    }
+
+    /// Writes the pixels of `is_new` to a row, from pixel `first` on: every second pixel, then the
+    /// others.
+    #[inline(always)]
+    fn write<const PLANE: usize, S: Simd>(
+        self,
+        is_new: mask32x8<S>,
+        row: &mut RowMut<'_>,
+        first: usize,
+    ) {
+        let Self { front: [least, most, x, y], tint, depth, plane } = self;
         let is_all = is_new.all_true();
-        // Every second pixel, then the others.
         let is_new = bits(is_new);
         for odd in 0..2 {
             let out = Pixels {
@@ -438,7 +544,8 @@ impl<S: Simd> FinerPixels<S> {
     }
 }
 
-/// Moves colours and normals of some pixels, a bit each, towards means by shares: every second of them, then the others.
+/// Moves colours and normals of `pixels` (a bit each, every second one before the others) towards
+/// `means` by `shares`.
 #[inline(always)]
 fn smooth<const PLANE: usize>(
     pixels: u32,
@@ -459,26 +566,23 @@ fn smooth<const PLANE: usize>(
     }
 }
 
-/// Whether normals of any length make a small angle, or there are none. What is no number is near nothing.
+/// Whether two normals of any length make a small angle, or one of them is zero. False where a
+/// component is NaN.
 #[inline(always)]
 fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
     let along = dot(a, b);
     (dot(a, a) * NEAR * dot(b, b)).cmple(along * along.max(along.like(0.0)))
 }
 
-/// The first three attributes of a pixel moved towards others by a share.
+/// Moves the first three components of `own` towards `mean` by `share`.
 #[inline(always)]
 fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
     (own * (1.0 - share) + mean * share).truncate().extend(own.w)
 }
 
-/// The weighted mean of a plane. What has no weight may be no number.
+/// Weighted mean of component `plane`. Values of weight zero are masked, for they may be NaN.
 #[inline(always)]
-fn mean_of<S: Simd>(
-    near: &[CoarserPixels<'_, S>; 4],
-    plane: usize,
-    weights: &[f32x8<S>; 4],
-) -> f32x8<S> {
+fn mean_of<S: Simd>(near: &Near<'_, S>, plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
     let mut sum = weights[0].like(0.0);
     for (near, &weight) in near.iter().zip(weights) {
         sum += only(weight.like(0.0).cmplt(weight), near.lane(plane) * weight);

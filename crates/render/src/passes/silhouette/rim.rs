@@ -266,7 +266,7 @@ pub(crate) struct PixelEllipse<V> {
 
 impl PixelEllipse<f32> {
     #[inline(always)]
-    pub fn by(base: &Level, pixel: usize) -> Self {
+    pub fn at(base: &Level, pixel: usize) -> Self {
         let (front, has_normal) = (base.front[pixel], !base.normal.is_empty());
         Self { radius: base.tint[pixel].w, away: [front.z, front.w], has_normal }
     }
