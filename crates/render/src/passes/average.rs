@@ -1,12 +1,13 @@
-//! Average: where several points fall on a pixel, the one that wins it is chance: colours alias, and flicker when the
-//! view moves (a limitation that marroquim2007 names in section 5). Here all points of a pixel's front surface have
-//! their share: a second pass over the points, after gather, as in the high-quality splatting of Schuetz et al.
-//! (Rendering Point Clouds with Compute Shaders and Vertex Order Optimization, 2021). That takes what lies within
-//! 1 % of the front depth; this takes what lies before the end of the winner's depth interval, moved along its
-//! plane as pull does ([`crate::passes::tangent`]): with normals, a wall a radius behind another has no part in it.
+//! Average: where several points fall on a pixel, it is chance which one wins, so colours alias and
+//! flicker when the view moves (a limitation named in marroquim2007, section 5). This second pass
+//! over the points, after gather, averages all points of a pixel's front surface (schuetz2021,
+//! high-quality splatting). The front surface ends with the depth interval of the winner, moved
+//! along its plane as in pull ([`crate::passes::tangent`]), instead of 1 % behind it: with normals,
+//! a wall a radius behind another does not take part.
 //!
-//! Sums are of integers, so that the order of adding changes nothing. Depths are compared by what a unit of length
-//! takes on the picture there, `focal_px / depth`: along a plane that is linear in the picture.
+//! Sums are integers, so the order of adding does not matter. Depths are compared by the pixels
+//! that a unit of length takes there, `focal_px / depth`, which is linear in the picture along a
+//! plane.
 
 use crate::inputs::camera::{Camera, NodePlace};
 use crate::inputs::lookup::{Lookup, is_hidden, normal_at};
@@ -18,30 +19,33 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What is summed lies between 0 and so many steps.
+/// Steps that values from 0 to 1 are quantised to before they are summed.
 const STEPS: f32 = 16_383.0;
-/// Means of normals no part of which is more are of none.
+/// Greatest component of a mean of normals that counts as no normal.
 const NO_NORMAL: f32 = 2.0 / STEPS;
-/// Points of a pixel whose sums fit into 32 bits; of more one wins it.
+/// Most points of a pixel whose sums fit into 32 bits; with more, the winner stays.
 const POINTS_MAX: f32 = 262_144.0;
-/// Points a job has.
+/// Points per job.
 const JOB_POINTS: usize = 1 << 14;
-/// Points placed before they are added: the arithmetic is then free of branches.
+/// Points that are projected together, before any is added, by arithmetic without branches.
 const BLOCK: usize = 64;
 
-/// What is added up for the pixels of a picture. Memory is kept from frame to frame.
+/// Sums for the pixels of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Averages {
-    /// The winner's plane: its scale (`focal_px / depth`) at the pixel's centre, what that changes by a pixel right and
-    /// down, and how much less it is where the depth interval ends. An infinite scale where there is no winner.
+    /// Plane of each pixel's winner: its scale (`focal_px / depth`) at the pixel's centre, the
+    /// change of the scale per pixel to the right and downwards, and the difference to the scale
+    /// where the depth interval ends. The scale is infinite if there is no winner.
     planes: Vec<Vec4>,
-    /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums of 32 bits each. With
-    /// normals the winner's depth is exact on its plane, and the mean's no better.
+    /// Red and green, blue and the number of points, normal x and y, normal z and depth: two sums
+    /// of 32 bits each. With normals depths are not summed: the winner's is exact on its plane, and
+    /// a mean is no better.
     sums: Vec<[AtomicU64; 4]>,
 }
 
 impl Averages {
-    /// Replaces what the winners brought to `base` by the means of their pixels' front surfaces.
+    /// Replaces the attributes of the winners in `base` by the means of their pixels' front
+    /// surfaces.
     pub fn run(&mut self, lookup: &Lookup<'_>, lens: &Lens, base: &mut Level) {
         self.begin(lens, base);
         match base.planes() {
@@ -51,7 +55,7 @@ impl Averages {
         self.finish(lens, base);
     }
 
-    /// Takes the winners' planes, and clears the sums.
+    /// Stores the planes of the winners and clears the sums.
     fn begin(&mut self, lens: &Lens, base: &Level) {
         self.planes.resize(base.front.len(), Vec4::ZERO);
         self.sums.resize_with(base.front.len(), Default::default);
@@ -86,13 +90,13 @@ impl Averages {
                 let pixel = at.pixels[k] as usize;
                 let Some(plane) = self.planes.get(pixel) else { continue };
                 let behind = plane.x + plane.y * at.dx[k] + plane.z * at.dy[k] - at.scale[k];
-                // Infinite where there is no winner.
+                // Infinite if there is no winner.
                 if behind > plane.w {
                     continue;
                 }
                 let (i, offset) = (start + k, offsets.map(|axis| axis[k]));
                 let from_eye = place.steps_from_eye(offset) * camera.step;
-                // Zero where there is none.
+                // Zero if the point has no normal.
                 let mut normal = planes.normal.map_or(Vec3::ZERO, |plane| normal_at(plane, i));
                 let looks_away = normal.dot(from_eye) > 0.0;
                 let is_hidden = frame.hides_points && is_hidden(planes.position, i);
@@ -118,8 +122,9 @@ impl Averages {
         }
     }
 
-    /// Writes the means of pixels with more than one point; one alone is there already, exactly. What sums run over into
-    /// is the next sum, so the number of points is never too small.
+    /// Writes the means of pixels with more than one point; a single point is there already,
+    /// exactly. Sums that overflow run into the next one, so the number of points is never too
+    /// small.
     fn finish(&self, lens: &Lens, base: &mut Level) {
         let width = base.width;
         for_each_row(base, |row| {
@@ -140,7 +145,7 @@ impl Averages {
                 if let Some(normal) = row.normal.get_mut(x) {
                     let mean = Vec3::new(low(sums[2]), high(sums[2]), low(sums[3]));
                     let mean = mean * 2.0 - Vec3::ONE;
-                    // Of points without normals the mean is off from zero by what steps round.
+                    // Without normals the mean differs from zero by the rounding to steps.
                     let is_none = mean.abs().max_element() <= NO_NORMAL;
                     *normal = if is_none { Vec3::ZERO } else { mean }.extend(normal.w);
                     continue;
@@ -155,7 +160,7 @@ impl Averages {
     }
 }
 
-/// The plane of the winner of a pixel, as [`Averages`] keeps it.
+/// Plane of the winner of a pixel, in the form of [`Averages::planes`].
 fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     let pixel = y * base.width + x;
     let front = base.front[pixel];
@@ -168,7 +173,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
         (Some(normal), _) => {
             let own = [normal.x, normal.y, normal.z].map(Lane::splat);
             let facing = lens.facing(own, (centre - displaced).to_array().map(Lane::splat));
-            // Divided first: a scale over what there is of no normal is infinite.
+            // Divided first: with a zero normal, the scale over it would be infinite.
             Vec2::new(normal.x, -normal.y) / facing.x * scale
         }
         (None, Some(tilt)) => Vec2::new(-tilt.x, tilt.y) * scale,
@@ -178,7 +183,7 @@ fn plane_of(lens: &Lens, base: &Level, x: usize, y: usize) -> Vec4 {
     Vec4::new(scale + slope.dot(displaced), slope.x, slope.y, scale - ends)
 }
 
-/// A number from 0 to 1 in steps; what is no number is 0.
+/// Quantises a number from 0 to 1; NaN becomes 0.
 #[inline(always)]
 fn steps(value: f32) -> u64 {
     (value.clamp(0.0, 1.0) * STEPS + 0.5) as u64
@@ -189,9 +194,9 @@ fn pair(low: f32, high: f32) -> u64 {
     steps(low) | steps(high) << 32
 }
 
-/// Where a block of points is on the picture.
+/// Positions of a block of points on the picture.
 struct PixelPositions {
-    /// Pixels, row by row; beyond all for what is outside.
+    /// Pixels, row by row; all bits are set for points outside the picture.
     pixels: [u32; BLOCK],
     /// From the pixel's centre, pixels.
     dx: [f32; BLOCK],
@@ -201,7 +206,8 @@ struct PixelPositions {
 }
 
 impl PixelPositions {
-    /// The steps of [`crate::passes::project`]: a point is at the same pixel.
+    /// Projects points by the operations of [`crate::passes::project`], so that each falls on the
+    /// same pixel.
     #[inline(always)]
     fn new(camera: &Camera, place: &NodePlace, offsets: &[[u32; BLOCK]; 3]) -> Self {
         let [right, up, back] = camera.view_from_world;

@@ -1,14 +1,17 @@
-//! FittedPlanes: the planes of surfaces without normals, told from the depths around them, so that depths can be moved along
-//! them ([`crate::passes::tangent`]) as along those of normals. Without, depth intervals of different places have to be long to
-//! meet on a slope, and what lies up to twice a radius behind a surface shows through it.
+//! Fits planes to surfaces without normals, from a frame buffer of depths, so that depths can be
+//! moved along them ([`crate::passes::tangent`]) as along those of normals. Without planes, depth
+//! intervals have to be long to meet on a slope, and a surface up to two radii behind another shows
+//! through (`docs/design/surfaces.md`).
 //!
-//! Squares of four pixels keep their nearest point: in the front surface, and at its exact place. Of the planes through
-//! such a point and two of its neighbours, and the flat one, that is taken which the eight around are nearest to. How far
-//! they are from it says how much it is to be trusted: a wall's neighbours are on its plane, those of an edge or of leaves
-//! are not: the less it is trusted, the less it tilts, and the longer intervals are, up to what they are without.
+//! Each square of 4 x 4 pixels keeps its nearest point, which is in the front surface. Of the
+//! planes through that point and two of its neighbours, and the plane that faces the viewer, the
+//! one with the least sum of distances to the eight neighbours is taken. The mean distance says how
+//! far the plane is to be trusted: neighbours on a wall lie on its plane, those at an edge or in
+//! leaves do not. The less a plane is trusted, the less it tilts and the longer the depth interval
+//! is.
 //!
-//! Of discs wider than a square nothing is told: where points are that few, planes changed with a point of what is hidden,
-//! or of a node that arrives.
+//! No plane is fitted for discs wider than a square: where points are that few, planes would change
+//! with a single point of a hidden surface, or of a node that arrives.
 
 use crate::passes::project::{EMPTY, unpack};
 use crate::simd::values::{EIGHT, Values, load, only};
@@ -16,74 +19,85 @@ use fearless_simd::{Level as Simd, Simd as Token, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Pixels on a side of a square, and the widest radius of discs that something is told of.
+/// Side of a square, pixels, and greatest radius of the discs that planes are fitted for.
 pub const SQUARE_PX: usize = 4;
-/// Length of the depth interval over the drawn radius where no plane is told: a disc of unknown tilt reaches far back; at
-/// one, floors seen aslant break into steps.
+/// Length of the depth interval over the drawn radius where no plane is fitted: a disc of unknown
+/// tilt reaches far back. With one, floors seen at a grazing angle break into steps.
 pub const BARE_REACH: f32 = 2.0;
-/// Neighbours' distances from a plane count up to what so steep a slope makes of a square's width.
+/// Greatest distance of a neighbour from a plane that counts, as a slope across the width of a
+/// square.
 const OFF_MAX: f32 = 1.0;
-/// Neighbours within the picture that may have no point: of what is thin, or ends here, no plane is told.
+/// Most neighbours within the picture without a point: no plane is fitted to thin or ending
+/// surfaces.
 const MISSING_MAX: f32 = 1.0;
-/// Least area between two neighbours, over a square's: of what lies in a line no plane is told.
+/// Least area between two neighbours, over that of a square: no plane is fitted to points on a
+/// line.
 const AREA_MIN: f32 = 0.2;
-/// What a plane's sum of distances is to be less by than another's, over the most that one counts: less is rounding.
+/// Least improvement of the sum of distances by another plane, over the greatest distance that
+/// counts: less is rounding.
 const BETTER: f32 = 1e-3;
-/// In the place of one over a depth beyond the picture.
+/// Marks squares outside the picture in `near`, which otherwise holds 1 / depth.
 const OUTSIDE: f32 = -1.0;
-/// How much nearer a neighbour is told to be at most, so that all stays finite.
+/// Greatest relative difference of a neighbour's 1 / depth, so that all values stay finite.
 const NEARER_MAX: f32 = 1e6;
-/// The neighbours of a square: those beside it in a circle, then those at its corners.
+/// Neighbours of a square: those at its sides, in a circle, then those at its corners.
 const AROUND: [[isize; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]];
 
-/// How planes are trusted.
+/// How far planes are trusted.
 #[derive(Clone, Copy, Debug)]
 struct Trust {
-    /// Length of the depth interval across a plane that all around are on, over the drawn radius.
+    /// Length of the depth interval across a plane on which all neighbours lie, over the drawn
+    /// radius.
     reach: f32,
-    /// Mean distance from a plane, over the most that counts, up to which it is trusted wholly, and from which on not at all.
+    /// Mean distances from a plane, over the greatest that counts, up to which it is trusted fully,
+    /// and from which it is not trusted.
     distance: [f32; 2],
 }
 
-/// Where points are apart. Intervals are shorter than a stored radius, since planes are told roughly.
+/// Trust where points lie apart. Intervals are shorter than a stored radius, since fitted planes
+/// are rough.
 const APART: Trust = Trust { reach: 0.8, distance: [0.2, 0.4] };
-/// Where they crowd, means of all that lies there are what evens_exposure them out: with short intervals a scan flickers by 4 % more. Trusted
-/// as easily as where they are apart, planes make 0.052 % of an office's pixels change with what is hidden, so 0.049.
+/// Trust where points crowd. Colours are averages of all points in the interval there: short
+/// intervals make scans flicker. Planes are trusted less than where points lie apart, or more
+/// pixels depend on hidden nodes (`crates/engine/tests/occlusion.rs`).
 const CROWDED: Trust = Trust { reach: BARE_REACH, distance: [0.18, 0.35] };
 
-/// What is told of a surface.
+/// A plane fitted to a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedPlane {
-    /// What depth grows by a pixel right and down, over depth.
+    /// Relative growth of depth per pixel to the right and downwards.
     pub growth: [f32; 2],
     /// Length of the depth interval across the plane, over the drawn radius.
     pub reach: f32,
 }
 
 impl FittedPlane {
-    /// Where nothing is told.
+    /// Stands for a surface that no plane was fitted to.
     pub const NONE: Self = Self { growth: [0.0; 2], reach: BARE_REACH };
 }
 
-/// FittedPlanes of a picture. Memory is kept from frame to frame. Planes have a square around them where nothing is.
+/// Planes fitted to a picture. Memory is kept from frame to frame. The arrays of squares have a
+/// border of one square that lies outside the picture.
 #[derive(Clone, Debug, Default)]
 pub struct FittedPlanes {
     width: usize,
     height: usize,
-    /// Squares from one row of the planes to the next.
+    /// Squares per row of the arrays.
     stride: usize,
-    /// One over the depth of the nearest point; zero where there is none, [`OUTSIDE`] where there is no square.
+    /// 1 / depth of the nearest point; zero if the square has none, [`OUTSIDE`] outside the
+    /// picture.
     near: Vec<f32>,
-    /// Its pixel.
+    /// Pixel of the nearest point.
     x: Vec<f32>,
     y: Vec<f32>,
-    /// Row by row, without the squares around.
+    /// Fitted planes row by row, without the border.
     fitted: Vec<FittedPlane>,
 }
 
 impl FittedPlanes {
-    /// Takes those of a frame buffer whose rows have so many pixels. Where points crowd, intervals stay long.
+    /// Fits a plane to each square of a frame buffer `width` pixels wide. `is_crowded` keeps depth
+    /// intervals long.
     pub fn fill(&mut self, target: &[AtomicU64], width: usize, focal_px: f32, is_crowded: bool) {
         let height = target.len() / width.max(1);
         (self.width, self.height) = (width.div_ceil(SQUARE_PX), height.div_ceil(SQUARE_PX));
@@ -98,7 +112,7 @@ impl FittedPlanes {
         self.fit(focal_px, if is_crowded { CROWDED } else { APART });
     }
 
-    /// What the surface of a pixel is told to be, which shows a disc of this radius, pixels.
+    /// The plane fitted around a pixel that shows a disc of radius `radius_px`.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize, radius_px: f32) -> FittedPlane {
         let is_fitted = radius_px <= SQUARE_PX as f32;
@@ -106,7 +120,7 @@ impl FittedPlanes {
         if is_fitted { self.fitted[square] } else { FittedPlane::NONE }
     }
 
-    /// Rows of the planes that have squares.
+    /// Rows of the arrays that hold squares of the picture.
     fn rows(&mut self) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
         let Self { stride, height, near, x, y, .. } = self;
         let rows = |plane| <[f32]>::par_chunks_mut(plane, *stride).skip(1).take(*height);
@@ -114,7 +128,7 @@ impl FittedPlanes {
         planes.map(|((near, x), y)| [near, x, y]).with_min_len(4)
     }
 
-    /// Takes the nearest points of a frame buffer.
+    /// Stores the nearest point of each square of a frame buffer.
     fn collect_nearest(&mut self, target: &[AtomicU64], width: usize, height: usize) {
         let (side, squares) = (SQUARE_PX, self.width);
         self.rows().enumerate().for_each(|(row, [nears, xs, ys])| {
@@ -136,7 +150,7 @@ impl FittedPlanes {
         });
     }
 
-    /// Tells the fitted.
+    /// Fits the planes, in parallel by rows.
     fn fit(&mut self, focal_px: f32, trust: Trust) {
         let mut fitted = std::mem::take(&mut self.fitted);
         let rows = fitted.par_chunks_mut(self.width).enumerate().with_min_len(4);
@@ -198,17 +212,17 @@ impl FittedPlanes {
 /// The nearest point of a neighbouring square.
 #[derive(Clone, Copy)]
 struct Neighbour<V: Values> {
-    /// From the own point to it, pixels.
+    /// Vector to it from the square's own point, pixels.
     x: V,
     y: V,
-    /// What one over the depth is more there, over that here: linear on a plane.
+    /// 1 / depth there over that here, minus one: linear on a plane.
     nearer: V,
-    /// Whether there is one, and whether its square has none.
+    /// Whether the neighbour has a point, and whether it is in the picture but has none.
     is_there: V::Mask,
     is_missing: V::Mask,
 }
 
-/// The growth of depth and the reach that a point's neighbours tell.
+/// Relative growth of depth and reach of the plane that fits the neighbours of a point best.
 #[inline(always)]
 fn fit_plane<V: Values>(around: &[Neighbour<V>; 8], focal_px: f32, trust: Trust) -> ([V; 2], V) {
     let side_px = SQUARE_PX as f32;
@@ -260,7 +274,7 @@ mod tests {
     const HEIGHT: usize = 117;
     const FOCAL_PX: f32 = 150.0;
 
-    /// A frame buffer with the depths that `depth` has at some of its pixels.
+    /// A frame buffer in which `share` percent of the pixels have the depth that `depth` gives.
     fn target(share: u64, depth: impl Fn(usize, usize) -> f32) -> Vec<AtomicU64> {
         let mut state = 7u64;
         let all = (0..WIDTH * HEIGHT).map(|i| {
@@ -275,13 +289,13 @@ mod tests {
 
     fn fit(target: &[AtomicU64]) -> FittedPlanes {
         let mut fitted = FittedPlanes::default();
-        // What was there before means nothing.
+        // Fits another picture first: its planes must not remain.
         fitted.fill(&self::target(90, |x, y| (x + y + 1) as f32), WIDTH, FOCAL_PX, true);
         fitted.fill(target, WIDTH, FOCAL_PX, false);
         fitted
     }
 
-    /// Pixels that points won, at least `margin` from the border.
+    /// Pixels that points won, at least `margin` from the border, with their depths.
     fn won(target: &[AtomicU64], margin: usize) -> impl Iterator<Item = (usize, usize, f32)> {
         let is_inside = move |x: usize, y: usize| {
             (margin..WIDTH - margin).contains(&x) && (margin..HEIGHT - margin).contains(&y)
@@ -296,7 +310,7 @@ mod tests {
     #[test]
     fn planes_are_fitted_exactly_and_trusted_at_any_slope() {
         for [right, down] in [[0.0, 0.0], [1e-3, -2e-3], [-2e-3, 0.0], [3e-3, 3e-3]] {
-            // One over the depth is linear in the picture.
+            // 1 / depth is linear in the picture.
             let near =
                 |x: usize, y: usize| 0.8 + right * (x as f64 - 100.0) + down * (y as f64 - 50.0);
             let target = target(40, |x, y| (1.0 / near(x, y)) as f32);
@@ -324,13 +338,13 @@ mod tests {
 
     #[test]
     fn points_off_any_surface_keep_long_intervals() {
-        // Leaves: depths that have nothing to do with each other.
+        // Leaves: depths unrelated to each other.
         let leaves = target(60, |x, y| 1.0 + ((x * 7919 + y * 104_729) % 101) as f32 * 0.05);
         let fitted = fit(&leaves);
         let reaches: Vec<_> = won(&leaves, 8).map(|(x, y, _)| fitted.at(x, y, 2.0).reach).collect();
         let long = reaches.iter().filter(|reach| **reach > 1.6).count();
         assert!(long * 10 > reaches.len() * 9, "{long} of {}", reaches.len());
-        // One point by itself, and discs wider than a square.
+        // A single point, and discs wider than a square.
         let alone = target(100, |_, _| 1.0);
         alone.iter().enumerate().for_each(|(i, value)| {
             if i != 5 * WIDTH + 9 {

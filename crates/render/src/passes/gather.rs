@@ -1,8 +1,6 @@
-//! Gather: the attributes of the points that won a pixel become level 0 of the pyramid (marroquim2007
-//! section 3.1). Radius, normal and colour are looked up here, once a covered pixel, not once a point.
-//!
-//! Drawn radius (DESIGN section 8): the stored radius, in units of the node's spacing, times the
-//! effective spacing of the finest drawn cell that holds the point.
+//! Gather (marroquim2007, section 3.1): fills level 0 of the pyramid with the attributes of the
+//! points that won a pixel. Radius, normal and colour are looked up here
+//! ([`crate::inputs::lookup`]), once per covered pixel instead of once per point.
 
 use crate::inputs::camera::Camera;
 use crate::inputs::lookup::{Lookup, NO_NORMAL, RADIUS_MAX, normal_code};
@@ -16,32 +14,31 @@ use fearless_simd::{Level as Simd, dispatch};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicU64, AtomicU64 as Counter, Ordering::Relaxed};
 
-/// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of its
-/// points' ellipses, which covers less than they do: with covering radii as they are, up to 0.2 % of a
-/// tilted wall's pixels stay holes, with these up to 0.01 % (jittered grids of 1 to 20 pixels, tilted 0
-/// to 70 degrees). Circles lose less, and what they add shows at silhouettes.
+/// Drawn radii over stored ones, with normals and without. A coarser pixel's ellipse is the mean of
+/// its points' ellipses, which covers less than they do, so stored radii would leave holes in
+/// tilted walls. Circles lose less, and what they add shows at silhouettes.
 const RADIUS_FACTOR: [f32; 2] = [1.4, 1.15];
-/// Added to radii in the picture, pixels, with normals and without: pixels are covered where their centres are. With 0.2 the far side shows
-/// through a sphere of half a point a pixel.
+/// Added to projected radii, pixels, with normals and without: a pixel is covered where its centre
+/// is. With less, the far side shows through a sphere of half a point per pixel.
 const RADIUS_MARGIN_PX: [f32; 2] = [0.35, 0.5];
-/// How much of what pictures are stretched by away from their middle radii take. Greatest gaps of even samples are 0.84 spacings, and
-/// discs without normals 1.15 wide: only what is stretched by more than their ratio opens. With 0.87 arriving nodes pop by 2.1 %
-/// of a picture, with all of it by 3.4 (asked 2).
+/// Share that radii take of the stretch of the picture away from its middle. Discs without normals
+/// are 1.15 spacings wide and gaps of even samples at most 0.84, so only a stretch beyond their
+/// ratio opens holes. A greater share exceeds the bound of `crates/engine/tests/popping.rs`.
 const STRETCHED: f32 = 0.83;
-/// Minor axes over those of the disc's projection, for tilted discs: the mean of two ellipses one above
-/// the other covers least of all (70 degrees, 21 pixels: 0.06 % holes without, 0.01 % with).
+/// Minor axes over those of the projected disc, for tilted discs: the mean of two ellipses one
+/// above the other covers least of all.
 const MINOR_FACTOR: f32 = 1.3;
-/// Half the least minor axis of an ellipse, pixels. Thinner ones pass between the pixels' centres: a
-/// floor tilted by 70 degrees, its points 1.7 pixels apart, had 6 % holes, with this 0.0004 %.
+/// Half of the least minor axis of an ellipse, pixels. Thinner ellipses pass between the centres of
+/// pixels and leave holes in tilted floors.
 const MINOR_MIN_PX: f32 = 1.4;
 /// Thickness of a surface across its plane, over the stored radius, with normals.
 const THICKNESS: f32 = 1.0;
-/// Length of the depth interval over the drawn radius, at most, where planes are told from depths: what is told of steep
-/// ones is rough.
+/// Greatest length of the depth interval over the drawn radius with fitted planes, since steep ones
+/// are rough.
 const SLANT_REACH_MAX: f32 = 3.0;
 
-/// Fills level 0 from the frame buffer; its pixels' planes, where they are told, from `fitted`. Returns the number of
-/// valid pixels.
+/// Fills level 0 from the frame buffer. Planes of pixels are those of `fitted`, if the level has
+/// fitted planes. Returns the number of valid pixels.
 pub fn gather(
     lookup: &Lookup<'_>,
     target: &[AtomicU64],
@@ -56,7 +53,7 @@ pub fn gather(
     }
 }
 
-/// What a pixel is made from.
+/// Inputs of the pass.
 #[derive(Clone, Copy)]
 struct Gather<'a> {
     lookup: &'a Lookup<'a>,
@@ -77,7 +74,7 @@ impl Gather<'_> {
     }
 }
 
-/// An index of what differs with normals and without.
+/// Index into constants that differ with normals and without.
 const fn normals_index<const PLANE: usize>() -> usize {
     if PLANE == NORMALS { 0 } else { 1 }
 }
@@ -110,15 +107,15 @@ fn gather_row<const PLANE: usize>(
     count
 }
 
-/// Points that are fetched before anything is computed of them: memory is waited for once, not once each.
+/// Points that are fetched before anything is computed from them, so that their reads overlap.
 const HITS: usize = 32;
-/// So many pixels before it is fetched, a point is asked for.
+/// Distance of the prefetch, pixels.
 const AHEAD: usize = 24;
 
 /// Points of a row that won a pixel, attribute by attribute.
 struct Hits {
     count: usize,
-    /// Pixels of the row.
+    /// Pixels in the row.
     x: [usize; HITS],
     depth: [f32; HITS],
     draw: [u32; HITS],
@@ -126,9 +123,9 @@ struct Hits {
     radius_code: [u8; HITS],
     colour: [[f32; HITS]; 3],
     normal: [[i16; 2]; HITS],
-    /// Against the eye, in steps.
+    /// Position relative to the eye, in steps.
     steps: [[f32; HITS]; 3],
-    /// Stored radius, the file's unit.
+    /// Drawn radius, in the unit of the file.
     radius: [f32; HITS],
 }
 
@@ -146,7 +143,7 @@ impl Hits {
         radius: [0.0; HITS],
     };
 
-    /// Adds the point that won pixel `x`; there must be room.
+    /// Adds the point that won pixel `x`. There must be room for it.
     #[inline(always)]
     fn fetch<const PLANE: usize>(&mut self, lookup: &Lookup<'_>, x: usize, value: u64) {
         let (depth, point) = unpack(value);
@@ -166,7 +163,7 @@ impl Hits {
         }
     }
 
-    /// Makes pixels of them, which are then no more.
+    /// Makes pixels of all points, and removes these.
     #[inline(always)]
     fn write_all<const PLANE: usize>(&mut self, pass: Gather<'_>, row: &mut RowMut<'_>) {
         let lookup = pass.lookup;
@@ -185,7 +182,7 @@ impl Hits {
         self.count = 0;
     }
 
-    /// Makes pixels of four of them.
+    /// Makes pixels of four points, from `first` on.
     #[inline(always)]
     fn write<const PLANE: usize>(&self, pass: Gather<'_>, first: usize, row: &mut RowMut<'_>) {
         let four = |values: &[f32; HITS]| Vec4::from_slice(&values[first..]);
@@ -196,9 +193,9 @@ impl Hits {
         };
         let camera = pass.lookup.camera;
         let focal_px = camera.focal_px;
-        // What is no number is nothing: of a number and none, the second is the greater and the less.
-        let stored = four(&self.radius).max(Vec4::ZERO);
-        let radius = stored.min(Vec4::splat(RADIUS_MAX));
+        // Of a number and a NaN, `max` returns the second: a radius that is NaN becomes zero.
+        let drawn = four(&self.radius).max(Vec4::ZERO);
+        let radius = drawn.min(Vec4::splat(RADIUS_MAX));
         let depth = four(&self.depth);
         let margin = RADIUS_MARGIN_PX[normals_index::<PLANE>()];
         let in_middle = (radius * focal_px / depth).min(Vec4::splat(RADIUS_MAX));
@@ -236,7 +233,8 @@ impl Hits {
                 dot(right, from_eye) * per_depth + camera.centre_px[0],
                 -dot(up, from_eye) * per_depth + camera.centre_px[1],
             ];
-            // From the point's place to the pixel's centre: within the pixel, however the place was rounded.
+            // From the point to the centre of its pixel: at most half a pixel, however the position
+            // was rounded.
             out.front[2] = within_half(centre[0] - place[0]);
             out.front[3] = within_half(centre[1] - place[1]);
             if let (FITTED, Some(fitted)) = (PLANE, pass.fitted) {
@@ -248,7 +246,7 @@ impl Hits {
                 radius_px = Vec4::select(is_fitted, in_pixels(Vec4::ONE, major), radius_px);
                 out.tint[3] = radius_px;
                 reach = radius * (plate * across).min(Vec4::splat(SLANT_REACH_MAX));
-                // Discs stay where their pixels are; their depths are those that their planes have there.
+                // Discs stay at their pixels, and get the depths of their planes there.
                 let to_centre = [out.front[2], out.front[3]];
                 let moved = moved::<PLANE, _>(tilt, tilt[0], to_centre);
                 out.depth = depth * moved;
@@ -267,7 +265,8 @@ impl Hits {
                 let normal = [dot(right, world), dot(up, world), dot(back, world)];
                 let [x, y, z] =
                     [world[0] * from_eye[0], world[1] * from_eye[1], world[2] * from_eye[2]];
-                // Where back faces are not culled, a normal may look either way: it is turned to the eye.
+                // Normals face the eye already where back faces are culled; elsewhere they are
+                // turned to it.
                 let is_away = (x + y + z).cmpgt(Vec4::ZERO);
                 let turns = !pass.lookup.frame.cull_back_faces;
                 let turn = |c: Lane| if turns { Vec4::select(is_away, -c, c) } else { c };
@@ -288,7 +287,8 @@ impl Hits {
     }
 }
 
-/// What is told of four pixels of row `y`: the growth of depth right and down, and the reach.
+/// Growth of depth to the right and downwards, and reach, of the planes fitted at four pixels of
+/// row `y`.
 #[inline(always)]
 fn four_fitted_planes(
     fitted: &FittedPlanes,
@@ -306,8 +306,9 @@ fn four_fitted_planes(
     all.map(Vec4::from_array)
 }
 
-/// The tilt ([`Level::tilt`]) of planes whose depth grows so at places on the picture, not steeper than can be followed;
-/// the depth that plates of unit thickness take there; and the planes' normals in view space.
+/// Tilt ([`Level::tilt`]) of planes with the given growth of depth at positions on the picture,
+/// limited to [`SLOPE_MAX`]; the depth of plates of unit thickness there; and the planes' normals
+/// in view space.
 #[inline(always)]
 fn plane_at(
     camera: &Camera,
@@ -328,24 +329,26 @@ fn dot(a: Vec3, [x, y, z]: [Lane; 3]) -> Lane {
     x * a.x + y * a.y + z * a.z
 }
 
-/// At most half a pixel to either side.
+/// Limits `x` to half a pixel to either side.
 #[inline(always)]
 fn within_half(x: Lane) -> Lane {
     x.max(Vec4::splat(-0.5)).min(Vec4::splat(0.5))
 }
 
-/// The greatest radius of a sphere's picture over that in the middle of the picture, where it is seen along `seen`: to the right
-/// and upwards, over the depth. It is stretched away from the middle.
+/// Greatest radius of a projected sphere over that in the middle of the picture: perspective
+/// stretches it away from the middle. `ray` is the direction to the sphere, to the right and
+/// upwards, over the depth.
 #[inline(always)]
 fn sphere_stretch([x, y]: [Lane; 2]) -> Lane {
     (x * x + y * y + 1.0).sqrt()
 }
 
-/// Half the minor and the major axis of a disc's picture over those of one that is seen in the middle of the picture and faces
-/// the eye. A step `v` in space is `v.xy + seen v.z` on the picture, where z grows towards the eye. So the disc reaches
-/// `|z - k|` far along its normal's projection, with `k = seen . normal.xy`, and `sqrt(1 + |seen|^2 |normal.xy|^2 - k^2)` across
-/// it. In the middle that is `|z|` and 1, and no disc is drawn narrower than there: at a sphere's limb the far side would show.
-/// Where the former is more than the latter, the disc is drawn as a circle.
+/// Half of the minor and of the major axis of a projected disc, over those of a disc in the middle
+/// of the picture that faces the eye. A vector `v` in space projects to `v.xy + ray v.z`, where z
+/// grows towards the eye. So the disc extends `|z - k|` along its normal's projection, with `k =
+/// ray . normal.xy`, and `sqrt(1 + |ray|^2 |normal.xy|^2 - k^2)` across it. In the middle these are
+/// `|z|` and 1, and no disc is drawn narrower than there, or the far side would show at a sphere's
+/// limb. If the former exceeds the latter, the disc is drawn as a circle.
 #[inline(always)]
 fn disc_stretch([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
     let k = x * nx + y * ny;
@@ -354,7 +357,8 @@ fn disc_stretch([nx, ny, nz]: [Lane; 3], [x, y]: [Lane; 2]) -> [Lane; 2] {
     [along, across.max(along)]
 }
 
-/// Ellipses' minor axes over their major ones: never so small that an ellipse falls between pixels.
+/// Minor axes of ellipses over their major ones, at least [`MINOR_MIN_PX`] so that no ellipse falls
+/// between pixels.
 #[inline(always)]
 fn filter_minor(minor: Lane, radius_px: Lane) -> Lane {
     (minor * MINOR_FACTOR).max(MINOR_MIN_PX / radius_px).min(Vec4::ONE)

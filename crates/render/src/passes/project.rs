@@ -1,12 +1,12 @@
-//! Project (marroquim2007 section 3.1): each point to at most one pixel. A frame buffer of
-//! `depth << 32 | point` keeps the least: the bits of a positive `f32` order like the number, so one
-//! 64-bit minimum is depth test and write. `point` counts through the frame's draws ([`DrawList`]).
-//! Out: the frame buffer; attributes are fetched afterwards, for the points that won ([`crate::passes::gather`]).
+//! Project (marroquim2007, section 3.1): projects each point to at most one pixel. A pixel of the
+//! frame buffer keeps the least value of `depth << 32 | point`: the bits of a positive `f32` are
+//! ordered like the number, so one 64-bit minimum (schuetz2021) is depth test and write. `point` is
+//! the number of the point in a [`DrawList`]. Attributes are fetched afterwards, for the points
+//! that won ([`crate::passes::gather`]).
 //!
-//! Threads share one frame buffer of atomics and read plainly before they write: most points lose
-//! already there. Measured on two busy cores against one buffer a thread, merged: 18 to 26 ms against 17
-//! to 25 for a million points, 83 to 113 against 90 to 140 for five; no difference beyond the noise, and
-//! nothing to clear, merge or hold a core.
+//! Threads share one frame buffer of atomics, and read a value plainly before they write it, since
+//! most points lose. A buffer per thread would take as long, and would have to be cleared, merged
+//! and held.
 
 use crate::frame::{DrawNode, Frame};
 use crate::inputs::camera::{Camera, Positions};
@@ -19,14 +19,14 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// A pixel that no point fell on.
+/// Value of a pixel that no point fell on.
 pub const EMPTY: u64 = u64::MAX;
-/// Points a job has: large enough that handing out costs nothing, small enough that cores end together.
+/// Points per job: enough that scheduling costs nothing, few enough that all cores end together.
 const JOB_POINTS: usize = 1 << 14;
-/// Points placed before they are written: the arithmetic is then free of branches.
+/// Points that are projected together, before any is written, by arithmetic without branches.
 const BLOCK: usize = 64;
 
-/// Depth and point of a frame-buffer value.
+/// Depth and number of the point of a frame-buffer value.
 pub fn unpack(value: u64) -> (f32, u32) {
     (f32::from_bits((value >> 32) as u32), value as u32)
 }
@@ -34,7 +34,7 @@ pub fn unpack(value: u64) -> (f32, u32) {
 /// [`NO_NORMAL`](crate::inputs::lookup::NO_NORMAL) as stored in a plane.
 const NO_NORMAL_BITS: u32 = 0x8000_8000;
 
-/// Draws all points into `target` (one value a pixel, row by row), which it clears first.
+/// Clears `target` (one value per pixel, row by row) and draws all points into it.
 pub fn project(frame: &Frame<'_>, camera: &Camera, list: &DrawList, target: &[AtomicU64]) {
     target.par_chunks(1 << 16).for_each(|c| c.iter().for_each(|p| p.store(EMPTY, Relaxed)));
     let jobs: Vec<(usize, usize)> = (0..frame.draws.len())
@@ -72,7 +72,7 @@ fn project_run(
         depths: zero,
         from_eye: [zero; 3],
     };
-    // A block's pixels are asked for while the one before is drawn.
+    // Prefetches the pixels of a block while the previous block is drawn.
     let (mut block, mut previous) = (block, block);
     for start in run.clone().step_by(BLOCK) {
         let count = positions.offsets(start, &mut offsets).min(run.end - start);
@@ -93,7 +93,7 @@ fn project_run(
     previous.draw(base, target, |point| hides && is_hidden(draw.position, point));
 }
 
-/// The places of the ones among bits, from the lowest.
+/// Indices of the bits that are set, from the lowest.
 #[inline(always)]
 fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -104,26 +104,26 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Where a block of points is on the picture.
+/// A block of points of a node, projected to pixels.
 #[derive(Clone, Copy)]
 struct ProjectedPoints {
-    /// The first of its points in its node.
+    /// Index in the node of the first point.
     start: usize,
-    /// Those on the picture, a bit each.
+    /// Points that fall on the picture, a bit each.
     visible: u64,
-    /// Pixels, row by row; what is outside has the highest bit.
+    /// Pixels, row by row; [`OUTSIDE`] is set for points outside the picture.
     pixels: [u32; BLOCK],
     depths: [f32; BLOCK],
-    /// Against the eye, the world's axes.
+    /// Position relative to the eye, along the world's axes.
     from_eye: [[f32; BLOCK]; 3],
 }
 
-/// The bit of what is outside.
+/// Bit that marks points outside the picture.
 const OUTSIDE: u32 = 1 << 31;
 
 impl ProjectedPoints {
-    /// Places a block of points; `steps` has them against the eye, from the axis and the offset. Straight arithmetic
-    /// over arrays: it becomes SIMD.
+    /// Projects a block of points. `steps` gives the distance from the eye in steps, from an axis
+    /// and the offset along it. Straight arithmetic over arrays, which the compiler vectorises.
     #[inline(always)]
     fn project(
         &mut self,
@@ -146,7 +146,7 @@ impl ProjectedPoints {
             let scale = camera.focal_px / *depth;
             let at_x = cx + (right.x * x + right.y * y + right.z * z) * scale;
             let at_y = cy - (up.x * x + up.y * y + up.z * z) * scale;
-            // Written so that what is not a number is outside.
+            // NaN compares as outside.
             let is_inside = (at_x >= 0.0) & (at_x < width) & (at_y >= 0.0) & (at_y < height);
             let is_inside = is_inside & (*depth >= camera.near) & (*depth < f32::INFINITY);
             let at = whole(at_y).wrapping_mul(row).wrapping_add(whole(at_x));
@@ -154,8 +154,9 @@ impl ProjectedPoints {
         }
     }
 
-    /// Puts points outside whose normals do not look to the eye's side; points without a normal do. Directions as
-    /// [`esker_points::quant::oct_direction`] has them, times 32767: whole numbers, and the side is the same.
+    /// Marks points as outside whose normals point away from the eye; points without a normal stay.
+    /// Directions are those of [`esker_points::quant::oct_direction`] times 32767: whole numbers,
+    /// with the same signs.
     #[inline(always)]
     fn drop_back_faces(&mut self, normals: &[u8], start: usize, count: usize) {
         const ONE: i32 = 32_767;
@@ -180,14 +181,15 @@ impl ProjectedPoints {
         }
     }
 
-    /// Draws those that are on the picture and not hidden; `base` is the number of the node's first point.
+    /// Draws the visible points that `is_hidden` does not exclude; `base` is the number of the
+    /// node's first point.
     #[inline(always)]
     fn draw(&self, base: u32, target: &[AtomicU64], is_hidden: impl Fn(usize) -> bool) {
         let value = |k: usize| {
             let point = base + (self.start + k) as u32;
             u64::from(self.depths[k].to_bits()) << 32 | u64::from(point)
         };
-        // Without a branch: which points lose against what is there is hard to guess.
+        // Without a branch, since it is hard to predict which points win.
         let mut winning = 0;
         for k in ones(self.visible) {
             let Some(slot) = target.get(self.pixels[k] as usize) else { continue };
@@ -201,7 +203,7 @@ impl ProjectedPoints {
         }
     }
 
-    /// Those of the first `count` points that are on the picture, a bit each.
+    /// The points among the first `count` that fall on the picture, a bit each.
     #[inline(always)]
     fn visible_points(&self, count: usize) -> u64 {
         let mut outside = 0;
@@ -213,10 +215,11 @@ impl ProjectedPoints {
     }
 }
 
-/// The whole part of a number from 0 to 2^22; anything of others. Without what `as` does for these, which is no SIMD.
+/// Whole part of `x` from 0 to 2^22, and an arbitrary number for other values. Unlike `as`, which
+/// treats those specially, it vectorises.
 #[inline(always)]
 fn whole(x: f32) -> u32 {
-    // A number this large has no bits left for fractions: adding it rounds.
+    // So large a number has no bits left for fractions: adding it rounds.
     const ROUNDS: f32 = (1 << 23) as f32;
     let rounded = x + ROUNDS;
     let is_above = rounded - ROUNDS > x;
