@@ -1,12 +1,12 @@
-//! Even: takes differences of exposure from scans that cover the same surface. One point wins a pixel, so that where two
-//! scans overlap, pixels of either lie side by side at random. Preiner et al. (Auto Splats, 2012), after whom kanzok2015
-//! (section 3.2.4) evens_exposure out illumination, blend all splats of a surface, and what is fine with them. Here a pixel is
-//! multiplied by what its surroundings have in all scans over what they have in the pixel's own: scans meet in the middle,
-//! and the texture stays as fine as it is.
+//! Exposure: removes differences of exposure between scans of the same surface (kanzok2015, section
+//! 3.2.4). Where two scans overlap, it is chance which scan a pixel shows. Blending all splats of a
+//! surface (preiner2012) would blur texture. Here the colour of a pixel is multiplied by the mean
+//! colour of all scans around it over the mean of its own scan: scans meet in the middle, and
+//! texture stays sharp.
 //!
-//! Surroundings are cells of the picture and of depth, nearly cubes (the grid of Chen, Paris and Durand, Real-time
-//! edge-aware image processing with the bilateral grid, 2007), and a slot of each cell is a scan's: across an edge of depth nothing is
-//! evened. Sums are of whole steps, so that the order of adding changes nothing.
+//! Means are taken in cells of the picture and of depth, nearly cubes (a bilateral grid, chen2007),
+//! with a slot for each scan, so nothing is equalised across an edge of depth. Sums are whole
+//! numbers, so the order of adding does not matter.
 
 use crate::frame::ColourPlane;
 use crate::inputs::lookup::Lookup;
@@ -16,32 +16,38 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Pixels on a side of a cell. Smaller ones take texture for exposure, larger ones miss what changes within a scan.
+/// Side of a cell, pixels. Smaller cells take texture for exposure, larger ones miss changes within
+/// a scan.
 pub(crate) const CELL_PX: usize = 32;
-/// Bits of a depth below those that number its slice: eight slices double it, about what a cell is wide.
+/// Bits of a depth below those that number its slice: eight slices double the depth, so a slice is
+/// about as deep as a cell is wide.
 const SLICE_BITS: u32 = 20;
-/// Slices that are told apart: depths that differ by a multiple of 16 times share one.
+/// Slices per column of cells: depths that differ by a factor of 16, or a power of it, share one.
 pub(crate) const SLICES: usize = 32;
-/// Slots of a cell: the first is of all scans, the others are a scan's each, by its number modulo theirs.
+/// Slots of a cell: the first for all scans, the others for one scan each, by its number modulo
+/// theirs.
 pub(crate) const SLOTS: usize = 16;
-/// What is summed lies between 0 and so many steps: sums of a cell are whole numbers that `f32` has.
+/// Steps that values from 0 to 1 are quantised to before they are summed: sums of a cell are whole
+/// numbers that `f32` represents.
 const STEPS: f32 = 16_383.0;
-/// Colours are multiplied by so much at most, or its inverse: a difference beyond that is none of exposure.
+/// Greatest factor that colours are multiplied by, and inverse of the least: greater differences
+/// are not due to exposure.
 const GAIN_MAX: f32 = 2.0;
-/// Added to means before they are divided: of what is nearly black there is no gain.
+/// Added to means before they are divided, so that nearly black colours get no gain.
 const DARK: f32 = 1e-3;
 
-/// What is added up for the cells of a picture. Memory is kept from frame to frame.
+/// Sums for the cells of a picture. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct ExposureGrid {
     /// Red, green, blue and the number of pixels; slot by slot, slice by slice, cell by cell.
     cells: Vec<Vec4>,
-    /// The slot of each pixel's scan.
+    /// Slot of each pixel's scan.
     slots: Vec<u8>,
 }
 
 impl ExposureGrid {
-    /// Evens the pixels of `base`, whose points `target` names.
+    /// Equalises the exposure of the pixels of `base`, whose points are those of the frame buffer
+    /// `target`.
     pub fn run(&mut self, lookup: &Lookup<'_>, target: &[AtomicU64], base: &mut Level) {
         let (width, columns) = (base.width, base.width.div_ceil(CELL_PX));
         let row_of_cells = columns * SLICES * SLOTS;
@@ -83,7 +89,7 @@ impl ExposureGrid {
     }
 }
 
-/// The slot of the scan of the point that won a pixel.
+/// Slot of the scan of the point that won a pixel.
 fn slot_of(lookup: &Lookup<'_>, value: u64) -> u8 {
     if value == EMPTY {
         return 1;
@@ -96,24 +102,26 @@ fn slot_of(lookup: &Lookup<'_>, value: u64) -> u8 {
     1 + scan % (SLOTS - 1) as u8
 }
 
-/// Where a cell's slots begin in its row of cells.
+/// Index of the first slot of a cell in its row of cells.
 fn slots_index(column: usize, slice: usize) -> usize {
     (column * SLICES + slice % SLICES) * SLOTS
 }
 
-/// A colour in whole steps, and one pixel. What is no number is 0.
+/// A colour quantised to whole steps, and a count of one pixel. NaN becomes 0.
 fn quantised(colour: Vec3) -> Vec4 {
     let steps = |c: f32| (c.clamp(0.0, 1.0) * STEPS + 0.5) as u32 as f32;
     Vec4::new(steps(colour.x), steps(colour.y), steps(colour.z), 1.0)
 }
 
-/// Between the middles of which two cells a pixel lies: one more than the number of the first, and the share of the second.
+/// The two neighbouring cells between whose centres a pixel lies: the number of the first plus one,
+/// and the share of the second.
 fn between_cells(pixel: usize) -> (usize, f32) {
     let at = pixel + CELL_PX / 2;
     (at / CELL_PX, ((at % CELL_PX) as f32 + 0.5) / CELL_PX as f32)
 }
 
-/// Sums around a pixel: of all scans, and of that with a slot. `rows` are the rows of cells above and below, with their shares.
+/// Interpolated sums around a pixel: over all scans, and over the scan of `slot`. `rows` are the
+/// rows of cells above and below with their shares.
 fn surroundings(
     rows: [(Option<&[Vec4]>, f32); 2],
     columns: usize,
@@ -123,7 +131,7 @@ fn surroundings(
 ) -> [Vec4; 2] {
     const SLICE: u32 = 1 << SLICE_BITS;
     let (left, right) = between_cells(x);
-    // As `halfway` has it.
+    // Half a slice further, as `between_cells` does in the picture.
     let behind = depth.to_bits() + SLICE / 2;
     let deeper = (behind % SLICE) as f32 / SLICE as f32;
     let slices = (behind / SLICE) as usize;
@@ -143,7 +151,7 @@ fn surroundings(
     [all, own]
 }
 
-/// What a colour is to be multiplied by, from sums over all scans and over its own.
+/// Factor for a colour, from the sums over all scans and over its own.
 fn gain([all, own]: [Vec4; 2]) -> Vec3 {
     let mean = |sum: Vec4| sum.truncate() / (sum.w * STEPS) + DARK;
     (mean(all) / mean(own)).clamp(Vec3::splat(1.0 / GAIN_MAX), Vec3::splat(GAIN_MAX))

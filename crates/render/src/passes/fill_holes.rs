@@ -1,9 +1,11 @@
-//! Mend: pixels that lie behind nearly all of their neighbours, or behind something within its radius in every direction, are gaps
-//! of the surface in front, through which a farther one or the background is seen. They take the mean of what surrounds them (after the masks of
-//! Rosenthal and Linsen, Image-space point cloud rendering, 2008). Pull-push leaves such gaps where an
-//! ellipse that should cover a pixel is a mean that does not, and where a depth interval has grown so
-//! long that it takes in the surface behind. A gap takes nothing from other gaps: what is read in a round is not
-//! written in it, so that a GPU may close all of them at once, in place.
+//! Fill holes (after the masks of rosenthal2008): a pixel that lies behind nearly all of its
+//! neighbours, or behind a surface within its radius in every direction, is a gap in the surface in
+//! front. It takes the mean of the neighbours in front. Pull-push leaves gaps where the mean of
+//! several ellipses misses a pixel that they cover, and where a depth interval has grown so long
+//! that it includes the surface behind.
+//!
+//! A gap takes nothing from other gaps: pixels that a round reads are not written in it, so a GPU
+//! may close all gaps at once, in place.
 
 use crate::passes::silhouette::rim::{AROUND, Grid};
 use crate::picture::marks::{Marks, bits};
@@ -14,21 +16,22 @@ use fearless_simd::{Level as Width, Simd, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
 
-/// Of the eight neighbours, how many must be in front. A gap one pixel wide has six.
+/// Least number of the eight neighbours that are in front. A gap one pixel wide has six.
 const SURROUNDED: usize = 6;
-/// A gap of two pixels by two is all corners, which have five. It is one where in all eight directions what is in front begins
-/// within its own radius, and so many pixels: discs of samples farther apart would not close it either. (With three pixels
-/// what hidden nodes change in offices is over its bound.)
+/// Least number of neighbours in front of a pixel that is enclosed: the pixels of a gap two by two
+/// pixels wide have five. A pixel is enclosed if in all eight directions a surface in front begins
+/// within its own radius, and within [`WITHIN_PX`]: discs of samples farther apart would not close
+/// the gap either. Three pixels would exceed the bound of `crates/engine/tests/occlusion.rs`.
 const CORNERED: usize = 5;
 const WITHIN_PX: usize = 2;
-/// How far in front they have to be, over their radius, with normals and without: where surfaces are as thin as their
-/// normals let them be, gaps show what lies nearer. And in pixels, at least.
+/// Least distance of the neighbours in front, over their radius, with normals and without:
+/// intervals are shorter with normals, so gaps show nearer surfaces. And at least so many pixels.
 const BEFORE: [f32; 2] = [0.5, 1.0];
 const BEFORE_MIN_PX: f32 = 1.0;
-/// How often: a second time closes what the first has left one pixel wide.
+/// Number of rounds: the second closes the pixels that the first left of wider gaps.
 const ROUNDS: usize = 2;
 
-/// A pixel's new attributes.
+/// New attributes of a pixel.
 struct Patch {
     pixel: usize,
     front: Vec4,
@@ -37,17 +40,17 @@ struct Patch {
     normal: Vec4,
 }
 
-/// Closes gaps of `base`; `depth` is its depth image (infinite where there is nothing).
+/// Closes gaps of `base`; `depth` is its depth image, infinite where the picture is empty.
 pub fn fill_holes(base: &mut Level, depth: &mut [f32], focal_px: f32) {
     let mut patched = close(base, depth, None, focal_px);
     for _ in 1..ROUNDS {
-        // Only a gap that was closed, or another from which it is looked at, may be one still.
+        // Only gaps that were closed, and pixels near enough to see one, may have changed.
         let near = (0..WITHIN_PX).fold(patched, |near, _| near.grown(true));
         patched = close(base, depth, Some(&near), focal_px);
     }
 }
 
-/// Closes gaps at once, those among some pixels where these are told, and returns them.
+/// Runs one round, among the pixels of `within` if given. Returns the pixels that were closed.
 fn close(base: &mut Level, depth: &mut [f32], within: Option<&Marks>, focal_px: f32) -> Marks {
     let gaps = gaps(base, depth, within, focal_px);
     let patches = gaps.pixels().filter_map(|p| patch(base, depth, focal_px, &gaps, p));
@@ -72,7 +75,7 @@ fn close(base: &mut Level, depth: &mut [f32], within: Option<&Marks>, focal_px: 
     patched
 }
 
-/// The gaps among some pixels, or all.
+/// Gaps among the pixels of `within`, or of the whole picture.
 fn gaps(base: &Level, depth: &[f32], within: Option<&Marks>, focal_px: f32) -> Marks {
     let Level { width, height, .. } = *base;
     let least = 1.0 + BEFORE_MIN_PX / focal_px;
@@ -82,7 +85,7 @@ fn gaps(base: &Level, depth: &[f32], within: Option<&Marks>, focal_px: f32) -> M
             for x in (0..width).step_by(EIGHT) {
                 let (pixel, count) = (y * width + x, EIGHT.min(width - x));
                 let wanted = within.map_or((1 << count) - 1, |within| within.run(pixel, count));
-                // Most are none, which is seen without their radii.
+                // Most pixels are not gaps, which is decided without their radii.
                 if wanted != 0 {
                     let gaps = bits(wanted & surrounded(simd, rows, x, least)).map(|k| pixel + k);
                     gaps.filter(|&p| is_gap(base, depth, focal_px, p)).for_each(|p| band.set(p));
@@ -92,7 +95,8 @@ fn gaps(base: &Level, depth: &[f32], within: Option<&Marks>, focal_px: f32) -> M
     })
 }
 
-/// Which of eight pixels have enough neighbours whose depths, so many times as large, are less, a bit each.
+/// Pixels among eight (a bit each) with at least [`CORNERED`] neighbours whose depth times `times`
+/// is less than their own.
 #[inline(always)]
 fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 {
     let mut space = [[0.0; _]; 3];
@@ -107,20 +111,21 @@ fn surrounded<S: Simd>(simd: S, rows: [&[f32]; 3], x: usize, times: f32) -> u64 
     u64::from(bits_of(count.like(CORNERED as f32).cmple(count)))
 }
 
-/// The neighbours of a pixel that is not at the border.
+/// Neighbours of a pixel, unless it is at the border.
 fn around(base: &Level, pixel: usize) -> Option<[usize; 8]> {
     let grid = Grid { width: base.width, height: base.height };
     grid.around(grid.place(pixel))
 }
 
-/// Whether a pixel is a gap: enough neighbours are in front by more than a share of their radius.
+/// Whether a pixel is a gap: enough neighbours are in front of it by more than a share of their
+/// radius.
 fn is_gap(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let Some(around) = around(base, pixel) else { return false };
     let count = around.into_iter().filter(|&n| is_before(base, depth, focal_px, n, pixel)).count();
     count >= SURROUNDED || count >= CORNERED && is_enclosed(base, depth, focal_px, pixel)
 }
 
-/// Whether in every direction something in front of a pixel begins within its own radius.
+/// Whether in every direction a surface in front of a pixel begins within its own radius.
 fn is_enclosed(base: &Level, depth: &[f32], focal_px: f32, pixel: usize) -> bool {
     let grid = Grid { width: base.width, height: base.height };
     let place = grid.place(pixel);
@@ -139,7 +144,8 @@ fn is_before(base: &Level, depth: &[f32], focal_px: f32, pixel: usize, behind: u
     depth[pixel] * (1.0 + reach / focal_px) < depth[behind]
 }
 
-/// What closes the gap at a pixel: the mean of those in front that are no gaps, if any.
+/// New attributes of a gap: the mean of the neighbours in front that are not gaps, if there are
+/// any.
 fn patch(base: &Level, depth: &[f32], focal_px: f32, gaps: &Marks, pixel: usize) -> Option<Patch> {
     let mut count = 0;
     let mut patch =
@@ -168,7 +174,8 @@ mod tests {
 
     const SIDE: usize = 24;
 
-    /// A near surface of red points, with other depths where `depth` has them.
+    /// Fills the holes of a near surface of red points, which has other depths where `depth` gives
+    /// them.
     fn filled(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let mut pyramid = Pyramid::default();
         pyramid.fit(SIDE, SIDE, Planes::None);
@@ -202,7 +209,7 @@ mod tests {
         let scene = |x, y| match (x, y) {
             (0..3, _) => f32::INFINITY,
             (8..12, 8..12) => 5.0,
-            // Longer than discs' radius.
+            // Longer than the radius of the discs.
             (14..16, 17..20) => 5.0,
             _ => 1.0,
         };
