@@ -89,7 +89,7 @@ pub struct Lookup<'a> {
     pub(crate) radius_factors: [f32; 256],
 }
 
-/// What the points of a draw share.
+/// Values that all points of a draw share.
 pub(crate) struct DrawLookup<'a> {
     pub(crate) positions: Positions<'a>,
     pub(crate) place: NodePlace,

@@ -25,7 +25,7 @@ const SURROUNDED: usize = 6;
 const CORNERED: usize = 5;
 const WITHIN_PX: usize = 2;
 /// Least distance of the neighbours in front, over their radius, with normals and without:
-/// intervals are shorter with normals, so gaps show nearer surfaces. And at least so many pixels.
+/// intervals are shorter with normals, so gaps show nearer surfaces. And their least value, pixels.
 const BEFORE: [f32; 2] = [0.5, 1.0];
 const BEFORE_MIN_PX: f32 = 1.0;
 /// Number of rounds: the second closes the pixels that the first left of wider gaps.

@@ -29,16 +29,18 @@
 //! the centre of the pixel's ellipse, or of the pixel if it has none, and interpolated at the
 //! centre of the new ellipse.
 
-use crate::passes::ellipse::covers_at;
+mod coarser;
+mod interpolate;
+
+use crate::passes::push::coarser::{CoarserPixels, Interval, Near};
+use crate::passes::push::interpolate::{
+    Interpolated, are_near, mean_attributes, normals_of, smooth, split,
+};
 use crate::passes::tangent::Lens;
 use crate::picture::pyramid::{INVALID, Level, Planes, Pyramid, RowMut, Rows, for_each_band};
-use crate::simd::lanes::{
-    FITTED, FLAT, LANES, Line, NORMALS, Pixels, Run, halves, has_pixels, is_empty, moved, turned,
-};
-use crate::simd::values::{Values, bits, dot, join, only};
-use fearless_simd::{
-    ExtractToken, Level as Support, Simd, SimdBase, SimdMask, dispatch, f32x4, f32x8, mask32x8,
-};
+use crate::simd::lanes::{FITTED, FLAT, LANES, Line, NORMALS, Run, halves, has_pixels, is_empty};
+use crate::simd::values::{Values, bits, join, only};
+use fearless_simd::{ExtractToken, Level as Support, Simd, SimdMask, dispatch, f32x8, mask32x8};
 use glam::Vec4;
 
 /// Weights of the coarser pixel above, its neighbours to the side and up or down, and the diagonal
@@ -56,10 +58,6 @@ const ENCLOSING: f32 = 1.15;
 /// Share of the interpolated value in a smoothed pixel, if all four coarser pixels take part. A
 /// greater share flickers less, but blurs colours.
 const SMOOTH: f32 = 0.5;
-
-/// Square of the cosine (15 degrees) from which two normals are near each other. A coarser pixel at
-/// the edge of a cube, with three parts of one side and one of the other, is near neither side.
-const NEAR: f32 = 0.933;
 
 /// Just below one, by a rounding: a pixel must not lie in front of the coarser pixel that was
 /// averaged from it.
@@ -192,72 +190,6 @@ fn push_run<S: Simd, const PLANE: usize, const SMOOTHS: bool>(
     }
     if SMOOTHS || candidates.any_true() {
         finer.fill::<PLANE, SMOOTHS>(&near, candidates, row, first);
-    }
-}
-
-/// Splits a register into the values of every second pixel and those of the others.
-#[inline(always)]
-fn split<S: Simd>(values: f32x8<S>) -> [Vec4; 2] {
-    let (even, odd) = values.token().split_f32x8(values);
-    [Vec4::from_array(even.into()), Vec4::from_array(odd.into())]
-}
-
-/// One of the four coarser pixels for each finer pixel of a run: the one above, beside it, or
-/// diagonal.
-struct CoarserPixels<'a, S: Simd> {
-    simd: S,
-    run: &'a Run,
-    /// Index in the run of the first coarser pixel, for the left and for the right finer pixels.
-    at: [usize; 2],
-    /// From the centres of the coarser pixels to those of the finer ones, pixels.
-    to_finer: [f32x8<S>; 2],
-}
-
-/// The four coarser pixels that finer pixels are interpolated from, in the order of [`WEIGHTS`].
-type Near<'a, S> = [CoarserPixels<'a, S>; 4];
-/// Least and greatest depth.
-type Interval<S> = [f32x8<S>; 2];
-/// An attribute of every second pixel and of the others, component by component.
-type Halves = [[Vec4; 2]; 4];
-
-impl<S: Simd> CoarserPixels<'_, S> {
-    /// Component `plane` of a [`Line`], for each finer pixel.
-    #[inline(always)]
-    fn lane(&self, plane: usize) -> f32x8<S> {
-        let (run, [even, odd]) = (&self.run[plane], self.at);
-        self.simd.combine_f32x4(
-            f32x4::from_slice(self.simd, &run[even..even + LANES]),
-            f32x4::from_slice(self.simd, &run[odd..odd + LANES]),
-        )
-    }
-
-    /// Factor by which depths change when they are moved by `by` (pixels) from the centres of the
-    /// ellipses.
-    #[inline(always)]
-    fn moved<const PLANE: usize>(&self, by: [f32x8<S>; 2]) -> f32x8<S> {
-        let tilt = [self.lane(Line::PLANE), self.lane(Line::PLANE + 1)];
-        let facing = if PLANE == NORMALS { self.lane(Line::FACING) } else { tilt[0] };
-        moved::<PLANE, _>(tilt, facing, by)
-    }
-
-    /// From the centres of the ellipses to those of the finer pixels, pixels.
-    #[inline(always)]
-    fn displaced(&self) -> [f32x8<S>; 2] {
-        let at = Line::FRONT + 2;
-        [self.lane(at) + self.to_finer[0], self.lane(at + 1) + self.to_finer[1]]
-    }
-
-    /// Whether the ellipses cover the centres of the finer pixels.
-    #[inline(always)]
-    fn covers<const PLANE: usize>(&self) -> mask32x8<S> {
-        let radius = self.lane(Line::TINT + 3);
-        let disc = if PLANE == NORMALS {
-            let at = Line::PLANE;
-            [self.lane(at), self.lane(at + 1), self.lane(at + 3)]
-        } else {
-            [radius.like(0.0), radius.like(0.0), radius.like(1.0)]
-        };
-        covers_at(self.displaced(), radius, disc)
     }
 }
 
@@ -442,150 +374,4 @@ struct Cover<S: Simd> {
     nearest: f32x8<S>,
     /// Greatest depth of the frontmost interval.
     limit: f32x8<S>,
-}
-
-/// The pixels' own normals.
-#[inline(always)]
-fn normals_of<S: Simd>(simd: S, row: &RowMut<'_>, first: usize) -> [f32x8<S>; 3] {
-    let own = &row.normal[first..row.normal.len().min(first + 2 * LANES)];
-    let own = halves(own, Vec4::ZERO);
-    let mut normals = [simd.splat_f32x8(0.0); 3];
-    for (i, normal) in normals.iter_mut().enumerate() {
-        *normal = join(simd, own[0][i], own[1][i]);
-    }
-    normals
-}
-
-/// Means of colours and of planes, without radii and minor axes.
-#[inline(always)]
-fn mean_attributes<const PLANE: usize, S: Simd>(
-    near: &Near<'_, S>,
-    weights: &[f32x8<S>; 4],
-) -> [Halves; 2] {
-    let (mut tint, mut plane) = ([[Vec4::ZERO; 2]; 4], [[Vec4::ZERO; 2]; 4]);
-    for (i, tint) in tint.iter_mut().take(3).enumerate() {
-        *tint = split(mean_of(near, Line::TINT + i, weights));
-    }
-    for (i, plane) in plane.iter_mut().take(PLANE.min(3)).enumerate() {
-        *plane = split(mean_of(near, Line::PLANE + i, weights));
-    }
-    [tint, plane]
-}
-
-/// Interpolated attributes of a run of finer pixels.
-struct Interpolated {
-    front: Halves,
-    tint: Halves,
-    depth: [Vec4; 2],
-    plane: Halves,
-}
-
-impl Interpolated {
-    /// Interpolates depths at the mean centre of the ellipses, and what [`mean_attributes`] leaves
-    /// out of `tint` and `plane`.
-    #[inline(always)]
-    fn new<const PLANE: usize, S: Simd>(
-        near: &Near<'_, S>,
-        weights: [f32x8<S>; 4],
-        [mut tint, mut plane]: [Halves; 2],
-    ) -> Self {
-        let mut middle = [weights[0].like(0.0); 2];
-        for (near, weight) in near.iter().zip(&weights) {
-            let displaced = near.displaced();
-            middle[0] += displaced[0] * *weight;
-            middle[1] += displaced[1] * *weight;
-        }
-        let mut moved = weights;
-        for (near, moved) in near.iter().zip(&mut moved).filter(|_| PLANE != FLAT) {
-            let displaced = near.displaced();
-            *moved *= near.moved::<PLANE>([displaced[0] - middle[0], displaced[1] - middle[1]]);
-        }
-        let least = split(mean_of(near, Line::FRONT, &moved));
-        let most = split(mean_of(near, Line::FRONT + 1, &moved));
-        let depth = split(mean_of(near, Line::DEPTH, &moved));
-        let [x, y] = [split(middle[0]), split(middle[1])];
-        tint[3] = split(mean_of(near, Line::TINT + 3, &weights));
-        if PLANE == NORMALS {
-            plane[3] = split(mean_of(near, Line::PLANE + 3, &weights));
-        }
-        Self { front: [least, most, x, y], tint, depth, plane }
-    }
-
-    /// Writes the pixels of `is_new` to a row, from pixel `first` on: every second pixel, then the
-    /// others.
-    #[inline(always)]
-    fn write<const PLANE: usize, S: Simd>(
-        self,
-        is_new: mask32x8<S>,
-        row: &mut RowMut<'_>,
-        first: usize,
-    ) {
-        let Self { front: [least, most, x, y], tint, depth, plane } = self;
-        let is_all = is_new.all_true();
-        let is_new = bits(is_new);
-        for odd in 0..2 {
-            let out = Pixels {
-                front: [least[odd], most[odd], x[odd], y[odd]],
-                tint: [tint[0][odd], tint[1][odd], tint[2][odd], tint[3][odd]],
-                depth: depth[odd],
-                plane: [plane[0][odd], plane[1][odd], plane[2][odd], plane[3][odd]],
-            };
-            if is_all && out.write_half::<PLANE>(row, first, odd) {
-                continue;
-            }
-            let mut to = [usize::MAX; LANES];
-            for (k, to) in to.iter_mut().enumerate() {
-                if is_new >> (odd * LANES + k) & 1 > 0 {
-                    *to = first + 2 * k + odd;
-                }
-            }
-            out.scatter::<PLANE>(to, row);
-        }
-    }
-}
-
-/// Moves colours and normals of `pixels` (a bit each, every second one before the others) towards
-/// `means` by `shares`.
-#[inline(always)]
-fn smooth<const PLANE: usize>(
-    pixels: u32,
-    shares: [Vec4; 2],
-    means: [[[Vec4; 2]; 4]; 2],
-    row: &mut RowMut<'_>,
-    first: usize,
-) {
-    for odd in 0..2 {
-        let [tints, normals] = means.map(|means| turned(means.map(|plane| plane[odd])));
-        for k in (0..LANES).filter(|k| pixels >> (odd * LANES + k) & 1 > 0) {
-            let (x, share) = (first + 2 * k + odd, shares[odd][k]);
-            row.tint[x] = towards(row.tint[x], tints[k], share);
-            if PLANE == NORMALS {
-                row.normal[x] = towards(row.normal[x], normals[k], share);
-            }
-        }
-    }
-}
-
-/// Whether two normals of any length make a small angle, or one of them is zero. False where a
-/// component is NaN.
-#[inline(always)]
-fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
-    let along = dot(a, b);
-    (dot(a, a) * NEAR * dot(b, b)).cmple(along * along.max(along.like(0.0)))
-}
-
-/// Moves the first three components of `own` towards `mean` by `share`.
-#[inline(always)]
-fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
-    (own * (1.0 - share) + mean * share).truncate().extend(own.w)
-}
-
-/// Weighted mean of component `plane`. Values of weight zero are masked, for they may be NaN.
-#[inline(always)]
-fn mean_of<S: Simd>(near: &Near<'_, S>, plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
-    let mut sum = weights[0].like(0.0);
-    for (near, &weight) in near.iter().zip(weights) {
-        sum += only(weight.like(0.0).cmplt(weight), near.lane(plane) * weight);
-    }
-    sum
 }

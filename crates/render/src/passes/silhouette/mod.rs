@@ -41,15 +41,16 @@ pub(crate) const WAVES: u32 = 256;
 const JOB: usize = 256;
 /// Distance of the prefetch, pixels of a wave.
 const AHEAD: usize = 8;
-/// A pixel is isolated if so many of its eight neighbours show a surface behind it, and its radius
-/// is at least so many pixels. The own pixel of a sample keeps at least three neighbours, since it
-/// is eroded to more than a pixel around it. Where radii are smaller, rims need such pixels.
+/// A pixel is isolated if at least [`ALONE`] of its eight neighbours show a surface behind it, and
+/// its radius is at least [`ALONE_RADIUS_PX`]. The own pixel of a sample keeps at least three
+/// neighbours, since it is eroded to more than a pixel around it. Where radii are smaller, rims
+/// need such pixels.
 const ALONE: usize = 7;
 const ALONE_RADIUS_PX: f32 = 3.0;
 
 /// The surface behind continues where pixels were eroded, as long as its depth changes by at most
-/// so many pixels' width per pixel (ground at a grazing angle), and by at most a share of the
-/// depth.
+/// this many pixels' width per pixel (ground at a grazing angle), and by at most [`RISE_MAX`] of
+/// the depth.
 const STEEPEST: f32 = 4.0;
 /// Least distance from the rim at which the mirrored pixel is shown, pixels. Nearer to it the pixel
 /// at the rim is shown: mirrored pixels flicker there, and stripes are no longer than that.

@@ -12,7 +12,8 @@ const OVERHANG: [f32; 2] = [0.5, 0.35];
 /// distance tears the rims of walls seen at a grazing angle. Without normals it dents the rims of
 /// dense surfaces.
 const OVERHANG_MIN_PX: [f32; 2] = [1.2, 1.5];
-/// Beyond a rim nothing of the surface lies for a radius: at least and at most so many pixels.
+/// Least and greatest distance beyond a rim without a part of its surface, pixels; in between, it
+/// is the radius.
 const OPEN_PX: (f32, f32) = (4.0, 32.0);
 /// A surface continues behind a gap up to [`STEEPER`] times as steeply as it comes to it. The slope
 /// is the steepest over these distances, in radii, since there may be gaps on this side too.
