@@ -17,7 +17,8 @@ pub(super) struct CoarserPixels<'a, S: Simd> {
     pub(super) to_finer: [f32x8<S>; 2],
 }
 
-/// The four coarser pixels that finer pixels are interpolated from, in the order of [`WEIGHTS`].
+/// The four coarser pixels that finer pixels are interpolated from, in the order of
+/// [`crate::passes::push::WEIGHTS`].
 pub(super) type Near<'a, S> = [CoarserPixels<'a, S>; 4];
 /// Least and greatest depth.
 pub(super) type Interval<S> = [f32x8<S>; 2];

@@ -13,7 +13,7 @@ pub(super) type Halves = [[Vec4; 2]; 4];
 
 /// Square of the cosine (15 degrees) from which two normals are near each other. A coarser pixel at
 /// the edge of a cube, with three parts of one side and one of the other, is near neither side.
-pub(super) const NEAR: f32 = 0.933;
+const NEAR: f32 = 0.933;
 
 /// Splits a register into the values of every second pixel and those of the others.
 #[inline(always)]
@@ -154,17 +154,13 @@ pub(super) fn are_near<V: Values>(a: [V; 3], b: [V; 3]) -> V::Mask {
 
 /// Moves the first three components of `own` towards `mean` by `share`.
 #[inline(always)]
-pub(super) fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
+fn towards(own: Vec4, mean: Vec4, share: f32) -> Vec4 {
     (own * (1.0 - share) + mean * share).truncate().extend(own.w)
 }
 
 /// Weighted mean of component `plane`. Values of weight zero are masked, for they may be NaN.
 #[inline(always)]
-pub(super) fn mean_of<S: Simd>(
-    near: &Near<'_, S>,
-    plane: usize,
-    weights: &[f32x8<S>; 4],
-) -> f32x8<S> {
+fn mean_of<S: Simd>(near: &Near<'_, S>, plane: usize, weights: &[f32x8<S>; 4]) -> f32x8<S> {
     let mut sum = weights[0].like(0.0);
     for (near, &weight) in near.iter().zip(weights) {
         sum += only(weight.like(0.0).cmplt(weight), near.lane(plane) * weight);
